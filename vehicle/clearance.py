@@ -1,0 +1,75 @@
+"""How close two tractors come: distance between their outlines, tractor box and implement box each."""
+
+from __future__ import annotations
+
+import math
+
+from vehicle.jit import compiled
+
+
+@compiled
+def point_box(px: float, py: float, rear: float, front: float, half: float) -> float:
+    """Distance from a point to the box [rear, front] x [-half, half]; 0 inside."""
+    dx = max(rear - px, px - front, 0.0)
+    dy = max(abs(py) - half, 0.0)
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@compiled
+def corners_to_box(  # type: ignore[no-untyped-def]
+    ax, ay, acos, asin, arear, afront, ahalf, bx, by, bcos, bsin, brear, bfront, bhalf
+) -> float:
+    """Smallest distance of the four corners of box a to box b."""
+    best = 1e9
+    for corner in range(4):
+        forward = afront if corner < 2 else arear
+        left = ahalf if corner % 2 == 0 else -ahalf
+        x = ax + forward * acos - left * asin - bx
+        y = ay + forward * asin + left * acos - by
+        best = min(best, point_box(x * bcos + y * bsin, y * bcos - x * bsin, brear, bfront, bhalf))
+    return best
+
+
+@compiled
+def outline_distance(a, am, b, bm) -> float:  # type: ignore[no-untyped-def]
+    """Distance (m) between the outlines of two tractors, states `a` and `b` with models `am` and `bm`.
+
+    Exact for boxes that do not cross: the smallest distance of two convex outlines is attained at a corner.
+    """
+    acos, asin, bcos, bsin = math.cos(a.angle), math.sin(a.angle), math.cos(b.angle), math.sin(b.angle)
+    best = 1e9
+    for i in range(2):
+        af, ar, ah = (am.nose, am.tail, am.half_width) if i == 0 else (am.tool_front, am.tool_tail, am.tool_half_width)
+        for j in range(2):
+            bf, br, bh = (
+                (bm.nose, bm.tail, bm.half_width) if j == 0 else (bm.tool_front, bm.tool_tail, bm.tool_half_width)
+            )
+            best = min(
+                best,
+                corners_to_box(a.x, a.y, acos, asin, ar, af, ah, b.x, b.y, bcos, bsin, br, bf, bh),
+                corners_to_box(b.x, b.y, bcos, bsin, br, bf, bh, a.x, a.y, acos, asin, ar, af, ah),
+            )
+    return best
+
+
+@compiled
+def closest_pair(states, models, clearances) -> tuple[float, int, int]:  # type: ignore[no-untyped-def]
+    """Update the smallest clearance so far per tractor; return the smallest of this moment below that, and its pair.
+
+    Pairs whose enclosing circles are farther apart than what either has already come close to are skipped.
+    """
+    best, first, second = 1e9, -1, -1
+    for i in range(len(states)):
+        a = states[i]
+        for j in range(i):
+            b = states[j]
+            limit = max(clearances[i], clearances[j]) + models[a.model].reach + models[b.model].reach
+            dx, dy = a.x - b.x, a.y - b.y
+            if dx * dx + dy * dy >= limit * limit:
+                continue
+            distance = outline_distance(a, models[a.model], b, models[b.model])
+            clearances[i] = min(clearances[i], distance)
+            clearances[j] = min(clearances[j], distance)
+            if distance < best:
+                best, first, second = distance, j, i
+    return best, first, second

@@ -1,0 +1,13 @@
+"""Refusals of this room.
+
+    VehicleError(ValueError)     a parameter file or value that no tractor can have
+    └── MissionError             a mission that no world can execute
+"""
+
+
+class VehicleError(ValueError):
+    """A tractor, ground or implement that cannot be: the message names value, rule and fix."""
+
+
+class MissionError(VehicleError):
+    """Legs or gates that cannot be executed: the message names tractor, leg, rule and fix."""

@@ -1,0 +1,104 @@
+"""Memory layout shared by Python and compiled code: one record per model, tractor, leg and gate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# What does not change during a run, per kind of tractor; SI and radians, distances from the centre of mass.
+MODEL = np.dtype(
+    [
+        ("mass", "f8"),
+        ("inertia", "f8"),
+        ("front", "f8"),
+        ("rear", "f8"),
+        ("track", "f8"),
+        ("guide", "f8"),
+        ("guide_reverse", "f8"),
+        ("lock", "f8"),
+        ("dead_band", "f8"),
+        ("switch", "f8"),
+        ("rate", "f8"),
+        ("lag", "f8"),
+        ("gain", "f8"),
+        ("lateral_gain", "f8"),
+        ("heading_gain", "f8"),
+        ("kp", "f8"),
+        ("ki", "f8"),
+        ("kd", "f8"),
+        ("max_drive", "f8"),
+        ("acceleration", "f8"),
+        ("shift_time", "f8"),
+        ("nose", "f8"),
+        ("tail", "f8"),
+        ("half_width", "f8"),
+        ("tool_front", "f8"),
+        ("tool_tail", "f8"),
+        ("tool_half_width", "f8"),
+        ("reach", "f8"),
+    ]
+)
+
+# Side friction per radian of slip and rolling resistance, per ground.
+GROUND = np.dtype(
+    [
+        ("front_slope", "f8"),
+        ("front_limit", "f8"),
+        ("rear_slope", "f8"),
+        ("rear_limit", "f8"),
+        ("rolling", "f8"),
+    ]
+)
+
+# What changes, per tractor. Velocities are in the body's frame: forward, to the right, clockwise.
+STATE = np.dtype(
+    [
+        ("x", "f8"),
+        ("y", "f8"),
+        ("angle", "f8"),
+        ("forward", "f8"),
+        ("steering", "f8"),
+        ("command", "f8"),
+        ("target_speed", "f8"),
+        ("reference_speed", "f8"),
+        ("integral", "f8"),
+        ("last_error", "f8"),
+        ("progress", "f8"),
+        ("lateral", "f8"),
+        ("shift_left", "f8"),
+        ("align_left", "f8"),
+        ("done_time", "f8"),
+        ("stage", "i8"),
+        ("segment", "i8"),
+        ("leg", "i8"),
+        ("status", "i8"),
+        ("started", "i8"),
+        ("done", "i8"),
+        ("model", "i8"),
+        ("first_leg", "i8"),
+        ("last_leg", "i8"),
+    ]
+)
+
+LEG = np.dtype(
+    [
+        ("end", "f8"),
+        ("speed", "f8"),
+        ("lookahead", "f8"),
+        ("gap", "f8"),
+        ("gear", "i8"),
+        ("implement", "i8"),
+        ("ground", "i8"),
+        ("first_segment", "i8"),
+        ("last_segment", "i8"),
+        ("first_gate", "i8"),
+        ("last_gate", "i8"),
+        ("leader", "i8"),
+        ("leader_leg", "i8"),
+    ]
+)
+
+GATE = np.dtype([("tractor", "i8"), ("progress", "f8")])
+
+# Columns of the record kept at 10 Hz.
+RECORD = ("x", "y", "angle", "steering_rad", "speed_mps", "leg", "status")
+WORKING, TURNING, WAITING, REVERSING, FINISHED = 1, 2, 3, 4, 0

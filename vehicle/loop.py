@@ -1,0 +1,164 @@
+"""The compiled loop. It owns no formula: it reads the bodies, runs control and chassis, and steps the space.
+
+Fast because no Python runs inside: bodies are read and written in one batch call each through integer addresses,
+and everything else is plain arrays of records.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vehicle.chassis import body_step
+from vehicle.clearance import closest_pair
+from vehicle.control import control_tick
+from vehicle.engine import (
+    EACH_BODY,
+    EACH_CONTACT,
+    GET_BODY,
+    GET_CONTACT,
+    READ_DATA,
+    READ_WIDTH,
+    SET_BODY,
+    SPACE,
+    STEP,
+    TOUCH_DATA,
+    WRITE_DATA,
+    WRITE_WIDTH,
+    call_each,
+    call_step,
+)
+from vehicle.jit import compiled
+from vehicle.speed import drive_force, ramp
+from vehicle.steering import corrected_angle, steering_step
+
+RUNNING, ALL_DONE, TOO_CLOSE, STALLED = 0, 1, 2, 3
+
+
+@compiled
+def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None:  # type: ignore[no-untyped-def]
+    """Advance steering and chassis of one tractor and put the force pymunk must apply into `force` (3,).
+
+    `body` (6,) is x, y, angle, vx, vy, spin as pymunk has them. pymunk moves the body with its old velocity
+    before it applies the force, so the new velocity is laid out in the frame of the coming heading.
+    """
+    state.x, state.y, state.angle = body[0], body[1], body[2]
+    cosine, sine = math.cos(body[2]), math.sin(body[2])
+    forward = body[3] * cosine + body[4] * sine
+    right = body[3] * sine - body[4] * cosine
+    state.forward = forward
+    state.steering, state.stage = steering_step(
+        state.steering, state.command, state.stage, dt,
+        model.dead_band, model.switch, model.rate, model.lag, model.gain,
+    )  # fmt: skip
+    state.reference_speed = ramp(state.reference_speed, state.target_speed, model.acceleration * dt)
+    error = state.reference_speed - forward
+    state.integral = min(max(state.integral + error * dt, -2.0), 2.0)
+    drive = drive_force(
+        error, state.integral, (error - state.last_error) / dt, model.kp, model.ki, model.kd, model.max_drive
+    )
+    state.last_error = error
+    tangent = math.tan(corrected_angle(state.steering, table, model.lock))
+    new_forward, new_right, new_spin = body_step(
+        forward, right, -body[5], tangent, drive, dt, model, grounds[ground]
+    )
+    turn = body[5] * dt
+    turned_cos = cosine * (1.0 - 0.5 * turn * turn) - sine * (turn - turn * turn * turn / 6.0)
+    turned_sin = sine * (1.0 - 0.5 * turn * turn) + cosine * (turn - turn * turn * turn / 6.0)
+    force[0] = model.mass / dt * (new_forward * turned_cos + new_right * turned_sin - body[3])
+    force[1] = model.mass / dt * (new_forward * turned_sin - new_right * turned_cos - body[4])
+    force[2] = model.inertia / dt * (-new_spin - body[5])
+
+
+@compiled
+def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
+    """Write one row of the 10 Hz record, columns as in vehicle.layout.RECORD."""
+    for i in range(len(states)):
+        state = states[i]
+        record[row, i, 0] = state.x
+        record[row, i, 1] = state.y
+        record[row, i, 2] = state.angle
+        record[row, i, 3] = state.steering
+        record[row, i, 4] = state.forward
+        record[row, i, 5] = state.leg - state.first_leg
+        record[row, i, 6] = state.status
+
+
+@compiled
+def run_loop(  # type: ignore[no-untyped-def]
+    steps, dt, every, clock, addresses, read, write, touching, read_count, write_count, touch_count,
+    states, models, grounds, tables, legs, gates, points, cumulative, record, clearances, contacts, stop_clearance,
+    stall_s,
+):  # fmt: skip
+    """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `every` steps.
+
+    `clock` (3,) holds the step count, the best total progress and the time it was reached, and is carried on.
+    `tables` (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last
+    row counts. Returns an outcome of this module, the number of record rows, and the closest pair.
+    """
+    count = len(states)
+    rows = 0
+    for _ in range(steps):
+        step = int(clock[0])
+        time = step * dt
+        read_count[0] = 0
+        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[GET_BODY], addresses[READ_DATA])
+        if step % every == 0:
+            total, running = 0.0, 0
+            for i in range(count):
+                state = states[i]
+                state.x, state.y, state.angle = read[READ_WIDTH * i], read[READ_WIDTH * i + 1], read[READ_WIDTH * i + 2]
+            for i in range(count):
+                control_tick(i, states, models, legs, gates, points, cumulative, time, every * dt)
+                total += states[i].progress
+                running += 1 - states[i].done
+            note(record, rows, states)
+            rows += 1
+            if count > 1:
+                closest, first, second = closest_pair(states, models, clearances)
+                if closest < stop_clearance:
+                    return TOO_CLOSE, rows, first, second
+            if running == 0:
+                return ALL_DONE, rows, -1, -1
+            if total > clock[1] + 0.05:
+                clock[1], clock[2] = total, time
+            elif time - clock[2] > stall_s:
+                return STALLED, rows, -1, -1
+        for i in range(count):
+            state = states[i]
+            ground = legs[state.leg].ground
+            drive_tractor(
+                state, models[state.model], grounds, ground, tables[state.model, ground],
+                read[READ_WIDTH * i : READ_WIDTH * (i + 1)], write[WRITE_WIDTH * i : WRITE_WIDTH * (i + 1)], dt,
+            )  # fmt: skip
+        write_count[0] = 0
+        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[SET_BODY], addresses[WRITE_DATA])
+        call_step(addresses[STEP], addresses[SPACE], dt)
+        clock[0] += 1.0
+        touch_count[0] = 0
+        call_each(addresses[EACH_CONTACT], addresses[SPACE], addresses[GET_CONTACT], addresses[TOUCH_DATA])
+        for pair in range(touch_count[0] // 2):
+            used = int(contacts[-1, 0])
+            if used < len(contacts) - 1:
+                contacts[used, 0] = time
+                contacts[used, 1] = touching[2 * pair]
+                contacts[used, 2] = touching[2 * pair + 1]
+                contacts[-1, 0] += 1.0
+    return RUNNING, rows, -1, -1
+
+
+@compiled
+def run_fixed(  # type: ignore[no-untyped-def]
+    steps, dt, addresses, read, write, read_count, write_count, states, models, grounds, ground, tables, track
+) -> None:  # fmt: skip
+    """Drive one tractor with the command and target speed in its state; `track` (steps, 6) keeps the raw body."""
+    for step in range(steps):
+        read_count[0] = 0
+        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[GET_BODY], addresses[READ_DATA])
+        for column in range(READ_WIDTH):
+            track[step, column] = read[column]
+        drive_tractor(
+            states[0], models[0], grounds, ground, tables[ground], read[:READ_WIDTH], write[:WRITE_WIDTH], dt
+        )
+        write_count[0] = 0
+        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[SET_BODY], addresses[WRITE_DATA])
+        call_step(addresses[STEP], addresses[SPACE], dt)

@@ -1,0 +1,63 @@
+"""What came out of a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.layout import REVERSING, TURNING, WAITING, WORKING
+from vehicle.missions import Plan
+
+DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Two tractors that came too close: when, who, on which of their legs."""
+
+    time_s: float
+    first: int
+    second: int
+    first_leg: int
+    second_leg: int
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A simulated plan.
+
+    `time_s` (t,), `record` (t, tractors, 7) with the columns of vehicle.layout.RECORD at 10 Hz, `finish_s`
+    (tractors,; nan when not finished), `contacts` (time, first, second) at first touch, `min_clearance_m` between
+    any two outlines (inf for one tractor).
+    """
+
+    plan: Plan
+    outcome: str
+    time_s: npt.NDArray[np.float64]
+    record: npt.NDArray[np.float64]
+    finish_s: npt.NDArray[np.float64]
+    contacts: tuple[tuple[float, int, int], ...]
+    min_clearance_m: float
+    conflict: Conflict | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """When the last tractor was done."""
+        return float(np.max(self.finish_s))
+
+    def seconds(self, status: int) -> npt.NDArray[np.float64]:
+        """Time per tractor in a status of vehicle.layout (tractors,)."""
+        step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
+        return np.asarray((self.record[:, :, 6] == status).sum(axis=0) * step)
+
+    def time_shares(self) -> dict[str, npt.NDArray[Any]]:
+        """Seconds per tractor of working, turning, waiting and reversing."""
+        return {
+            "working": self.seconds(WORKING),
+            "turning": self.seconds(TURNING),
+            "waiting": self.seconds(WAITING),
+            "reversing": self.seconds(REVERSING),
+        }

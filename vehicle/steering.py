@@ -1,0 +1,61 @@
+"""From a steering command to the angles of the two front wheels. Positive is to the right; radians."""
+
+from __future__ import annotations
+
+import math
+
+from vehicle.jit import compiled
+
+HOLD, TRACK, SLEW = 1, 2, 3
+
+
+@compiled
+def steering_step(
+    angle: float,
+    command: float,
+    stage: int,
+    dt: float,
+    dead_band: float,
+    switch: float,
+    rate: float,
+    lag: float,
+    gain: float,
+) -> tuple[float, int]:
+    """One step of the steering system simulator, Eq. 2.8.
+
+    Stage 1 holds, stage 2 follows as a first-order lag, stage 3 slews at `rate` towards the command and never
+    past it. Stage 3 is left only through stage 1 (section 2.3.2), so the stage is part of the state.
+    """
+    gap = command - angle
+    size = abs(gap)
+    if size < dead_band:
+        return angle, HOLD
+    if size >= switch:
+        stage = SLEW
+    elif stage != SLEW:
+        stage = TRACK
+    if stage == SLEW:
+        return angle + math.copysign(min(rate * dt, size), gap), stage
+    return angle * (1.0 - dt / lag) + dt * command * gain / lag, stage
+
+
+@compiled
+def ackermann_tangents(tangent: float, wheelbase: float, track: float) -> tuple[float, float]:
+    """Tangents of the left and right front wheel angles, Eq. 2.1 and 2.2, from the tangent of the mean angle."""
+    left = wheelbase * tangent / (wheelbase + 0.5 * track * tangent)
+    right = wheelbase * tangent / (wheelbase - 0.5 * track * tangent)
+    return left, right
+
+
+@compiled
+def corrected_angle(angle: float, table: object, limit: float) -> float:
+    """Angle the base model needs for the radius measured at the physical `angle`, by linear interpolation.
+
+    `table` holds the answer at evenly spaced physical angles from -limit to limit (Eq. 2.9, 2.10, 5.1 in the
+    sense of vehicle.calibration).
+    """
+    last = len(table) - 1  # type: ignore[arg-type]
+    place = (min(max(angle, -limit), limit) + limit) / (2.0 * limit) * last
+    cell = min(int(place), last - 1)
+    share = place - cell
+    return table[cell] * (1.0 - share) + table[cell + 1] * share  # type: ignore[index, no-any-return]

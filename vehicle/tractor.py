@@ -1,0 +1,182 @@
+"""Parameters of a tractor and its implement: frozen, validated, one source per value."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from vehicle.errors import VehicleError
+
+POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Steering(_Frozen):
+    """Steering system simulator, Eq. 2.8."""
+
+    dead_band_deg: NotNegative = 0.1
+    switch_deg: Positive = 5.0
+    rate_deg_per_s: Positive = 16.0
+    lag_s: Positive = 0.1
+    gain: Positive = 1.0
+
+
+class Guidance(_Frozen):
+    """Steering controller, Eq. 2.5, and how far it looks ahead on swaths and in turns."""
+
+    lateral_gain_deg_per_m: NotNegative = 30.0
+    heading_gain: NotNegative = 0.8
+    lookahead_m: Positive = 5.0
+    turn_lookahead_m: Positive = 3.0
+    rate_hz: Annotated[float, Field(gt=0, le=60)] = 10.0
+
+
+class SpeedControl(_Frozen):
+    """Speed controller, Eq. 2.3 with gains in SI units, and what the drive line can do."""
+
+    proportional_n_s_per_m: NotNegative = 8000.0
+    integral_n_per_m: NotNegative = 3000.0
+    derivative_n_s2_per_m: NotNegative = 400.0
+    max_drive_n: Positive = 15000.0
+    max_acceleration_mps2: Positive = 0.7
+    shift_time_s: NotNegative = 1.5
+
+
+class PowerLaw(_Frozen):
+    """Measured turning radius r_p = 118.4 / (c |delta|^p) in metres, delta in degrees, for each side."""
+
+    right: tuple[Positive, Positive]
+    left: tuple[Positive, Positive]
+
+    def radius_m(self, steering_deg: float) -> float:
+        """Radius of the antenna's circle at a physical steering angle (positive right); infinite at zero."""
+        if steering_deg == 0:
+            return math.inf
+        factor, power = self.right if steering_deg > 0 else self.left
+        return POWER_LAW_M / (factor * abs(steering_deg) ** power)
+
+
+class Tractor(_Frozen):
+    """A tractor as the simulator needs it. Distances from the centre of mass unless the name says otherwise."""
+
+    name: str
+    mass_kg: Positive
+    front_axle_m: Positive
+    rear_axle_m: Positive
+    track_m: Positive
+    length_m: Positive
+    width_m: Positive
+    rear_overhang_m: NotNegative
+    max_steering_deg: Annotated[float, Field(gt=0, lt=60)]
+    antenna_forward_m: float = 1.1
+    antenna_right_m: float = 0.0
+    steering: Steering = Steering()
+    guidance: Guidance = Guidance()
+    speed: SpeedControl = SpeedControl()
+    radius: dict[str, PowerLaw] = {}
+    source: dict[str, str] = {}
+
+    @property
+    def wheelbase_m(self) -> float:
+        """Distance between the axles."""
+        return self.front_axle_m + self.rear_axle_m
+
+    @property
+    def inertia_kg_m2(self) -> float:
+        """Yaw inertia of a uniform box of the tractor's length and width."""
+        return self.mass_kg * (self.length_m**2 + self.width_m**2) / 12.0
+
+    @property
+    def rear_end_m(self) -> float:
+        """How far the body reaches behind the centre of mass."""
+        return self.rear_axle_m + self.rear_overhang_m
+
+    def smallest_radius_m(self, ground: str) -> float:
+        """Radius at full lock on its weaker side."""
+        law = self.power_law(ground)
+        return max(law.radius_m(self.max_steering_deg), law.radius_m(-self.max_steering_deg))
+
+    def power_law(self, ground: str) -> PowerLaw:
+        """Measured radii on a ground; refuses one that was never measured."""
+        try:
+            return self.radius[ground]
+        except KeyError:
+            known = ", ".join(sorted(self.radius)) or "none"
+            raise VehicleError(
+                f"No turning radii of {self.name} are known on {ground!r}; use one of: {known}."
+            ) from None
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Tractor:
+        if self.wheelbase_m > self.length_m:
+            raise ValueError(f"wheelbase {self.wheelbase_m} m is longer than length_m {self.length_m}")
+        if self.track_m > self.width_m + 0.5:
+            raise ValueError(f"track_m {self.track_m} is wider than the tractor, width_m {self.width_m}")
+        return self
+
+
+class Implement(_Frozen):
+    """A mounted implement: a bar of the working width, `hitch_m` behind the rear axle."""
+
+    width_m: Positive = 3.0
+    hitch_m: Positive = 1.5
+    length_m: Positive = 1.0
+    frame_width_m: Positive | None = None
+
+    @property
+    def contact_width_m(self) -> float:
+        """Width of the frame that could touch another tractor: 5 cm less than the swath on either side."""
+        return self.frame_width_m if self.frame_width_m is not None else max(self.width_m - 0.1, 0.1)
+
+
+def tractor_names() -> tuple[str, ...]:
+    """Names of the tractors that come with Headland."""
+    folder = resources.files("vehicle") / "data"
+    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def load_tractor(where: str | Path) -> Tractor:
+    """Read a tractor by name ("eg105") or from a TOML file.
+
+    Raises VehicleError naming the wrong key, its value and the rule.
+    """
+    if str(where) in tractor_names():
+        text = (resources.files("vehicle") / "data" / f"{where}.toml").read_text(encoding="utf-8")
+    else:
+        text = _read_text(Path(where))
+    try:
+        return Tractor(**tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise VehicleError(f"The tractor file {where} is not TOML: {error}.") from None
+    except ValidationError as error:
+        raise VehicleError(f"The tractor file {where} cannot be used: {first_fault(error)}.") from None
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        known = ", ".join(tractor_names())
+        raise VehicleError(
+            f"The tractor {str(path)!r} is neither a file ({error.strerror}) nor one of: {known}."
+        ) from None
+    except UnicodeDecodeError:
+        raise VehicleError(f"The tractor file {path} is not a text file; give a TOML file.") from None
+
+
+def first_fault(error: ValidationError) -> str:
+    """The first complaint of pydantic as one clause: key, value, rule."""
+    fault: dict[str, Any] = dict(error.errors()[0])
+    key = ".".join(str(part) for part in fault["loc"]) or "the values"
+    return f"{key} = {fault['input']!r}: {fault['msg']}" if fault["loc"] else str(fault["msg"])

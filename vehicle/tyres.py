@@ -1,0 +1,30 @@
+"""Side-slip and side force of a tyre (chapter 4). Radians; positive to the right."""
+
+from __future__ import annotations
+
+import math
+
+from vehicle.jit import compiled
+
+CREEP_MPS = 0.05  # below this speed slip angles are taken as if the wheel rolled this fast: no division by zero
+
+
+@compiled
+def slip_angle(forward: float, sideways: float) -> float:
+    """Slip angle of a wheel from its velocity in its own frame: Eq. 4.1 and 4.2 at the wheel's place."""
+    return math.atan(sideways / max(abs(forward), CREEP_MPS))
+
+
+@compiled
+def side_friction(slip: float, slope: float, limit: float) -> float:
+    """Side force per load, opposing the slip: linear up to `limit`, constant beyond (Eq. 4.3, 4.4)."""
+    return -slope * min(max(slip, -limit), limit)
+
+
+@compiled
+def side_damping(forward: float, sideways: float, slip: float, slope: float, limit: float) -> float:
+    """How fast the side force per load grows with sideways speed: the derivative the implicit step needs."""
+    if abs(slip) >= limit:
+        return 0.0
+    rolling = max(abs(forward), CREEP_MPS)
+    return slope * rolling / (rolling * rolling + sideways * sideways)
