@@ -53,6 +53,7 @@ def compile_model(tractor: Tractor, implement: Implement) -> Array:
         "gain": tractor.steering.gain,
         "lateral_gain": math.radians(tractor.guidance.lateral_gain_deg_per_m),
         "heading_gain": tractor.guidance.heading_gain,
+        "lateral_limit": tractor.guidance.lateral_limit_m,
         "kp": tractor.speed.proportional_n_s_per_m,
         "ki": tractor.speed.integral_n_per_m,
         "kd": tractor.speed.derivative_n_s2_per_m,

@@ -40,7 +40,9 @@ def steer(state, model, leg, points, cumulative) -> None:  # type: ignore[no-unt
     tx, ty = target_point(points, cumulative, state.segment, leg.last_segment, progress + leg.lookahead)
     travel = state.angle if leg.gear > 0 else state.angle + math.pi
     heading = wrapped(travel - math.atan2(ty - y, tx - x))
-    command = steering_command(state.lateral, heading, model.lateral_gain, model.heading_gain, model.lock)
+    command = steering_command(
+        state.lateral, heading, model.lateral_gain, model.heading_gain, model.lateral_limit, model.lock
+    )
     state.command = command if leg.gear > 0 else -command
 
 

@@ -22,6 +22,7 @@ MODEL = np.dtype(
         ("gain", "f8"),
         ("lateral_gain", "f8"),
         ("heading_gain", "f8"),
+        ("lateral_limit", "f8"),
         ("kp", "f8"),
         ("ki", "f8"),
         ("kd", "f8"),

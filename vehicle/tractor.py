@@ -37,6 +37,7 @@ class Guidance(_Frozen):
 
     lateral_gain_deg_per_m: NotNegative = 30.0
     heading_gain: NotNegative = 0.8
+    lateral_limit_m: Positive = 0.7
     lookahead_m: Positive = 5.0
     turn_lookahead_m: Positive = 3.0
     rate_hz: Annotated[float, Field(gt=0, le=60)] = 10.0
@@ -136,8 +137,8 @@ class Implement(_Frozen):
 
     @property
     def contact_width_m(self) -> float:
-        """Width of the frame that could touch another tractor: 5 cm less than the swath on either side."""
-        return self.frame_width_m if self.frame_width_m is not None else max(self.width_m - 0.1, 0.1)
+        """Width of the frame that could touch another tractor; by default a tenth less than the swath."""
+        return self.frame_width_m if self.frame_width_m is not None else 0.9 * self.width_m
 
 
 def tractor_names() -> tuple[str, ...]:

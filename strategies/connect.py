@@ -1,0 +1,352 @@
+"""The quickest drivable way between two poses that stays inside the field.
+
+Three searches, each only when the one before found nothing good: the words of `strategies.paths` between the two
+poses themselves, the same words after driving straight on for a little, and a route. A route follows the shortest
+way round the corners of the free region (a visibility graph), passing each corner in a pose from which the next
+is joined by a Dubins word; where that does not fit, it follows rings laid inside the region at drivable curvature.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from strategies.paths import (
+    Path,
+    Pose,
+    Segment,
+    TurnError,
+    ahead,
+    back_straight,
+    dubins_paths,
+    join,
+    make_path,
+    require_radius,
+    straight,
+    three_arc,
+)
+from strategies.routes import Corners, corner_poses, quickest_chain, ring_poses
+from strategies.turns import TURN_KINDS
+
+_TOLERANCE_M = 0.010  # how far a path may leave the free region
+_SAGITTA_M = 0.003  # of that, what the polyline checked may differ from the arc
+_STRAIGHT_ON_M = (0.0, 1.0, 2.0, 3.0)
+_NEAR = 12.0  # radii; farther apart, straights at the ends are left to the route
+_ROUTE_AHEAD = (0.0, 0.25, 0.5, 1.0, 1.5)  # radii straight on at the ends of a route
+_ROUTE_BACK = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0)  # radii straight back
+_ROUNDS = tuple((arcs, hand) for arcs in (3, 5, 9) for hand in (1, -1))  # ways to turn round on the spot
+_RING_REACH = 6.0  # radii to the ring poses joined to a pose
+_MOST_REMEMBERED = 20000
+
+
+@dataclass(frozen=True)
+class TurnCosts:
+    """What a turn costs in time: two speeds (m/s) and the seconds lost per direction change.
+
+    A direction change costs `cusp_s` for the stop and the shift, and `swing_sm` seconds per 1/m of curvature by
+    which the wheels must be turned over meanwhile. Raises TurnError for speeds that are not positive or a
+    negative loss.
+    """
+
+    speed_mps: float
+    reverse_speed_mps: float
+    cusp_s: float
+    swing_sm: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("speed_mps", "reverse_speed_mps"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise TurnError(f"{name} {value} must be above zero and finite; give a driving speed in m/s.")
+        for name in ("cusp_s", "swing_sm"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise TurnError(f"{name} {value} must be zero or more and finite; give the loss per direction change.")
+
+    def time_s(self, path: Path) -> float:
+        """Seconds to drive the path; a path that begins or ends in reverse is charged the change there too."""
+        if not path.segments:
+            return 0.0
+        back = path.reverse_m
+        driven = (path.length_m - back) / self.speed_mps + back / self.reverse_speed_mps
+        standing = Segment(0.0, 0.0, 1)
+        pieces = (standing, *path.segments, standing)
+        return driven + math.fsum(
+            self.cusp_s + self.swing_sm * abs(p.curvature - q.curvature)
+            for p, q in pairwise(pieces)
+            if p.gear != q.gear
+        )
+
+
+class Connector:
+    """Finds the quickest path between two poses that stays inside the field.
+
+    `free` is where the path point may be (Polygon or MultiPolygon, metres, holes are obstacles). `kinds` are the
+    turns allowed; without "switch-back" nothing is ever driven in reverse. Routes are always allowed. Turns of
+    the kinds in `prefer` are taken before quicker ones of other kinds. Raises TurnError for an empty region, a
+    radius that is not positive or an unknown kind.
+    """
+
+    def __init__(
+        self,
+        free: BaseGeometry,
+        radius_m: float,
+        costs: TurnCosts,
+        kinds: tuple[str, ...] = TURN_KINDS,
+        prefer: tuple[str, ...] = (),
+    ) -> None:
+        require_radius(radius_m)
+        if free.is_empty or free.area == 0.0:
+            raise TurnError("The region a path may use is empty; the field must be wider than the implement.")
+        for kind in (*kinds, *prefer):
+            if kind not in TURN_KINDS:
+                raise TurnError(f'Turn kind "{kind}" is not known; use {", ".join(TURN_KINDS)}.')
+        self.free = free
+        self.radius_m = radius_m
+        self.costs = costs
+        self.kinds = tuple(kinds)
+        self.prefer = tuple(prefer)
+        self._guard = free.buffer(_TOLERANCE_M - _SAGITTA_M)
+        shapely.prepare(self._guard)
+        self._parts = shapely.get_parts(self._guard)
+        shapely.prepare(self._parts)
+        self._links: dict[tuple[Pose, Pose], Path | None] = {}
+
+    def connect(self, a: Pose, b: Pose) -> Path | None:
+        """The quickest path found from a to b inside the region, or None when nothing fits.
+
+        Equal times (to the microsecond) go to the word that comes first in a fixed order.
+        """
+        ends = shapely.multipoints([a[:2], b[:2]])
+        if not shapely.covers(self._parts, ends).any():
+            return None
+        direct = self._ranked(self._words(a, b))
+        best = next((path for path in direct if self.fits(path)), None)
+        near = math.dist(a[:2], b[:2]) <= _NEAR * self.radius_m
+        if near and (best is None or best is not direct[0]):
+            best = self._with_straights(a, b, best)
+        if best is None or self._roundabout(best, a, b):
+            best = self._quicker(best, self._route(a, b))
+        return best
+
+    def fits(self, path: Path) -> bool:
+        """Whether the whole path stays inside the region (tolerance 1 cm)."""
+        points = path.outline(_SAGITTA_M)
+        if len(points) < 2:
+            points = np.repeat(points, 2, axis=0)
+        return bool(shapely.covers(self._guard, shapely.linestrings(points)))
+
+    @property
+    def reversing(self) -> bool:
+        """Whether anything may be driven in reverse."""
+        return "switch-back" in self.kinds
+
+    def _words(self, a: Pose, b: Pose, limit_s: float = math.inf) -> list[Path]:
+        """Words from a to b of the kinds allowed; those that must take limit_s or longer may be left out."""
+        forward = dubins_paths(a, b, self.radius_m)
+        found = [path for path in forward if path.length_m < limit_s * self.costs.speed_mps]
+        turning = abs(math.remainder(b[2] - a[2], 2.0 * math.pi)) * self.radius_m
+        fastest = max(self.costs.speed_mps, self.costs.reverse_speed_mps)
+        if self.reversing and turning / fastest + 2.0 * self.costs.cusp_s < limit_s:
+            found += three_arc(a, b, self.radius_m)
+            found += back_straight(a, b, self.radius_m)
+        return [path for path in found if path.kind == "route" or path.kind in self.kinds]
+
+    def _rank(self, path: Path) -> tuple[bool, float]:
+        return bool(self.prefer) and path.kind not in self.prefer, round(self.costs.time_s(path), 6)
+
+    def _ranked(self, paths: Iterable[Path]) -> list[Path]:
+        return sorted(paths, key=self._rank)
+
+    def _quicker(self, p: Path | None, q: Path | None) -> Path | None:
+        if p is None or q is None:
+            return p or q
+        return q if self._rank(q) < self._rank(p) else p
+
+    def _with_straights(self, a: Pose, b: Pose, best: Path | None) -> Path | None:
+        """The quickest fitting word after driving straight on at either end, if better than `best`."""
+        bar = self._rank(best) if best else (True, math.inf)
+        limit = math.inf if bar[0] else bar[1]
+        found = []
+        for before, after in self._straights(a, b):
+            spare = limit - (before + after) / self.costs.speed_mps
+            lead, tail = straight(a, before), straight(ahead(b, -after), after)
+            for word in self._words(lead.end, tail.start, spare):
+                longer = join((lead, word, tail), word.kind)
+                if self._rank(longer) < bar:
+                    found.append(longer)
+        return next((path for path in self._ranked(found) if self.fits(path)), best)
+
+    def _straights(self, a: Pose, b: Pose) -> list[tuple[float, float]]:
+        """Lengths to drive straight on at either end: small steps, and what brings skewed ends level."""
+        on = (b[0] - a[0]) * math.cos(a[2]) + (b[1] - a[1]) * math.sin(a[2])
+        pairs = [(p, q) for p in _STRAIGHT_ON_M for q in _STRAIGHT_ON_M if p or q]
+        if abs(on) > 1e-6 and math.cos(b[2] - a[2]) < -0.9:
+            pairs += [(p + max(0.0, on), p + max(0.0, -on)) for p in _STRAIGHT_ON_M]
+        return pairs
+
+    def _roundabout(self, path: Path, a: Pose, b: Pose) -> bool:
+        """Whether a direct path is so much longer than the free-space shortest that a route may beat it."""
+        spare = 4.0 * math.pi * self.radius_m
+        return path.length_m > dubins_paths(a, b, self.radius_m)[0].length_m + spare or path.reverse_m > spare
+
+    def _route(self, a: Pose, b: Pose) -> Path | None:
+        """A route by corners, else by rings; first without reversing, then with ever more of it at the ends."""
+        ends = [(self._starts(a, effort), self._goals(b, effort)) for effort in ((0, 1) if self.reversing else (0,))]
+        for starts, goals in ends:
+            found = self._by_corners(a, b, starts, goals)
+            if found is not None:
+                return found
+        if self.reversing:
+            ends.append((self._starts(a, 2), self._goals(b, 2)))
+            found = self._by_corners(a, b, *ends[-1])
+        return found or next((path for pair in ends if (path := self._by_rings(*pair))), None)
+
+    def _starts(self, a: Pose, effort: int) -> list[Path]:
+        """What may be driven before the first word of a route.
+
+        Effort 0 is straights ahead; 1 adds backing up and turning round in three arcs; 2 adds turning round in
+        more, shorter arcs, also after backing up or going ahead.
+        """
+        r = self.radius_m
+        moves = [straight(a, f * r) for f in _ROUTE_AHEAD]
+        if effort >= 1:
+            moves += [straight(a, -f * r) for f in _ROUTE_BACK]
+        if effort >= 2:
+            bases = [move for move in moves if self.fits(move)]
+            moves += [join((m, _turn_round(m.end, h, n, r)), "route") for m in bases for n, h in _ROUNDS]
+        elif effort == 1:
+            moves += [_turn_round(a, hand, 3, r) for hand in (1, -1)]
+        return [move for move in moves if self.fits(move)]
+
+    def _goals(self, b: Pose, effort: int) -> list[Path]:
+        """What may be driven after the last word of a route: `_starts` driven from its end."""
+        x, y, heading = b
+        return [_driven_back(move) for move in self._starts((x, y, heading + math.pi), effort)]
+
+    def _by_corners(self, a: Pose, b: Pose, starts: list[Path], goals: list[Path]) -> Path | None:
+        """The quickest route along the few shortest ways through the visibility graph."""
+        best: Path | None = None
+        for way in self._corners.ways(a, b):
+            bends = zip(way, way[1:], way[2:], strict=False)
+            layers = [self._inside(corner_poses(p, q, r, self.radius_m)) for p, q, r in bends]
+            limit = self.costs.time_s(best) if best else math.inf
+            best = self._by_layers(starts, layers, goals, limit) or best
+        return best
+
+    def _by_layers(
+        self, starts: list[Path], layers: list[list[Pose]], goals: list[Path], limit_s: float
+    ) -> Path | None:
+        """Quickest chain from a start through one pose of each layer to a goal, if quicker than limit_s."""
+        levels = [[s.end for s in starts], *layers, [g.start for g in goals]]
+        edges = np.cumsum([0, *(len(level) for level in levels)]).tolist()
+        follow = {
+            i: range(edges[k + 1], edges[k + 2]) for k in range(len(levels) - 1) for i in range(edges[k], edges[k + 1])
+        }
+        poses = [pose for level in levels for pose in level]
+        return self._chain(poses, starts, goals, edges[-2], lambda i: follow.get(i, ()), limit_s)
+
+    def _by_rings(self, starts: list[Path], goals: list[Path]) -> Path | None:
+        """Quickest chain from a start along ring poses to a goal, then made shorter where links can be left out."""
+        ring, spots = self._ring
+        poses = [s.end for s in starts] + ring + [g.start for g in goals]
+        first, last = len(starts), len(starts) + len(ring)
+        near = _RING_REACH * self.radius_m
+
+        def successors(node: int) -> Iterable[int]:
+            x, y, heading = poses[node]
+            offset = spots - (x, y)
+            forward = offset @ (math.cos(heading), math.sin(heading))
+            close = np.flatnonzero((np.hypot(*offset.T) <= near) & (forward > -self.radius_m))
+            return [*range(last, len(poses)), *(close + first).tolist()]
+
+        return self._chain(poses, starts, goals, last, successors)
+
+    def _chain(
+        self,
+        poses: list[Pose],
+        starts: list[Path],
+        goals: list[Path],
+        first_goal: int,
+        successors: Callable[[int], Iterable[int]],
+        limit_s: float = math.inf,
+    ) -> Path | None:
+        """The route along the quickest chain of `poses`, which begin with the starts and end with the goals."""
+        if not starts or not goals:
+            return None
+        time_s = self.costs.time_s
+        chain = quickest_chain(
+            poses,
+            {i: time_s(move) for i, move in enumerate(starts)},
+            {first_goal + i: time_s(move) for i, move in enumerate(goals)},
+            successors,
+            lambda i, j: self._link(poses[i], poses[j]),
+            time_s,
+            self.costs.speed_mps,
+            limit_s,
+        )
+        if chain is None:
+            return None
+        links = self._shortcut([poses[i] for i in chain])
+        return join((starts[chain[0]], *links, goals[chain[-1] - first_goal]), "route")
+
+    def _shortcut(self, poses: list[Pose]) -> list[Path]:
+        """Links along the poses, leaving out those that a direct word passes by on a shorter way."""
+        links: list[Path] = []
+        i = 0
+        while i < len(poses) - 1:
+            far, best = i + 1, self._link(poses[i], poses[i + 1])
+            length = best.length_m if best else 0.0
+            for j in range(i + 2, len(poses)):
+                step = self._link(poses[j - 1], poses[j])
+                length += step.length_m if step else 0.0
+                direct = self._link(poses[i], poses[j])
+                if direct is not None and direct.length_m <= length + 1e-9:
+                    far, best = j, direct
+            if best is not None:
+                links.append(best)
+            i = far
+        return links
+
+    def _link(self, p: Pose, q: Pose) -> Path | None:
+        """The shortest fitting Dubins word of the three shortest, remembered for the next route."""
+        key = (p, q)
+        if key not in self._links:
+            if len(self._links) >= _MOST_REMEMBERED:
+                self._links.clear()
+            words = dubins_paths(p, q, self.radius_m)[:3]
+            self._links[key] = next((word for word in words if self.fits(word)), None)
+        return self._links[key]
+
+    def _inside(self, poses: list[Pose]) -> list[Pose]:
+        held = shapely.covers(self._guard, shapely.points([pose[:2] for pose in poses]))
+        return [pose for pose, ok in zip(poses, held, strict=True) if ok]
+
+    @cached_property
+    def _corners(self) -> Corners:
+        return Corners(self.free, self._guard)
+
+    @cached_property
+    def _ring(self) -> tuple[list[Pose], NDArray[np.float64]]:
+        poses = ring_poses(self.free, self.radius_m)
+        return poses, np.array([pose[:2] for pose in poses]).reshape(-1, 2)
+
+
+def _turn_round(a: Pose, hand: int, arcs: int, radius_m: float) -> Path:
+    """An odd number of equal arcs, forward and reverse by turns, that face the other way nearly on the spot."""
+    length = math.pi / arcs * radius_m
+    steps = [(1, hand), (-1, -hand)] * (arcs // 2) + [(1, hand)]
+    return make_path(a, [Segment(length, side / radius_m, gear) for gear, side in steps], "switch-back")
+
+
+def _driven_back(path: Path) -> Path:
+    """The same way driven from its end to its start by a vehicle that faces the other way round."""
+    x, y, heading = path.end
+    segments = [Segment(s.length_m, -s.curvature, s.gear) for s in reversed(path.segments)]
+    return make_path((x, y, math.remainder(heading + math.pi, 2.0 * math.pi)), segments, path.kind)

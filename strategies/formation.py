@@ -1,0 +1,228 @@
+"""Triangle formation (thesis, section 6.3): neighbouring tracks are worked abreast, rows 10 m apart.
+
+At the headland the rows keep their distance and queue. Row by row, a row is released when the row before it has
+reached its place in the next pass; column by column, tractors turn strictly one after another: the leader, then the
+side the turn leads to, then the other side. When all are in place, all start together (Eq. 6.1 keeps the distance).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from fields.layout import Track
+from strategies.errors import StrategyError
+from strategies.job import Job, Pass
+from strategies.legs import straight_leg, turn_legs
+from vehicle.missions import Follow, Gate, Leg, Mission, Plan
+
+ARRIVED_M = 0.2  # a tractor counts as in place this far before the end of its leg
+SHORTEST_M = 0.1
+Releases = Mapping[tuple[int, int], tuple[tuple[int, float], ...]]
+"""For (round, tractor): it may leave the queue when each named tractor is so many metres past its own release."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One tractor in one round: its row (1 leads), the neighbour it follows, its pass, its place on the track."""
+
+    tractor: int
+    row: int
+    neighbour: int | None
+    this: Pass
+    place_m: float
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Leg numbers of one tractor in one round.
+
+    `release` is the first leg after the queue, `turned` the last leg of the turn, `placed` the leg that ends at the
+    place in formation, `work` the leg worked in formation.
+    """
+
+    release: int
+    turned: int
+    placed: int
+    work: int
+
+
+@dataclass(frozen=True)
+class Formation:
+    """A formation plan with what is needed to time its queues: per round, the slots and the marks per tractor."""
+
+    plan: Plan
+    rounds: tuple[tuple[Slot, ...], ...]
+    marks: Mapping[tuple[int, int], Marks]
+
+
+def row_by_row(job: Job) -> Formation:
+    """Rows turn one after another; each waits for the row before it to be in place."""
+    return _form(job, "row-by-row", None)
+
+
+def col_by_col(job: Job) -> Formation:
+    """Tractors turn one after another: the leader, the side the turn leads to, the other side."""
+    return _form(job, "col-by-col", None)
+
+
+def row_by_row_timed(job: Job, releases: Releases) -> Formation:
+    """Row by row with given releases instead of the queue."""
+    return _form(job, "row-by-row-optimised", releases)
+
+
+def _form(job: Job, queue: str, releases: Releases | None) -> Formation:
+    rounds = _rounds(job)
+    legs: list[list[Leg]] = [[] for _ in range(job.tractors)]
+    marks: dict[tuple[int, int], Marks] = {}
+    previous: dict[int, Pass] = {}
+    for number, slots in enumerate(rounds):
+        for slot in slots:
+            marks[number, slot.tractor] = _lay_round(job, slot, legs[slot.tractor], previous.get(slot.tractor))
+            previous[slot.tractor] = slot.this
+    for number, slots in enumerate(rounds):
+        for slot in slots:
+            _hold(job, queue, releases, number, slot, slots, marks, legs)
+    plan = Plan(tuple(Mission(tuple(own)) for own in legs), {"strategy": queue, "tractors": job.tractors})
+    return Formation(plan, tuple(tuple(slots) for slots in rounds), marks)
+
+
+def _rounds(job: Job) -> list[list[Slot]]:
+    """Who works which track in which round."""
+    tracks = _whole_lines(job)
+    from_last, direction = job.corner or (False, 1)
+    if from_last:
+        tracks = tracks[::-1]
+    rounds = []
+    for number, first in enumerate(range(0, len(tracks), job.tractors)):
+        members = tracks[first : first + job.tractors]
+        offset = (job.tractors - len(members)) // 2
+        passes = [Pass(track, direction if number % 2 == 0 else -direction) for track in members]
+        rounds.append(_slots(job, passes, offset))
+    return rounds
+
+
+def _whole_lines(job: Job) -> list[Track]:
+    tracks = list(job.layout.tracks)
+    if len({track.line for track in tracks}) < len(tracks):
+        raise StrategyError(
+            "A formation needs every track in one piece; a hole or a notch interrupts some here. "
+            "Use split-field or interleaved."
+        )
+    if len(tracks) < job.tractors:
+        raise StrategyError(
+            f"{job.tractors} tractors are more than the {len(tracks)} tracks of the field; "
+            f"use {len(tracks)} or fewer."
+        )
+    return tracks
+
+
+def _slots(job: Job, passes: list[Pass], offset: int) -> list[Slot]:
+    """Slots of one round; places are set from the last row forwards, each a gap ahead of the row behind it."""
+    leader = (len(passes) - 1) // 2
+    rows = [abs(index - leader) + 1 for index in range(len(passes))]
+    along = [_along(job, this) for this in passes]
+    own = [start + job.manner.tool_m for start in along]
+    place = list(own)
+    for row in range(max(rows) - 1, 0, -1):
+        behind = [place[i] for i in range(len(passes)) if rows[i] == row + 1]
+        for index in (i for i in range(len(passes)) if rows[i] == row):
+            place[index] = max(own[index], max(behind) + job.manner.gap_m)
+    slots = []
+    for index, this in enumerate(passes):
+        place_m = place[index] - along[index]
+        hold_m = this.track.length + job.manner.tool_m - (rows[index] - 1) * job.manner.gap_m
+        if place_m > hold_m - SHORTEST_M:
+            raise StrategyError(
+                f"Track {this.track.line} is {this.track.length:.0f} m long, too short for a formation of "
+                f"{max(rows)} rows {job.manner.gap_m:.0f} m apart; use fewer tractors."
+            )
+        neighbour = None if rows[index] == 1 else offset + index + (1 if index < leader else -1)
+        slots.append(Slot(offset + index, rows[index], neighbour, this, place_m))
+    return slots
+
+
+def _along(job: Job, this: Pass) -> float:
+    """Where a pass begins, measured in its direction of travel."""
+    x, y, heading = job.entry(this)
+    return x * math.cos(heading) + y * math.sin(heading)
+
+
+def _lay_round(job: Job, slot: Slot, legs: list[Leg], before: Pass | None) -> Marks:
+    """Append the legs of one round: turn, drive in, take place, work; the last stretch is a leg of its own."""
+    release = max(len(legs) - 1, 0) if before and slot.row > 1 else len(legs)
+    if before:
+        legs += turn_legs(job, before, slot.this)
+    turned = max(len(legs) - 1, 0)
+    entry, tool = job.entry(slot.this), job.manner.tool_m
+    legs.append(straight_leg(job, entry, 0.0, tool, implement=False))
+    if slot.place_m > tool + SHORTEST_M:
+        legs.append(straight_leg(job, entry, tool, slot.place_m, implement=True))
+    placed = len(legs) - 1
+    end = slot.this.track.length + tool
+    hold = end - (slot.row - 1) * job.manner.gap_m
+    legs.append(straight_leg(job, entry, max(slot.place_m, tool), hold, implement=True))
+    work = len(legs) - 1
+    if hold < end - SHORTEST_M:
+        legs.append(straight_leg(job, entry, hold, end, implement=True))
+    return Marks(release, turned if before else placed, placed, work)
+
+
+def _hold(
+    job: Job, queue: str, releases: Releases | None, number: int, slot: Slot, slots: list[Slot],
+    marks: dict[tuple[int, int], Marks], legs: list[list[Leg]],
+) -> None:  # fmt: skip
+    """Add the gates of one slot: leave the queue, start together, keep the distance."""
+    own, mine = legs[slot.tractor], marks[number, slot.tractor]
+    if releases is not None:
+        queue_gates = [
+            _metres_past(legs[other], marks[number, other].release, other, metres)
+            for other, metres in releases.get((number, slot.tractor), ())
+        ]
+    elif queue == "row-by-row":
+        queue_gates = [_in_place(legs, marks, number, s.tractor) for s in slots if s.row == slot.row - 1]
+    else:
+        queue_gates = _after_previous(job, number, slot, slots, marks, legs)
+    own[mine.release] = own[mine.release].with_gates(queue_gates)
+    start = [_in_place(legs, marks, number, s.tractor) for s in slots if s.tractor != slot.tractor]
+    work = own[mine.work].with_gates(start)
+    if slot.neighbour is not None:
+        work = replace(
+            work, follow=Follow(slot.neighbour, marks[number, slot.neighbour].work, job.manner.gap_m)
+        )
+    own[mine.work] = work
+
+
+def _in_place(legs: list[list[Leg]], marks: Mapping[tuple[int, int], Marks], number: int, tractor: int) -> Gate:
+    placed = marks[number, tractor].placed
+    return Gate(tractor, placed, max(0.0, legs[tractor][placed].length_m - ARRIVED_M))
+
+
+def _after_previous(
+    job: Job, number: int, slot: Slot, slots: list[Slot], marks: dict[tuple[int, int], Marks], legs: list[list[Leg]]
+) -> list[Gate]:
+    """Gate of column order: the tractor before this one has finished its turn."""
+    heading_side = -1 if slots[0].this.track.line > slots[-1].this.track.line else 1
+    leader = next(s for s in slots if s.row == 1)
+
+    def order(s: Slot) -> tuple[int, int]:
+        towards = (s.this.track.line - leader.this.track.line) * heading_side > 0
+        return (0 if s.row == 1 else 1 if towards else 2), s.row
+
+    queue = sorted(slots, key=order)
+    place = queue.index(slot)
+    if place == 0:
+        return []
+    other = queue[place - 1].tractor
+    turned = marks[number, other].turned
+    return [Gate(other, turned, max(0.0, legs[other][turned].length_m - ARRIVED_M))]
+
+
+def _metres_past(legs: list[Leg], first: int, tractor: int, metres: float) -> Gate:
+    """Gate at a distance past the release of a tractor, on whichever of its legs that is."""
+    leg = first
+    while leg < len(legs) - 1 and metres > legs[leg].length_m:
+        metres -= legs[leg].length_m
+        leg += 1
+    return Gate(tractor, leg, min(metres, legs[leg].length_m))

@@ -1,0 +1,96 @@
+"""What a strategy is given: the tracks, how the tractors drive, and a finder of ways between tracks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from fields.layout import Layout, Track
+from strategies.connect import Connector
+from strategies.paths import Path, Pose
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How every tractor of the fleet drives.
+
+    `tool_m` is how far the implement works behind the guided point; `turn_s[k]` the simulated seconds of the best
+    turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across.
+    """
+
+    work_speed_mps: float
+    turn_speed_mps: float
+    reverse_speed_mps: float
+    radius_m: float
+    tool_m: float
+    gap_m: float = 10.0
+    stagger_m: float = 12.0
+    turn_s: tuple[float, ...] = (0.0, 20.0)
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One track driven in one direction (+1 along the layout's bearing, -1 against it)."""
+
+    track: Track
+    direction: int
+
+
+@dataclass
+class Job:
+    """A field to be worked by `tractors` tractors. Ways found are kept, as strategies ask for the same ones."""
+
+    layout: Layout
+    manner: Manner
+    connector: Connector
+    tractors: int
+    corner: tuple[bool, int] | None = None
+    ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
+
+    def way(self, a: Pose, b: Pose) -> Path | None:
+        """The quickest drivable way from a to b inside the field, or None."""
+        if (a, b) not in self.ways:
+            self.ways[a, b] = self.connector.connect(a, b)
+        return self.ways[a, b]
+
+    def entry(self, this: Pass) -> Pose:
+        """Pose of the guided point where a pass begins: on the headland line, facing along the track."""
+        x, y = this.track.start if this.direction > 0 else this.track.end
+        return x, y, self.heading(this)
+
+    def exit(self, this: Pass) -> Pose:
+        """Pose of the guided point where the implement has reached the end of the track."""
+        x, y = this.track.end if this.direction > 0 else this.track.start
+        heading = self.heading(this)
+        tool = self.manner.tool_m
+        return x + tool * math.cos(heading), y + tool * math.sin(heading), heading
+
+    def heading(self, this: Pass) -> float:
+        """Mathematical angle of travel."""
+        bearing = self.layout.bearing_rad
+        return math.remainder(bearing if this.direction > 0 else bearing + math.pi, 2.0 * math.pi)
+
+    def turn_time(self, a: Pass, b: Pass) -> float:
+        """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""
+        (ax, ay, heading), (bx, by, _) = self.exit(a), self.entry(b)
+        along = (bx - ax) * math.cos(heading) + (by - ay) * math.sin(heading)
+        across = abs((by - ay) * math.cos(heading) - (bx - ax) * math.sin(heading))
+        speed = self.manner.turn_speed_mps
+        if a.direction == b.direction:
+            return (abs(along) + across + 2.0 * math.pi * self.manner.radius_m) / speed
+        table = self.manner.turn_s
+        lines = max(1, round(across / self.layout.width_m))
+        extra = max(0, lines - len(table) + 1) * self.layout.width_m
+        return table[min(lines, len(table) - 1)] + (extra + abs(along)) / speed
+
+
+def starting_corner(layout: Layout) -> tuple[bool, int] | None:
+    """Which side and direction to begin with when the field has an entrance: (from the last line, direction)."""
+    entrance = layout.field.entrance
+    if entrance is None:
+        return None
+    nearest = min(
+        ((math.dist(entrance, end), track.line, direction) for track in layout.tracks
+         for end, direction in ((track.start, 1), (track.end, -1))),
+    )  # fmt: skip
+    return nearest[1] > (layout.lines - 1) / 2, nearest[2]

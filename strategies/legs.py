@@ -1,0 +1,79 @@
+"""Tracks and turns as legs of a mission."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from strategies.errors import StrategyError
+from strategies.job import Job, Pass
+from strategies.paths import Path, Pose
+from vehicle.missions import Leg, Mission
+
+STEP_M = 0.25
+SHORTEST_LEG_M = 0.05
+
+
+def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, *, implement: bool) -> Leg:
+    """A straight leg between two distances ahead of a pose: work at work speed, otherwise driving in."""
+    ahead = np.array([math.cos(a[2]), math.sin(a[2])])
+    points = np.array([a[:2] + start_m * ahead, a[:2] + end_m * ahead])
+    return Leg(
+        points=points,
+        speed_mps=job.manner.work_speed_mps if implement else job.manner.turn_speed_mps,
+        implement=implement,
+        ground=_ground(job, points),
+        kind="work" if implement else "turn",
+    )
+
+
+def way_legs(job: Job, path: Path) -> list[Leg]:
+    """A turn or route as one leg per gear."""
+    manner = job.manner
+    return [
+        Leg(
+            points=points,
+            speed_mps=manner.turn_speed_mps if gear > 0 else manner.reverse_speed_mps,
+            gear=gear,
+            ground=_ground(job, points),
+            kind="turn",
+        )
+        for gear, points in path.sample(STEP_M)
+        if float(np.hypot(*np.diff(points, axis=0).T).sum()) > SHORTEST_LEG_M
+    ]
+
+
+def _ground(job: Job, points: np.ndarray) -> str:
+    x, y = points[len(points) // 2]
+    return job.layout.field.ground_at(float(x), float(y))
+
+
+def pass_legs(job: Job, this: Pass) -> list[Leg]:
+    """Drive in until the implement is over the headland line, then work to the far line."""
+    entry, tool = job.entry(this), job.manner.tool_m
+    return [
+        straight_leg(job, entry, 0.0, tool, implement=False),
+        straight_leg(job, entry, tool, this.track.length + tool, implement=True),
+    ]
+
+
+def turn_legs(job: Job, a: Pass, b: Pass) -> list[Leg]:
+    """The way between two passes; refuses when none fits the field."""
+    path = job.way(job.exit(a), job.entry(b))
+    if path is None:
+        x, y, _ = job.exit(a)
+        raise StrategyError(
+            f"No way of turning radius {job.manner.radius_m:.1f} m leads from track {a.track.line} to track "
+            f"{b.track.line} (at {x:.0f}, {y:.0f} m) inside the field; a wider headland or another turn may."
+        )
+    return way_legs(job, path)
+
+
+def mission_of(job: Job, order: list[Pass]) -> Mission:
+    """The mission of a tractor that works its passes in order without waiting for anyone."""
+    legs = pass_legs(job, order[0])
+    for a, b in pairwise(order):
+        legs += turn_legs(job, a, b) + pass_legs(job, b)
+    return Mission(tuple(legs))

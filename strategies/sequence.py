@@ -1,0 +1,122 @@
+"""The order in which one tractor takes its tracks.
+
+Tracks are grouped into cells, runs of neighbouring lines with one piece each, so that a hole or a notch is worked
+around rather than jumped over line by line. In a cell the tracks are taken one after another, or in a pattern that
+skips lines and comes back so that turns are wide.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from fields.layout import Track
+from strategies.job import Job, Pass
+
+Cell = list[Track]
+Order = list[Pass]
+
+
+def cells_of(tracks: list[Track], bearing_rad: float) -> list[Cell]:
+    """Group tracks into cells: a piece joins the cell of the one before if each overlaps only the other."""
+    by_line: dict[int, list[Track]] = {}
+    for track in tracks:
+        by_line.setdefault(track.line, []).append(track)
+    lines = sorted(by_line)
+    cells: list[Cell] = []
+    last: dict[Track, Cell] = {}
+    for number, line in enumerate(lines):
+        before = by_line[lines[number - 1]] if number else []
+        for track in by_line[line]:
+            touching = [t for t in before if _overlap(t, track, bearing_rad)]
+            alone = len(touching) == 1 and sum(_overlap(touching[0], t, bearing_rad) for t in by_line[line]) == 1
+            cell = last[touching[0]] if alone else []
+            if not alone:
+                cells.append(cell)
+            cell.append(track)
+            last[track] = cell
+    return cells
+
+
+def _overlap(a: Track, b: Track, bearing_rad: float) -> bool:
+    cosine, sine = math.cos(bearing_rad), math.sin(bearing_rad)
+
+    def along(point: tuple[float, float]) -> float:
+        return point[0] * cosine + point[1] * sine
+
+    return along(a.start) < along(b.end) and along(b.start) < along(a.end)
+
+
+def skip_pattern(count: int, jump: int) -> list[int]:
+    """Indices 0..count-1 in an order that jumps `jump` ahead and `jump` - 1 back, block by block of 2 `jump`."""
+    order: list[int] = []
+    first = 0
+    while first < count:
+        size = min(2 * jump, count - first)
+        half = (size + 1) // 2
+        for index in range(half):
+            order.append(first + index)
+            if index + half < size:
+                order.append(first + index + half)
+        first += size
+    return order
+
+
+def jumps(job: Job) -> list[int]:
+    """Patterns worth trying: one after another, and the two smallest jumps that leave room for a U-turn."""
+    fitting = math.ceil(2.0 * job.manner.radius_m / job.layout.width_m)
+    return [1] if fitting <= 1 else [1, fitting, fitting + 1]
+
+
+def order_tracks(tracks: list[Track], job: Job, jump: int, corner: tuple[bool, int]) -> Order:
+    """One order through all tracks, starting at a corner (from the last line?, first direction)."""
+    cells = cells_of(tracks, job.layout.bearing_rad)
+    from_last, direction = corner
+    cells.sort(key=lambda cell: (cell[0].line, cell[0].piece), reverse=from_last)
+    order = _through(cells.pop(0), jump, from_last, direction)
+    while cells:
+        cell, option = _nearest(order[-1], cells, job)
+        cells.remove(cell)
+        order += _through(cell, jump, *option)
+    return order
+
+
+def _through(cell: Cell, jump: int, from_last: bool, direction: int) -> Order:
+    tracks = cell[::-1] if from_last else cell
+    return [
+        Pass(tracks[index], direction if turn % 2 == 0 else -direction)
+        for turn, index in enumerate(skip_pattern(len(tracks), jump) if jump > 1 else range(len(tracks)))
+    ]
+
+
+def _nearest(here: Pass, cells: list[Cell], job: Job) -> tuple[Cell, tuple[bool, int]]:
+    """The cell and the corner of it that is reached soonest from the end of a pass."""
+    options = [
+        (job.turn_time(here, Pass(cell[-1] if from_last else cell[0], direction)), index, from_last, direction)
+        for index, cell in enumerate(cells)
+        for from_last in (False, True)
+        for direction in (-here.direction, here.direction)
+    ]
+    _, index, from_last, direction = min(options, key=lambda option: (round(option[0], 6), *option[1:]))
+    return cells[index], (from_last, direction)
+
+
+def order_time(order: Order, job: Job) -> float:
+    """Estimated seconds for an order, turns and work."""
+    work = sum(this.track.length for this in order) / job.manner.work_speed_mps
+    return work + sum(job.turn_time(a, b) for a, b in pairwise(order))
+
+
+def best_orders(shares: list[list[Track]], job: Job, only_jump: int | None = None) -> list[Order]:
+    """Orders for several tractors at once: one corner and pattern for all, the one whose slowest is quickest."""
+    corners = [job.corner] if job.corner else [(last, way) for last in (False, True) for way in (1, -1)]
+    patterns = jumps(job) if only_jump is None else [only_jump]
+    best: tuple[float, list[Order]] | None = None
+    for jump in patterns:
+        for corner in corners:
+            orders = [order_tracks(share, job, jump, corner) for share in shares]
+            time = max(order_time(order, job) for order in orders)
+            if best is None or time < best[0] - 1e-3:
+                best = time, orders
+    assert best is not None
+    return best[1]

@@ -1,0 +1,330 @@
+"""The connector: costs, the choice between turns, staying inside, and routes."""
+
+import math
+import random
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import LineString, Point, Polygon, box
+
+from strategies.connect import Connector, TurnCosts
+from strategies.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
+from strategies.routes import Corners, corner_poses, quickest_chain, ring_poses
+from strategies.turns import omega_turn, switch_back, u_turn
+
+R = 4.0
+COSTS = TurnCosts(speed_mps=2.0, reverse_speed_mps=1.0, cusp_s=5.0)
+UP, DOWN = math.pi / 2, -math.pi / 2
+SQUARE = box(0, 0, 100, 100)
+ELL = Polygon([(0, 0), (120, 0), (120, 30), (30, 30), (30, 120), (0, 120)])
+HOLED = Polygon(box(0, 0, 160, 100).exterior, [box(60, 30, 100, 70).exterior.coords])
+# A lane too narrow to turn in, with a yard to the north of its west end.
+BLIND = Polygon([(0, 0), (80, 0), (80, 6), (40, 6), (40, 40), (0, 40)])
+
+
+def line(path: Path, step: float = 0.1) -> LineString:
+    return LineString(np.concatenate([points for _, points in path.sample(step)]))
+
+
+def assert_good(path: Path | None, a: Pose, b: Pose, free: shapely.Polygon) -> None:
+    assert path is not None
+    assert path.start == a
+    assert math.dist(path.end[:2], b[:2]) <= 1e-8
+    assert abs(math.remainder(path.end[2] - b[2], 2 * math.pi)) <= 1e-8
+    assert all(abs(s.curvature) <= 1 / R * (1 + 1e-9) for s in path.segments)
+    assert free.buffer(0.0101).covers(line(path))
+
+
+def turn_in(headland_m: float, spacing: float, costs: TurnCosts = COSTS, **options) -> Path | None:
+    """The turn at y = 50 between upward and downward tracks, with so much room above."""
+    free = box(0, 0, 100, 50 + headland_m)
+    a, b = (40.0, 50.0, UP), (40.0 + spacing, 50.0, DOWN)
+    path = Connector(free, R, costs, **options).connect(a, b)
+    if path is not None:
+        assert_good(path, a, b, free)
+    return path
+
+
+def test_time_counts_speeds_and_direction_changes() -> None:
+    path = Path((0, 0, 0), (Segment(6, 0.0, 1), Segment(3, 0.1, -1), Segment(2, 0.0, 1)), "switch-back")
+    assert COSTS.time_s(path) == pytest.approx(6 / 2 + 3 / 1 + 2 / 2 + 2 * 5)
+
+
+def test_a_path_that_ends_in_reverse_is_charged_the_change_after_it() -> None:
+    assert COSTS.time_s(straight((0, 0, 0), 4.0)) == 2.0
+    assert COSTS.time_s(straight((0, 0, 0), -4.0)) == 4.0 + 2 * 5
+    assert COSTS.time_s(straight((0, 0, 0), 0.0)) == 0.0
+
+
+def test_u_turn_when_tracks_are_far_enough() -> None:
+    path = turn_in(20.0, 9.0)
+    assert path.kind == "u"
+    assert path.length_m == pytest.approx(u_turn((40, 50, UP), (49, 50, DOWN), R).length_m, abs=1e-9)
+
+
+def test_omega_when_a_direction_change_is_dear() -> None:
+    path = turn_in(20.0, 3.0)
+    assert path.kind == "omega"
+    assert path.length_m == pytest.approx(omega_turn((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
+
+
+def test_switch_back_when_a_direction_change_is_cheap() -> None:
+    path = turn_in(20.0, 3.0, TurnCosts(2.0, 2.0, 1.0))
+    assert path.kind == "switch-back"
+    assert path.length_m == pytest.approx(switch_back((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
+
+
+def test_the_change_from_omega_to_switch_back_is_where_their_times_meet() -> None:
+    omega, back = (make((40, 50, UP), (43, 50, DOWN), R) for make in (omega_turn, switch_back))
+    free_cusp = TurnCosts(2.0, 1.0, 0.0)
+    meet = (free_cusp.time_s(omega) - free_cusp.time_s(back)) / 2
+    assert meet > 0
+    assert turn_in(20.0, 3.0, TurnCosts(2.0, 1.0, meet - 0.01)).kind == "switch-back"
+    assert turn_in(20.0, 3.0, TurnCosts(2.0, 1.0, meet + 0.01)).kind == "omega"
+
+
+def test_headland_between_the_two_depths_forces_the_switch_back() -> None:
+    assert turn_in(9.82, 3.0).kind == "omega"
+    assert turn_in(9.78, 3.0).kind != "omega" or turn_in(9.78, 3.0).length_m > 25.58
+    assert turn_in(5.0, 3.0).kind == "switch-back"
+
+
+def test_kinds_left_out_are_not_driven() -> None:
+    assert turn_in(20.0, 3.0, kinds=("u", "switch-back")).kind == "switch-back"
+    cheap = TurnCosts(2.0, 2.0, 0.0)
+    assert turn_in(20.0, 3.0, cheap, kinds=("u", "omega")).reversals == 0
+    assert turn_in(20.0, 3.0, cheap, prefer=("omega",)).kind == "omega"
+
+
+def test_without_reversing_nothing_fits_a_narrow_headland_unless_there_is_a_way_round() -> None:
+    path = turn_in(5.0, 3.0, kinds=("u", "omega"))
+    assert path is None or path.reversals == 0
+    assert Connector(box(0, 0, 60, 6), R, COSTS, kinds=("u", "omega")).connect((20, 3, 0.0), (40, 3, math.pi)) is None
+
+
+def test_skewed_ends_are_connected_inside() -> None:
+    free = Polygon([(0, 0), (100, 0), (100, 90), (0, 60)])
+    for spacing in (3.0, 6.0, 9.0):
+        a = (40.0, 72 - 11.0, UP)
+        b = (40.0 + spacing, 72 - 11.0 + 0.3 * spacing, DOWN)
+        assert_good(Connector(free, R, COSTS).connect(a, b), a, b, free)
+
+
+def test_the_quickest_of_the_fitting_words_is_taken() -> None:
+    connector = Connector(SQUARE, R, COSTS)
+    draw = random.Random(4)
+    for _ in range(40):
+        a, b = ((draw.uniform(20, 80), draw.uniform(20, 80), draw.uniform(-3, 3)) for _ in range(2))
+        path = connector.connect(a, b)
+        fitting = [COSTS.time_s(w) for w in dubins_paths(a, b, R) if connector.fits(w)]
+        assert COSTS.time_s(path) <= min(fitting) + 1e-6
+
+
+@given(
+    st.floats(30.0, 200.0),
+    st.floats(30.0, 200.0),
+    st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4),
+    st.lists(st.floats(-math.pi, math.pi), min_size=2, max_size=2),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_two_poses_of_a_rectangle_are_connected_inside_it(width, height, shares, headings) -> None:
+    free = box(0, 0, width, height)
+    a = (shares[0] * width, shares[1] * height, headings[0])
+    b = (shares[2] * width, shares[3] * height, headings[1])
+    path = Connector(free, R, COSTS).connect(a, b)
+    if path is None:
+        # Only a pose that drives at a wall, or away from one, with no room to do either may be refused.
+        assert min(free.exterior.distance(Point(p[:2])) for p in (a, b)) < R
+    elif path.segments:
+        assert_good(path, a, b, free)
+
+
+@pytest.mark.parametrize("free", [ELL, HOLED, BLIND], ids=["ell", "holed", "blind"])
+def test_random_poses_with_room_are_connected(free: Polygon) -> None:
+    connector, draw = Connector(free, R, COSTS), random.Random(7)
+    left, low, right, high = free.bounds
+    room, found = free.buffer(-2.5), []
+    while len(found) < 24:
+        spot = (draw.uniform(left, right), draw.uniform(low, high))
+        if room.contains(Point(spot)):
+            found.append((*spot, draw.uniform(-math.pi, math.pi)))
+    for a, b in zip(found[::2], found[1::2], strict=True):
+        assert_good(connector.connect(a, b), a, b, free)
+
+
+def test_route_through_an_ell_is_little_longer_than_the_shortest_way() -> None:
+    a, b = (110.0, 15.0, math.pi), (15.0, 110.0, UP)
+    path = Connector(ELL, R, COSTS).connect(a, b)
+    assert_good(path, a, b, ELL)
+    taut = math.dist(a[:2], (30, 30)) + math.dist((30, 30), b[:2])
+    assert path.kind == "route" and path.reversals == 0
+    assert taut <= path.length_m <= taut + R
+
+
+def test_route_round_a_hole_is_little_longer_than_the_shortest_way() -> None:
+    a, b = (20.0, 48.0, 0.0), (140.0, 48.0, 0.0)
+    path = Connector(HOLED, R, COSTS).connect(a, b)
+    assert_good(path, a, b, HOLED)
+    taut = math.dist(a[:2], (60, 30)) + 40 + math.dist((100, 30), b[:2])
+    assert path.kind == "route" and path.reversals == 0
+    assert taut <= path.length_m <= taut + R
+
+
+def test_turning_round_in_a_lane_reverses_when_allowed() -> None:
+    free = box(0, 0, 60, 7)
+    a, b = (20.0, 3.5, 0.0), (40.0, 3.5, math.pi)
+    path = Connector(free, R, COSTS).connect(a, b)
+    assert_good(path, a, b, free)
+    assert path.reversals > 0
+
+
+def test_lane_without_reversing_is_left_to_turn_in_the_yard() -> None:
+    a, b = (70.0, 3.0, math.pi), (60.0, 3.0, 0.0)
+    path = Connector(BLIND, R, COSTS, kinds=("u", "omega")).connect(a, b)
+    assert_good(path, a, b, BLIND)
+    assert path.reversals == 0
+    assert line(path).bounds[0] < 40.0
+
+
+def test_parts_that_do_not_touch_are_not_connected() -> None:
+    free = shapely.union(box(0, 0, 50, 50), box(60, 0, 110, 50))
+    connector = Connector(free, R, COSTS)
+    assert connector.connect((25, 25, 0.0), (85, 25, 0.0)) is None
+    assert connector.connect((25, 25, 0.0), (25, 40, math.pi)) is not None
+
+
+def test_a_pose_outside_is_not_connected() -> None:
+    assert Connector(SQUARE, R, COSTS).connect((50, 50, 0.0), (101, 50, 0.0)) is None
+
+
+def test_a_pose_on_the_edge_is_connected() -> None:
+    a, b = (50.0, 0.0, 0.0), (50.0, 100.0, math.pi)
+    assert_good(Connector(SQUARE, R, COSTS).connect(a, b), a, b, SQUARE)
+
+
+@pytest.mark.parametrize(
+    ("free", "a", "b"),
+    [
+        (SQUARE, (40.0, 88.0, UP), (43.0, 88.0, DOWN)),
+        (SQUARE, (40.0, 94.0, UP), (43.0, 95.5, DOWN)),
+        (SQUARE, (10.0, 20.0, 0.3), (80.0, 70.0, 2.0)),
+        (ELL, (110.0, 15.0, math.pi), (15.0, 110.0, UP)),
+        (HOLED, (20.0, 47.0, 0.0), (140.0, 44.0, 0.0)),
+    ],
+)
+def test_mirror_image_in_mirror_image_out(free: Polygon, a: Pose, b: Pose) -> None:
+    mirror_free = shapely.transform(free, lambda xy: xy * (-1.0, 1.0))
+    mirror_a, mirror_b = ((-p[0], p[1], math.pi - p[2]) for p in (a, b))
+    path = Connector(free, R, COSTS).connect(a, b)
+    image = Connector(mirror_free, R, COSTS).connect(mirror_a, mirror_b)
+    assert [s.gear for s in image.segments] == [s.gear for s in path.segments]
+    assert [s.length_m for s in image.segments] == pytest.approx([s.length_m for s in path.segments], abs=1e-6)
+    assert [s.curvature for s in image.segments] == pytest.approx([-s.curvature for s in path.segments], abs=1e-9)
+
+
+def test_same_input_same_output_whatever_was_asked_before() -> None:
+    a, b = (20.0, 48.0, 0.0), (140.0, 48.0, 0.0)
+    fresh, used = Connector(HOLED, R, COSTS), Connector(HOLED, R, COSTS)
+    used.connect((10, 10, 0.0), (150, 90, 0.0))
+    used.connect(b, a)
+    assert fresh.connect(a, b) == used.connect(a, b)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: TurnCosts(0.0, 1.0, 1.0), "speed_mps 0.0 must be above zero"),
+        (lambda: TurnCosts(1.0, math.inf, 1.0), "reverse_speed_mps inf must be above zero and finite"),
+        (lambda: TurnCosts(1.0, 1.0, -1.0), "cusp_s -1.0 must be zero or more"),
+        (lambda: Connector(Polygon(), R, COSTS), "empty"),
+        (lambda: Connector(SQUARE, 0.0, COSTS), "Turning radius 0.0 m"),
+        (lambda: Connector(SQUARE, R, COSTS, kinds=("u", "loop")), 'Turn kind "loop" is not known'),
+    ],
+)
+def test_values_that_make_no_sense_are_refused(make, says: str) -> None:
+    with pytest.raises(TurnError, match=says):
+        make()
+
+
+def test_ways_round_a_hole_are_the_two_taut_strings() -> None:
+    corners = Corners(HOLED, HOLED.buffer(0.007))
+    ways = corners.ways((20.0, 45.0, 0.0), (140.0, 45.0, 0.0))
+    lengths = [sum(math.dist(p, q) for p, q in pairwise(way)) for way in ways]
+    below, above = (2 * math.hypot(40 - 0.25, abs(45 - y)) + 40.5 for y in (29.75, 70.25))
+    assert lengths[0] == pytest.approx(below, abs=1e-9)
+    assert any(length == pytest.approx(above, abs=1e-9) for length in lengths)
+    assert lengths == sorted(lengths)
+
+
+def test_a_straight_way_is_one_way() -> None:
+    assert Corners(SQUARE, SQUARE).ways((10, 10, 0.0), (90, 50, 0.0)) == [[(10, 10), (90, 50)]]
+
+
+def test_sight_follows_a_bend_too_gentle_for_a_corner() -> None:
+    # An arc-shaped lane of radius 300 m, 8 m wide: its outline turns by one degree per vertex.
+    turn = np.radians(np.arange(0, 91))
+    ring = np.column_stack((np.cos(turn), np.sin(turn)))
+    lane = Polygon(np.concatenate((304 * ring, 296 * ring[::-1])))
+    a, b = (300.0, 1.0, UP), (1.0, 300.0, math.pi)
+    path = Connector(lane, R, COSTS).connect(a, b)
+    assert_good(path, a, b, lane)
+    assert 296 * math.pi / 2 - 5 < path.length_m < 300 * math.pi / 2 + 5
+
+
+def test_corner_poses_pass_outside_the_bend() -> None:
+    poses = corner_poses((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), R)
+    assert poses[0] == pytest.approx((10.0, 0.0, math.pi / 4))
+    for x, y, heading in poses:
+        assert (x - 10.0) >= -1e-9 and y <= 1e-9  # to the right of a left bend
+        assert -1e-9 <= heading <= math.pi / 2 + 1e-9
+
+
+def test_ring_poses_lie_inside_and_come_in_both_headings() -> None:
+    poses = ring_poses(HOLED, R)
+    assert all(HOLED.covers(Point(pose[:2])) for pose in poses)
+    headings: dict[tuple[float, float], list[float]] = {}
+    for x, y, heading in poses:
+        headings.setdefault((x, y), []).append(heading)
+    for forth, back in headings.values():
+        assert abs(math.remainder(forth - back, 2 * math.pi)) == pytest.approx(math.pi)
+
+
+def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = math.inf) -> list[int] | None:
+    def link(i: int, j: int) -> Path | None:
+        way = Segment(math.dist(poses[i][:2], poses[j][:2]), 0.0, 1)
+        return None if (i, j) in blocked else Path(poses[i], (way,), "route")
+
+    last = len(poses) - 1
+    return quickest_chain(
+        poses, {0: 0.0}, {last: 0.0}, lambda i: range(len(poses)), link, lambda p: p.length_m / 2.0, 2.0, limit_s
+    )
+
+
+def test_quickest_chain_on_a_graph_worked_by_hand() -> None:
+    poses = [(0.0, 0.0, 0.0), (5.0, 3.0, 0.0), (5.0, -6.0, 0.0), (10.0, 0.0, 0.0)]
+    assert chain(poses, set()) == [0, 3]
+    assert chain(poses, {(0, 3)}) == [0, 1, 3]
+    assert chain(poses, {(0, 3), (1, 3)}) == [0, 2, 3]
+    assert chain(poses, {(0, 3), (1, 3), (2, 3)}) is None
+
+
+def test_quickest_chain_stops_at_its_limit() -> None:
+    poses = [(0.0, 0.0, 0.0), (5.0, 3.0, 0.0), (10.0, 0.0, 0.0)]
+    needed = 2 * math.hypot(5, 3) / 2.0
+    assert chain(poses, {(0, 2)}, needed + 1e-6) == [0, 1, 2]
+    assert chain(poses, {(0, 2)}, needed - 1e-6) is None
+
+
+def test_a_turn_with_room_is_found_quickly() -> None:
+    connector = Connector(SQUARE, R, COSTS)
+    pairs = [((20.0 + i, 60.0, UP), (23.0 + i, 60.0, DOWN)) for i in range(50)]
+    connector.connect(*pairs[0])
+    begin = time.perf_counter()
+    for a, b in pairs:
+        connector.connect(a, b)
+    assert (time.perf_counter() - begin) / len(pairs) < 0.02  # usually 0.1 ms; this is only against a blow-up
