@@ -1,0 +1,211 @@
+"""Tracks on a field: parallel lines evenly spaced, ending where the headland begins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from fields.bearings import candidate_bearings
+from fields.errors import FieldError
+from fields.field import Field
+from fields.lines import SHIFTS, Comb, CombRules, axes, better, comb, region_edges
+
+FloatArray = npt.NDArray[np.float64]
+
+EDGE_SLACK_M = 1e-6
+"""The region is eroded this much less, so that a line exactly on its edge counts as inside."""
+MITRE_LIMIT = 2.0
+MOST_LINES = 20_000
+GRID_M = 1e-6
+SLIVER_M = 1e-5
+"""Parts of the inner region thinner than this are rounding."""
+PROMISING = 1.25
+"""Directions this much dearer than the cheapest may still win once their outer lines are shifted."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """One straight piece of a swath.
+
+    Attributes:
+        line: number of the parallel line, counted from one side of the field to the other.
+        piece: 0 and up along +u where a hole or a notch interrupts the line.
+        start, end: ends of the centre line, metres; end - start points along +u.
+    """
+
+    line: int
+    piece: int
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+    @property
+    def length(self) -> float:
+        """Length in metres."""
+        return math.dist(self.start, self.end)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The tracks of a field.
+
+    Attributes:
+        field: the field they are laid on.
+        bearing_rad: direction +u of every track as a mathematical angle, radians, in (-pi/2, pi/2].
+        width_m: working width. Lines are evenly spaced by at most that, so that the whole width is covered.
+        headland_m: room left along the tracks beyond their ends.
+        tracks: sorted by line and piece; lines are numbered from one side to the other.
+        inner: region in which the centre lines of tracks may lie.
+    """
+
+    field: Field
+    bearing_rad: float
+    width_m: float
+    headland_m: float
+    tracks: tuple[Track, ...]
+    inner: shapely.Geometry
+
+    @property
+    def lines(self) -> int:
+        """Number of parallel lines up to the last with a track; a line in between may carry none."""
+        return max(track.line for track in self.tracks) + 1
+
+    @property
+    def bearing_deg(self) -> float:
+        """Direction of the tracks clockwise from north, degrees in [0, 180)."""
+        bearing = (90.0 - math.degrees(self.bearing_rad)) % 180.0
+        return 0.0 if 180.0 - bearing < 1e-9 else bearing
+
+    @property
+    def total_m(self) -> float:
+        """Length of all tracks together, metres."""
+        return math.fsum(track.length for track in self.tracks)
+
+
+def lay_tracks(
+    field: Field,
+    width_m: float,
+    headland_m: float,
+    bearing_deg: float | None = None,
+    min_length_m: float = 5.0,
+) -> Layout:
+    """Lay parallel tracks on a field.
+
+    The boundary (obstacles included) is first drawn in by half the width; what remains is then shortened
+    at both ends of every chord along the tracks by headland - width / 2. An edge at the angle a to the
+    tracks is thus kept clear by width / 2 + (headland - width / 2) |sin a|: the full headland where
+    tracks end squarely, half a width where they run alongside.
+
+    The outer lines touch the lateral extremes of the drawn-in boundary, or stand off by less than a
+    width where that saves more than it leaves uncovered (a notch or a bulge in the side).
+
+    Args:
+        field: the field.
+        width_m: working width.
+        headland_m: room for turning along the tracks; 0 lets them run up to the boundary.
+        bearing_deg: direction clockwise from north; None tries the directions of the boundary and of the
+            smallest rectangle around it and takes the one with the least estimated driving.
+        min_length_m: shorter pieces are left out.
+
+    Raises:
+        FieldError: a value is out of range, or no track is left.
+    """
+    _check(width_m, headland_m, bearing_deg, min_length_m)
+    region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    edges = region_edges(region)
+    if not len(edges):
+        raise FieldError(
+            f"Field '{field.name}' is nowhere wider than the working width {width_m:g} m; "
+            "use a narrower implement."
+        )
+    span_m = math.dist(region.bounds[:2], region.bounds[2:])
+    if span_m > MOST_LINES * width_m:
+        raise FieldError(
+            f"Working width {width_m:g} m would give more than {MOST_LINES} lines on field '{field.name}', "
+            f"{span_m:.0f} m across; give the width in metres."
+        )
+    trim = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
+    rules = CombRules(width_m, trim, min_length_m, EDGE_SLACK_M, field.area_m2)
+    choice = _choose(field, edges, rules, bearing_deg)
+    if choice is None:
+        raise FieldError(
+            f"No track of {min_length_m:g} m is left on field '{field.name}' ({field.area_ha:.3g} ha) with a "
+            f"headland of {headland_m:g} m{_along(bearing_deg)}; use a smaller headland or another bearing."
+        )
+    bearing_rad, teeth = choice
+    inner = _inner(region, edges, axes(bearing_rad), trim)
+    return Layout(field, bearing_rad, width_m, headland_m, _tracks(teeth, axes(bearing_rad)), inner)
+
+
+def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
+    """Refuse numbers that mean nothing."""
+    if not (math.isfinite(width_m) and width_m > 0.0):
+        raise FieldError(f"Working width {width_m} m is not usable; give a width above 0 m.")
+    if not (math.isfinite(headland_m) and headland_m >= 0.0):
+        raise FieldError(f"Headland {headland_m} m is not usable; give 0 m or more.")
+    if bearing_deg is not None and not math.isfinite(bearing_deg):
+        raise FieldError(f"Bearing {bearing_deg} is not usable; give degrees clockwise from north, or none.")
+    if not (math.isfinite(min_length_m) and min_length_m > 0.0):
+        raise FieldError(f"Shortest track {min_length_m} m is not usable; give a length above 0 m.")
+
+
+def _choose(
+    field: Field, edges: FloatArray, rules: CombRules, bearing_deg: float | None
+) -> tuple[float, Comb] | None:
+    """Direction in (-pi/2, pi/2] and comb: the one asked for, or the cheapest of the candidates.
+
+    Candidates are first compared without shifts; those that come close are then worked out in full. On
+    equal cost and length the one with the longest edge, which comes first, wins.
+    """
+    if bearing_deg is not None:
+        angles = [math.radians(90.0 - bearing_deg % 180.0)]
+    else:
+        angles = _promising(candidate_bearings(field.boundary), edges, rules)
+    best: tuple[float, Comb] | None = None
+    for angle in angles:
+        teeth = comb(edges @ axes(angle).T, rules, SHIFTS)
+        if teeth is not None and (best is None or better(teeth, best[1])):
+            best = angle, teeth
+    return best
+
+
+def _promising(angles: list[float], edges: FloatArray, rules: CombRules) -> list[float]:
+    """The directions, in their order and in (-pi/2, pi/2], whose plain comb is near the cheapest."""
+    plain = [(angle, comb(edges @ axes(angle).T, rules)) for angle in angles]
+    cost = [(angle, teeth.cost_m) for angle, teeth in plain if teeth is not None]
+    limit = min((value for _, value in cost), default=0.0) * PROMISING
+    near = [angle for angle, value in cost if value <= limit]
+    return [angle - math.pi if angle > math.pi / 2.0 + 1e-12 else angle for angle in near]
+
+
+def _tracks(teeth: Comb, frame: FloatArray) -> tuple[Track, ...]:
+    """The pieces of a comb as tracks in metres; empty lines before the first piece are not counted."""
+    q = teeth.q[teeth.line]
+    start = np.column_stack([teeth.s0, q]) @ frame
+    end = np.column_stack([teeth.s1, q]) @ frame
+    tracks: list[Track] = []
+    for line, a, b in zip((teeth.line - teeth.line[0]).tolist(), start.tolist(), end.tolist(), strict=True):
+        piece = tracks[-1].piece + 1 if tracks and tracks[-1].line == line else 0
+        tracks.append(Track(line, piece, (a[0], a[1]), (b[0], b[1])))
+    return tuple(tracks)
+
+
+def _inner(region: shapely.Geometry, edges: FloatArray, frame: FloatArray, trim: float) -> shapely.Geometry:
+    """The region without everything that lies within ``trim`` of its edge along the tracks."""
+    reach = trim * frame[0]
+    slanted = np.abs((edges[:, 1] - edges[:, 0]) @ frame[1]) > 1e-9
+    if not slanted.any():
+        return region
+    a, b = edges[slanted, 0], edges[slanted, 1]
+    swept = shapely.polygons(np.stack([a - reach, b - reach, b + reach, a + reach], axis=1))
+    # Without a grid GEOS loses whole pieces when it unites shapes whose edges all but coincide.
+    blocked = shapely.union_all(swept, grid_size=GRID_M)
+    parts = shapely.get_parts(shapely.difference(region, blocked, grid_size=GRID_M))
+    return shapely.union_all(parts[shapely.area(parts) > SLIVER_M * shapely.length(parts)], grid_size=GRID_M)
+
+
+def _along(bearing_deg: float | None) -> str:
+    return "" if bearing_deg is None else f" at bearing {bearing_deg:g} degrees"

@@ -1,0 +1,314 @@
+"""Tracks: closed forms on plain shapes, and properties on random ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from shapely import affinity
+
+from fields import Field, FieldError, Layout, lay_tracks, read_field, sample_names
+from fields.bearings import candidate_bearings
+from fields.lines import chords, positions
+
+
+def rectangle(length: float, width: float) -> Field:
+    return Field("r", shapely.box(0, 0, length, width))
+
+
+def swaths(layout: Layout) -> shapely.Geometry:
+    """Everything the implement passes over."""
+    lines = [shapely.LineString([track.start, track.end]) for track in layout.tracks]
+    return shapely.union_all(shapely.buffer(lines, layout.width_m / 2, cap_style="flat"), grid_size=1e-6)
+
+
+class TestRectangle:
+    def test_the_field_of_the_thesis(self) -> None:
+        layout = lay_tracks(read_field("iwamizawa"), 3.0, 10.0)
+        assert layout.bearing_deg == 90.0
+        assert layout.lines == len(layout.tracks) == 24
+        assert [track.line for track in layout.tracks] == list(range(24))
+        assert all(track.length == pytest.approx(250.0, abs=1e-9) for track in layout.tracks)
+        y = [track.start[1] for track in layout.tracks]
+        assert y == pytest.approx([1.5 + 67.0 / 23.0 * i for i in range(24)], abs=1e-6)
+        assert {(round(t.start[0], 9), round(t.end[0], 9)) for t in layout.tracks} == {(10.0, 260.0)}
+        assert layout.inner.hausdorff_distance(shapely.box(10, 1.5, 260, 68.5)) < 1e-5
+
+    @pytest.mark.parametrize(
+        ("width", "expected"), [(69.0, 23), (69.04, 23), (69.999, 24), (70.0, 24), (71.9, 24), (72.1, 25)]
+    )
+    def test_number_of_lines(self, width: float, expected: int) -> None:
+        assert lay_tracks(rectangle(270, width), 3.0, 10.0).lines == expected
+
+    @given(
+        length=st.floats(120, 400),
+        width=st.floats(20, 100),
+        implement=st.floats(1, 12),
+        headland=st.floats(0, 30),
+    )
+    @settings(max_examples=60, deadline=None)
+    def test_closed_form(self, length: float, width: float, implement: float, headland: float) -> None:
+        layout = lay_tracks(rectangle(length, width), implement, headland, 90.0)
+        count = max(math.ceil((width - implement - 0.05) / implement), 0) + 1
+        end = max(headland, implement / 2)
+        assert len(layout.tracks) == layout.lines == count
+        assert layout.total_m == pytest.approx(count * (length - 2 * end), rel=1e-9)
+
+    def test_covers_all_but_the_headland(self) -> None:
+        layout = lay_tracks(rectangle(270, 70), 3.0, 10.0)
+        assert swaths(layout).area == pytest.approx(250 * 70, rel=1e-9)
+
+    def test_one_line_when_the_field_is_little_wider_than_the_implement(self) -> None:
+        layout = lay_tracks(rectangle(100, 3.04), 3.0, 10.0)
+        assert len(layout.tracks) == 1
+        assert layout.tracks[0].start == pytest.approx((10.0, 1.5), abs=1e-5)
+
+    @pytest.mark.parametrize(
+        ("bearing", "expected"), [(0, 0), (180, 0), (360, 0), (-90, 90), (270, 90), (450, 90), (30, 30)]
+    )
+    def test_bearing_is_kept_in_half_a_turn(self, bearing: float, expected: float) -> None:
+        layout = lay_tracks(rectangle(270, 70), 3.0, 10.0, bearing)
+        assert layout.bearing_deg == pytest.approx(expected, abs=1e-9)
+
+    def test_best_bearing_is_along_the_long_side(self) -> None:
+        for turn in (0, 17, 90, 163):
+            field = Field("r", affinity.rotate(shapely.box(0, 0, 270, 70), -turn))
+            assert (lay_tracks(field, 3, 10).bearing_deg - 90 - turn + 1) % 180 == pytest.approx(1, abs=1e-6)
+
+
+class TestShapes:
+    def test_obstacle_cuts_lines_in_two(self) -> None:
+        """A 20 m square hole: every line within half a width of it keeps the headland on both sides."""
+        field = Field("h", shapely.box(0, 0, 200, 60).difference(shapely.box(90, 20, 110, 40)))
+        layout = lay_tracks(field, 3.0, 10.0, 90.0)
+        cut = [track for track in layout.tracks if 18.5 < track.start[1] < 41.5]
+        assert {track.piece for track in cut} == {0, 1}
+        assert {round(track.length, 6) for track in cut} == {70.0}
+        assert {round(track.length, 6) for track in layout.tracks if track not in cut} == {180.0}
+        assert len(layout.tracks) == layout.lines + len(cut) // 2
+        assert layout.tracks == tuple(sorted(layout.tracks, key=lambda t: (t.line, t.piece)))
+
+    def test_slanted_end_keeps_the_stated_offset(self) -> None:
+        """Edge at 45 degrees: w/2 + (h - w/2) sin 45, measured square to the edge."""
+        field = Field("t", shapely.Polygon([(0, 0), (200, 0), (140, 60), (0, 60)]))
+        layout = lay_tracks(field, 3.0, 10.0, 90.0)
+        slant = shapely.LineString([(300, -100), (40, 160)])
+        offsets = [slant.distance(shapely.Point(track.end)) for track in layout.tracks]
+        assert offsets == pytest.approx([1.5 + 8.5 * math.sqrt(0.5)] * len(offsets), abs=1e-5)
+
+    def test_line_flush_with_an_inner_edge_runs_along_it(self) -> None:
+        """An L whose step lies on the grid: the line there has room for the whole implement."""
+        field = Field("l", shapely.Polygon([(0, 0), (200, 0), (200, 30), (100, 30), (100, 60), (0, 60)]))
+        lengths = [round(track.length, 6) for track in lay_tracks(field, 3.0, 10.0, 90.0).tracks]
+        assert lengths == [180.0] * 10 + [80.0] * 10
+
+    def test_small_bulge_does_not_cost_the_outer_line(self) -> None:
+        """A side that bows out by 30 cm: the outer line stands off a little and keeps its length."""
+        field = Field("b", shapely.Polygon([(0, 0), (150, -0.3), (300, 0), (300, 60), (0, 60)]))
+        layout = lay_tracks(field, 3.0, 10.0, 90.0)
+        assert len(layout.tracks) >= 20
+        assert min(track.length for track in layout.tracks) > 250.0
+
+    def test_short_pieces_are_left_out(self) -> None:
+        field = Field("t", shapely.Polygon([(0, 0), (100, 0), (50, 80)]))
+        for least in (5.0, 20.0, 40.0):
+            assert min(track.length for track in lay_tracks(field, 3, 4, 90, least).tracks) >= least - 1e-6
+
+    def test_more_headland_never_gives_more_track(self) -> None:
+        field = read_field("denmark")
+        totals = [lay_tracks(field, 3.0, headland, 100.0).total_m for headland in (0, 3, 6, 9, 12, 15)]
+        assert totals == sorted(totals, reverse=True)
+
+    @pytest.mark.parametrize("name", sample_names())
+    def test_samples_are_covered_without_leaving_the_field(self, name: str) -> None:
+        field = read_field(name)
+        layout = lay_tracks(field, 3.0, 9.0)
+        worked = swaths(layout)
+        assert worked.difference(field.boundary).area < 1e-3
+        assert worked.area > 0.75 * field.area_m2
+        room = layout.inner.buffer(1e-3)
+        assert all(room.covers(shapely.LineString([track.start, track.end])) for track in layout.tracks)
+
+    def test_same_input_same_layout(self) -> None:
+        field = read_field("denmark")
+        assert lay_tracks(field, 3.0, 9.0).tracks == lay_tracks(field, 3.0, 9.0).tracks
+
+
+@st.composite
+def outlines(draw: st.DrawFn) -> shapely.Polygon:
+    """A star-shaped field of 4 to 12 corners, 40 to 200 m across, sometimes with a hole."""
+    count = draw(st.integers(4, 12))
+    radius = [draw(st.integers(40, 200)) for _ in range(count)]
+    angle = [2 * math.pi * (i + draw(st.integers(-3, 3)) / 10) / count for i in range(count)]
+    shape = shapely.Polygon([(r * math.cos(a), r * math.sin(a)) for r, a in zip(radius, angle, strict=True)])
+    if draw(st.booleans()):
+        shape = shape.difference(shapely.box(-8, -5, 6, 7))
+    assume(isinstance(shape, shapely.Polygon) and shape.is_valid)
+    return shape
+
+
+@st.composite
+def steps(draw: st.DrawFn) -> shapely.Polygon:
+    """A field of right angles on a metre grid: lines often fall exactly on its edges."""
+    towers, x = [], 0
+    for _ in range(draw(st.integers(1, 5))):
+        wide, high, low = draw(st.integers(6, 60)), draw(st.integers(24, 120)), draw(st.integers(-40, 0))
+        towers.append(shapely.box(x, low, x + wide, high))
+        x += wide
+    return shapely.union_all(towers)
+
+
+def laid(shape: shapely.Polygon, bearing: float | None = None) -> Layout | None:
+    try:
+        return lay_tracks(Field("p", shape), 3.0, 9.0, bearing)
+    except FieldError:
+        return None
+
+
+RELAXED = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+
+
+class TestProperties:
+    @given(
+        shape=outlines() | steps(),
+        turn=st.floats(0, 360),
+        mirror=st.booleans(),
+        dx=st.integers(-5000, 5000),
+        dy=st.integers(-5000, 5000),
+    )
+    @RELAXED
+    def test_the_layout_moves_with_the_field(
+        self, shape: shapely.Polygon, turn: float, mirror: bool, dx: int, dy: int
+    ) -> None:
+        other = affinity.scale(shape, xfact=-1.0, origin=(0, 0)) if mirror else shape
+        other = affinity.translate(affinity.rotate(other, turn, origin=(0, 0)), dx, dy)
+        before, after = laid(shape), laid(other)
+        assert (before is None) == (after is None)
+        if before is not None and after is not None:
+            assert (after.lines, len(after.tracks)) == (before.lines, len(before.tracks))
+            assert after.total_m == pytest.approx(before.total_m, rel=1e-6)
+
+    @given(shape=outlines(), bearing=st.floats(0, 180))
+    @RELAXED
+    def test_what_every_layout_keeps_to(self, shape: shapely.Polygon, bearing: float) -> None:
+        layout = laid(shape, bearing)
+        assume(layout is not None)
+        assert layout is not None
+        assert swaths(layout).difference(shape).area < 1e-3
+        along = np.array([math.cos(layout.bearing_rad), math.sin(layout.bearing_rad)])
+        across = np.array([-along[1], along[0]])
+        ends = np.array([[track.start, track.end] for track in layout.tracks])
+        step = ends[:, 1] - ends[:, 0]
+        assert step @ along == pytest.approx(np.hypot(*step.T)) and (step @ along >= 5.0 - 1e-6).all()
+        line = np.array([track.line for track in layout.tracks])
+        lateral = ends[:, 0] @ across
+        gap, lines = np.abs(np.diff(lateral)), np.diff(line)
+        other = lines > 0
+        spacing = gap[other] / lines[other]
+        assert not len(spacing) or np.ptp(spacing) < 1e-6 and spacing[0] <= 3.0 + 0.05
+
+    @given(shape=outlines(), bearing=st.floats(0, 180))
+    @RELAXED
+    def test_room_beyond_both_ends(self, shape: shapely.Polygon, bearing: float) -> None:
+        """Along the track at least the headland less half a width is free, for the whole implement."""
+        layout = laid(shape, bearing)
+        assume(layout is not None)
+        assert layout is not None
+        reach = 7.5 * np.array([math.cos(layout.bearing_rad), math.sin(layout.bearing_rad)])
+        for track in layout.tracks:
+            longer = shapely.LineString([track.start - reach, track.end + reach]).buffer(1.5 - 1e-4)
+            assert shape.covers(longer)
+
+    @given(shape=outlines() | steps(), bearing=st.floats(0, 180) | st.sampled_from([0.0, 90.0]))
+    @RELAXED
+    def test_tracks_reach_just_to_the_end_of_the_inner_region(
+        self, shape: shapely.Polygon, bearing: float
+    ) -> None:
+        layout = laid(shape, bearing)
+        assume(layout is not None)
+        assert layout is not None
+        roomy, tight = layout.inner.buffer(1e-4), layout.inner.buffer(-1e-3)
+        nudge = 0.01 * np.array([math.cos(layout.bearing_rad), math.sin(layout.bearing_rad)])
+        for track in layout.tracks:
+            assert roomy.covers(shapely.LineString([track.start, track.end]))
+            assert not tight.intersects(shapely.MultiPoint([track.start - nudge, track.end + nudge]))
+
+    @given(shape=outlines())
+    @settings(RELAXED, max_examples=25)
+    def test_best_bearing_beats_every_other_candidate(self, shape: shapely.Polygon) -> None:
+        """Effort worked out afresh, with the covered area from the union of the swaths."""
+        best = laid(shape)
+        assume(best is not None)
+        assert best is not None
+        angles = candidate_bearings(shape)
+        assert min(abs((best.bearing_rad - angle + 1) % math.pi - 1) for angle in angles) < 1e-9
+        others = [laid(shape, 90.0 - math.degrees(angle)) for angle in angles]
+        assert effort(best) <= (1 + 1e-3) * min(effort(other) for other in others if other is not None)
+
+
+def effort(layout: Layout) -> float:
+    """Driving on the tracks, 15 m a turn, and twice the length that the uncovered area would take."""
+    uncovered = layout.field.area_m2 - swaths(layout).area
+    return layout.total_m + 15.0 * len(layout.tracks) + 2.0 * uncovered / layout.width_m
+
+
+class TestRefusals:
+    @pytest.mark.parametrize("width", [0.0, -3.0, math.nan, math.inf])
+    def test_width(self, width: float) -> None:
+        with pytest.raises(FieldError, match="Working width"):
+            lay_tracks(rectangle(100, 50), width, 5.0)
+
+    @pytest.mark.parametrize("headland", [-1.0, math.nan, math.inf])
+    def test_headland(self, headland: float) -> None:
+        with pytest.raises(FieldError, match="Headland"):
+            lay_tracks(rectangle(100, 50), 3.0, headland)
+
+    @pytest.mark.parametrize(
+        "options", [{"bearing_deg": math.nan}, {"min_length_m": 0.0}, {"min_length_m": math.nan}]
+    )
+    def test_options(self, options: dict[str, float]) -> None:
+        with pytest.raises(FieldError, match="not usable"):
+            lay_tracks(rectangle(100, 50), 3.0, 5.0, **options)
+
+    def test_millimetres_as_metres(self) -> None:
+        with pytest.raises(FieldError, match="more than 20000 lines"):
+            lay_tracks(rectangle(100, 50), 0.003, 5.0)
+
+    def test_implement_wider_than_the_field(self) -> None:
+        with pytest.raises(FieldError, match="nowhere wider than the working width"):
+            lay_tracks(rectangle(100, 50), 50.1, 5.0)
+
+    @pytest.mark.parametrize("bearing", [None, 0.0, 90.0])
+    def test_field_too_small_for_its_headland(self, bearing: float | None) -> None:
+        with pytest.raises(FieldError, match="No track"):
+            lay_tracks(rectangle(50, 50), 3.0, 23.0, bearing)
+
+
+class TestParts:
+    def test_positions_by_hand(self) -> None:
+        assert positions(0.0, 7.0, 3.0).tolist() == pytest.approx([0.0, 7.0 / 3.0, 14.0 / 3.0, 7.0])
+        assert positions(0.0, 6.0, 3.0).tolist() == [0.0, 3.0, 6.0]
+        assert positions(2.0, 2.0, 3.0).tolist() == [2.0]
+
+    def test_chords_by_hand(self) -> None:
+        """A triangle (0,0) (10,0) (5,10): at height q the chord runs from q/2 to 10 - q/2."""
+        corners = np.array([(0.0, 0.0), (10.0, 0.0), (5.0, 10.0)])
+        edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+        line, start, end = chords(edges, np.array([2.0, 6.0, 11.0]))
+        assert line.tolist() == [0, 1]
+        assert start == pytest.approx([1.0, 3.0]) and end == pytest.approx([9.0, 7.0])
+
+    def test_candidates_of_a_right_triangle(self) -> None:
+        """Legs 30 and 40: three edges; the two least rectangles lie along them as well."""
+        found = sorted(
+            math.degrees(angle) for angle in candidate_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)]))
+        )
+        assert found == pytest.approx([0.0, 90.0, 180.0 - math.degrees(math.atan2(30, 40))])
+
+    def test_candidates_of_a_curve_are_limited(self) -> None:
+        circle = shapely.Point(0, 0).buffer(400, quad_segs=200)
+        assert len(candidate_bearings(circle)) <= 72
