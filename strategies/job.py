@@ -15,7 +15,8 @@ class Manner:
     """How every tractor of the fleet drives.
 
     `tool_m` is how far the implement works behind the guided point; `turn_s[k]` the simulated seconds of the best
-    turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across.
+    turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across. A tractor
+    that must give way waits `hold_back_m` before the end of its track, clear of the headland.
     """
 
     work_speed_mps: float
@@ -25,6 +26,7 @@ class Manner:
     tool_m: float
     gap_m: float = 10.0
     stagger_m: float = 12.0
+    hold_back_m: float = 8.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
 
 
@@ -38,7 +40,10 @@ class Pass:
 
 @dataclass
 class Job:
-    """A field to be worked by `tractors` tractors. Ways found are kept, as strategies ask for the same ones."""
+    """A field to be worked by `tractors` tractors.
+
+    Ways found are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
+    """
 
     layout: Layout
     manner: Manner
@@ -46,6 +51,7 @@ class Job:
     tractors: int
     corner: tuple[bool, int] | None = None
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
+    used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:
         """The quickest drivable way from a to b inside the field, or None."""

@@ -51,11 +51,16 @@ def _ground(job: Job, points: np.ndarray) -> str:
 
 
 def pass_legs(job: Job, this: Pass) -> list[Leg]:
-    """Drive in until the implement is over the headland line, then work to the far line."""
-    entry, tool = job.entry(this), job.manner.tool_m
+    """Drive in until the implement is over the headland line, then work to the far line.
+
+    The last stretch is a leg of its own, so that a tractor can be told to give way before it.
+    """
+    entry, tool, end = job.entry(this), job.manner.tool_m, this.track.length + job.manner.tool_m
+    hold = max(end - job.manner.hold_back_m, 0.5 * (tool + end))
     return [
         straight_leg(job, entry, 0.0, tool, implement=False),
-        straight_leg(job, entry, tool, this.track.length + tool, implement=True),
+        straight_leg(job, entry, tool, hold, implement=True),
+        straight_leg(job, entry, hold, end, implement=True),
     ]
 
 
@@ -68,6 +73,7 @@ def turn_legs(job: Job, a: Pass, b: Pass) -> list[Leg]:
             f"No way of turning radius {job.manner.radius_m:.1f} m leads from track {a.track.line} to track "
             f"{b.track.line} (at {x:.0f}, {y:.0f} m) inside the field; a wider headland or another turn may."
         )
+    job.used[path.kind] = job.used.get(path.kind, 0) + 1
     return way_legs(job, path)
 
 

@@ -16,13 +16,15 @@ DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
 
 @dataclass(frozen=True)
 class Conflict:
-    """Two tractors that came too close: when, who, on which of their legs."""
+    """Two tractors that came too close: when, who, on which of their legs and how many metres into it."""
 
     time_s: float
     first: int
     second: int
     first_leg: int
     second_leg: int
+    first_m: float = 0.0
+    second_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,8 +131,8 @@ class Implement(_Frozen):
     """A mounted implement: a bar of the working width, `hitch_m` behind the rear axle."""
 
     width_m: Positive = 3.0
-    hitch_m: Positive = 1.5
-    length_m: Positive = 1.0
+    hitch_m: Positive = 1.2
+    length_m: Positive = 0.7
     frame_width_m: Positive | None = None
 
     @property

@@ -123,13 +123,7 @@ class World:
         names = {ALL_DONE: DONE, TOO_CLOSE: CONFLICT, STALLED: STALL, RUNNING: TIMEOUT}
         states = self.program.states
         finish = np.where(states["done"] == 1, states["done_time"], np.nan)
-        conflict = None
-        if outcome == TOO_CLOSE:
-            first, second = int(self.pair[0]), int(self.pair[1])
-            legs = states["leg"] - states["first_leg"]
-            conflict = Conflict(
-                float(self.clock[0] * DT_S), first, second, int(legs[first]), int(legs[second])
-            )
+        conflict = self._conflict() if outcome == TOO_CLOSE else None
         return Run(
             plan=self.plan,
             outcome=names[outcome],
@@ -140,6 +134,13 @@ class World:
             min_clearance_m=float(self.clearances.min()),
             conflict=conflict,
         )
+
+    def _conflict(self) -> Conflict:
+        states, pair = self.program.states, self.pair
+        legs = [int(states["leg"][i] - states["first_leg"][i]) for i in pair]
+        ends = self.program.legs["end"]
+        done = [float(states["progress"][i] - (ends[states["leg"][i] - 1] if legs[k] else 0.0)) for k, i in enumerate(pair)]
+        return Conflict(float(self.clock[0] * DT_S), int(pair[0]), int(pair[1]), *legs, *done)
 
     def _first_touches(self) -> tuple[tuple[float, int, int], ...]:
         """Each touching pair once, at the time it first touched."""

@@ -1,0 +1,107 @@
+"""All candidates of a scenario, simulated on all cores, ranked."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+
+from planner.evaluate import Candidate, evaluate
+from planner.results import PlanResult, Ranking
+from planner.scenario import Scenario, clock
+from planner.site import Site, prepare
+from strategies.registry import FORMATIONS
+
+Progress = Callable[[int, int], None]
+SAME_S = 0.05
+
+
+def candidates(scenario: Scenario) -> list[Candidate]:
+    """Every combination worth simulating; for one tractor a formation is the plain order of tracks, tried once."""
+    found = []
+    for tractors in scenario.tractors:
+        names = list(scenario.strategies)
+        if tractors == 1:
+            formations = [name for name in names if name in FORMATIONS]
+            alone = [name for name in names if name not in FORMATIONS]
+            names = alone or formations[:1]
+        found += [Candidate(name, tractors) for name in names]
+    return found
+
+
+def plan(scenario: Scenario, *, processes: int | None = None, progress: Progress | None = None) -> tuple[Site, Ranking]:
+    """Simulate and rank all candidates; the result does not depend on the number of processes.
+
+    Raises the refusals of planner.errors for a scenario that cannot be planned at all.
+    """
+    site = prepare(scenario)
+    todo = candidates(scenario)
+    results = []
+    for result in _evaluated(site, todo, processes or os.cpu_count() or 1):
+        results.append(result)
+        if progress:
+            progress(len(results), len(todo))
+    return site, rank(site, results)
+
+
+def _evaluated(site: Site, todo: list[Candidate], processes: int) -> Iterator[PlanResult]:
+    """Results in the order of the candidates, the largest simulated first so that the cores finish together."""
+    work = partial(evaluate, site)
+    if processes <= 1 or len(todo) < 2:
+        yield from map(work, todo)
+        return
+    method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
+    with multiprocessing.get_context(method).Pool(min(processes, len(todo))) as pool:
+        yield from pool.imap(work, todo)
+
+
+def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
+    """Order by time, then tractors, then name; infeasible plans last. Marks the front of time against count."""
+    results = list(results)
+    feasible = sorted(
+        (r for r in results if r.feasible), key=lambda r: (round(r.time_s or 0.0, 3), r.tractors, r.strategy)
+    )
+    front = _front(feasible)
+    ranked = [
+        replace(result, rank=place, on_pareto_front=result in front) for place, result in enumerate(feasible, start=1)
+    ]
+    rest = sorted((r for r in results if not r.feasible), key=lambda r: (r.tractors, r.strategy))
+    scenario, field = site.scenario, site.layout.field
+    return Ranking(
+        field_name=field.name,
+        area_ha=field.area_ha,
+        seed=scenario.seed,
+        plans=(*ranked, *rest),
+        start=None if scenario.start_s is None else clock(scenario.start_s),
+        before=None if scenario.before_s is None else clock(scenario.before_s),
+        assumptions=assumptions(site),
+    )
+
+
+def _front(feasible: list[PlanResult]) -> list[PlanResult]:
+    """Plans than which none is both as quick and as small, and better in one."""
+    front: list[PlanResult] = []
+    for result in sorted(feasible, key=lambda r: (r.tractors, r.time_s or 0.0)):
+        if not front or (result.time_s or 0.0) < (front[-1].time_s or 0.0) - SAME_S:
+            if front and front[-1].tractors == result.tractors:
+                continue
+            front.append(result)
+    return front
+
+
+def assumptions(site: Site) -> tuple[str, ...]:
+    """What every plan of a ranking takes for granted, in sentences."""
+    manner, layout, tractor = site.manner, site.layout, site.tractor
+    kmh = 3.6
+    return (
+        f"{tractor.name}, implement {layout.width_m:g} m wide, working {manner.tool_m:.1f} m behind the antenna.",
+        f"Work at {manner.work_speed_mps * kmh:.3g} km/h, turns at {manner.turn_speed_mps * kmh:.3g} km/h.",
+        f"Planned turning radius {manner.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
+        f"{len(layout.tracks)} tracks at bearing {layout.bearing_deg:.0f} degrees.",
+        "Time runs from the start on the headland to the end of the last track; the headland itself is left for a "
+        "last round, which is not counted.",
+        f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
+        + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
+    )

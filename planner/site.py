@@ -1,0 +1,158 @@
+"""Everything about a place and a fleet that all candidates share: tracks, turns timed by simulation, free space."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from fields.field import Field
+from fields.layout import Layout, lay_tracks
+from fields.read import read_field
+from planner.errors import ScenarioError
+from planner.scenario import Scenario
+from strategies.connect import Connector, TurnCosts
+from strategies.job import Job, Manner, starting_corner
+from strategies.paths import Path, Pose
+from strategies.turns import TURN_KINDS, fishtail, omega_turn, switch_back, turn_depth, u_turn
+from vehicle.missions import Leg, Mission, Plan
+from vehicle.tractor import Implement, Tractor, load_tractor
+from vehicle.world import simulate
+
+RADIUS_MARGIN = 1.1  # planned turns are this much wider than full lock, so that guidance has something to correct with
+HEADLAND_STEP_M = 0.5
+LEAD_M = 15.0
+TURNS = {"u": (u_turn,), "omega": (omega_turn,), "switch-back": (switch_back, fishtail)}
+
+
+@dataclass(frozen=True)
+class Site:
+    """Field, tracks, tractor, implement, and how the fleet drives; made once per scenario."""
+
+    scenario: Scenario
+    layout: Layout
+    tractor: Tractor
+    implement: Implement
+    manner: Manner
+    costs: TurnCosts
+    free: shapely.Geometry
+    kinds: tuple[str, ...]
+
+    def job(self, tractors: int) -> Job:
+        """A job for this many tractors, with an empty memory of ways."""
+        connector = Connector(self.free, self.manner.radius_m, self.costs, self.kinds)
+        return Job(self.layout, self.manner, connector, tractors, starting_corner(self.layout))
+
+
+def prepare(scenario: Scenario, field: Field | None = None) -> Site:
+    """Read the field and the tractor, time the turns, size the headland, lay the tracks.
+
+    Raises FieldError, VehicleError or ScenarioError.
+    """
+    field = field or read_field(scenario.field, local=scenario.local)
+    tractor, implement = load_tractor(scenario.tractor), Implement(width_m=scenario.width_m)
+    radius = _planned_radius(scenario, tractor, field.default_ground)
+    tool = tractor.antenna_forward_m + implement.hitch_m
+    margin = 0.5 * max(implement.width_m, tractor.width_m)
+    kinds = TURN_KINDS if scenario.turn == "auto" else tuple(dict.fromkeys(("u", scenario.turn)))
+    headland = scenario.headland_m or _headland(scenario, radius, tool, margin)
+    layout = lay_tracks(field, scenario.width_m, headland, scenario.bearing_deg)
+    bare = Manner(
+        work_speed_mps=scenario.speed_mps,
+        turn_speed_mps=scenario.turn_speed_mps,
+        reverse_speed_mps=scenario.turn_speed_mps,
+        radius_m=radius,
+        tool_m=tool,
+    )
+    clock = TurnClock(tractor, implement, bare, field.default_ground)
+    depth = headland - tool - margin
+    manner = Manner(**{**bare.__dict__, "turn_s": clock.best_times(scenario.width_m, depth, kinds)})
+    free = field.boundary.buffer(-margin, join_style="mitre", mitre_limit=2.0)
+    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, kinds)
+
+
+def _planned_radius(scenario: Scenario, tractor: Tractor, ground: str) -> float:
+    smallest = tractor.smallest_radius_m(ground)
+    if scenario.radius_m is None:
+        return RADIUS_MARGIN * smallest
+    if scenario.radius_m < smallest:
+        raise ScenarioError(
+            f"A turning radius of {scenario.radius_m:g} m is tighter than {tractor.name} can drive on {ground} "
+            f"({smallest:.2f} m); use {smallest:.2f} m or more."
+        )
+    return scenario.radius_m
+
+
+def _headland(scenario: Scenario, radius: float, tool: float, margin: float) -> float:
+    """Depth in which the turn fits: the implement out of the track, the turn, and half the implement beside it."""
+    kind = scenario.turn if scenario.turn in ("omega", "switch-back") else "switch-back"
+    depth = max(turn_depth(kind, min(scenario.width_m, 2.0 * radius), radius), radius)
+    return math.ceil((tool + depth + margin) / HEADLAND_STEP_M) * HEADLAND_STEP_M
+
+
+@dataclass(frozen=True)
+class TurnClock:
+    """Times turns by simulating one tractor that drives them."""
+
+    tractor: Tractor
+    implement: Implement
+    manner: Manner
+    ground: str
+
+    def seconds(self, path: Path) -> float:
+        """Simulated seconds from the end of one track to the start of the next."""
+        legs = [self._straight(path.start, -LEAD_M, 0.0)]
+        legs += [
+            Leg(points, self._speed(gear), gear, ground=self.ground, kind="turn")
+            for gear, points in path.sample(0.25)
+        ]
+        legs.append(self._straight(path.end, 0.0, LEAD_M))
+        plan = Plan((Mission(tuple(legs)),))
+        run = simulate(plan, self.tractor, self.implement, max_time_s=600.0)
+        straight = Plan((Mission((self._straight(path.start, -LEAD_M, LEAD_M),)),))
+        return run.duration_s - simulate(straight, self.tractor, self.implement).duration_s
+
+    def _speed(self, gear: int) -> float:
+        return self.manner.turn_speed_mps if gear > 0 else self.manner.reverse_speed_mps
+
+    def _straight(self, pose: Pose, start: float, end: float) -> Leg:
+        ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
+        points = np.array([pose[:2] + start * ahead, pose[:2] + end * ahead])
+        return Leg(points, self.manner.work_speed_mps, ground=self.ground, kind="work", implement=True)
+
+    def best_times(self, width_m: float, depth_m: float, kinds: tuple[str, ...]) -> tuple[float, ...]:
+        """Seconds of the quickest fitting turn over 0, 1, 2 ... lines, up to the first plain U-turn and one more."""
+        times = [0.0]
+        most = math.ceil(2.0 * self.manner.radius_m / width_m) + 1
+        for lines in range(1, most + 1):
+            options = self._options(lines * width_m, depth_m, kinds)
+            times.append(min(self.seconds(path) for path in options) if options else 2.0 * self._long_way())
+        return tuple(times)
+
+    def _options(self, spacing: float, depth_m: float, kinds: tuple[str, ...]) -> list[Path]:
+        a, b = (0.0, 0.0, 0.5 * math.pi), (spacing, 0.0, -0.5 * math.pi)
+        radius = self.manner.radius_m
+        found = []
+        for kind in kinds:
+            if kind == "u" and spacing < 2.0 * radius or turn_depth(kind, spacing, radius) > depth_m + 1e-6:
+                continue
+            found += [path for make in TURNS[kind] if (path := make(a, b, radius))]
+        return found
+
+    def _long_way(self) -> float:
+        return 2.0 * math.pi * self.manner.radius_m / self.manner.turn_speed_mps
+
+    def costs(self) -> TurnCosts:
+        """What a direction change costs, from the two simulated turns that have one: arcs to arcs, and arcs to straight."""
+        radius, manner = self.manner.radius_m, self.manner
+        a, b = (0.0, 0.0, 0.5 * math.pi), (0.75 * radius, 0.0, -0.5 * math.pi)
+        free = TurnCosts(manner.turn_speed_mps, manner.reverse_speed_mps, 0.0)
+        three, tail = switch_back(a, b, radius), fishtail(a, b, radius)
+        assert three is not None and tail is not None
+        lost_three = (self.seconds(three) - free.time_s(three)) / 2.0
+        lost_tail = (self.seconds(tail) - free.time_s(tail)) / 2.0
+        swing = max(lost_three - lost_tail, 0.0) * radius
+        cusp = max(lost_tail - swing / radius, 0.0)
+        return TurnCosts(manner.turn_speed_mps, manner.reverse_speed_mps, cusp, swing)

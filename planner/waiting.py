@@ -1,0 +1,168 @@
+"""Row-by-row with its waiting times optimised (thesis, section 6.3.2).
+
+The headland is cut into stretches along its length. A simulated row-by-row run tells when, after its release, each
+tractor is on each stretch; a constraint program (OR-Tools CP-SAT) finds the releases that bring the whole formation
+into place soonest with no stretch used twice at a time. The releases become gates on how far the others have come,
+and the result is simulated; where tractors come too close, the stretches are held longer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.formation import Formation, Releases, Slot, row_by_row, row_by_row_timed
+from strategies.job import Job
+from vehicle.missions import Plan
+from vehicle.run import DONE, Run
+from vehicle.tractor import Implement, Tractor
+
+STRETCH_M = 1.5
+BEFORE_LINE_M = 1.0  # a tractor is on the headland when any part of it is less than this short of the line
+TICKS_PER_S = 10
+HOLDS_S = (0.0, 1.0, 2.0, 4.0)
+Simulate = Callable[[Plan], Run]
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One tractor's way through a headland after its release, measured in a run.
+
+    `taken` maps a stretch to (first, last) seconds on it; `metres` (t,) is the distance at 10 Hz; `placed_s` when it
+    is in place.
+    """
+
+    tractor: int
+    taken: dict[int, tuple[float, float]]
+    metres: Floats
+    placed_s: float
+
+
+def optimised(job: Job, simulate: Simulate, tractor: Tractor, implement: Implement) -> tuple[Plan, Run]:
+    """The timed plan and its run: the shortest hold that drives without conflict, else the plain queue."""
+    queued = row_by_row(job)
+    run = simulate(queued.plan)
+    best = queued.plan, run
+    if run.outcome != DONE:
+        return best
+    passages = [_passages(job, queued, run, number, tractor, implement) for number in range(1, len(queued.rounds))]
+    for hold_s in HOLDS_S:
+        releases: dict[tuple[int, int], tuple[tuple[int, float], ...]] = {}
+        for number, group in enumerate(passages, start=1):
+            releases |= _releases(number, group, queued.rounds[number], hold_s)
+        plan = row_by_row_timed(job, releases).plan
+        timed = simulate(plan)
+        if timed.outcome == DONE and timed.duration_s < best[1].duration_s:
+            return plan, timed
+    return best
+
+
+def _passages(
+    job: Job, formation: Formation, run: Run, number: int, tractor: Tractor, implement: Implement
+) -> list[Passage]:
+    return [_passage(job, formation, run, number, slot, tractor, implement) for slot in formation.rounds[number]]
+
+
+def _passage(
+    job: Job, formation: Formation, run: Run, number: int, slot: Slot, tractor: Tractor, implement: Implement
+) -> Passage:
+    """Cut one tractor's passage out of the record and note which stretches its outline covers when."""
+    marks = formation.marks[number, slot.tractor]
+    legs = run.record[:, slot.tractor, 5]
+    first, last = int(np.argmax(legs >= marks.release)), int(np.argmax(legs >= marks.work))
+    poses = run.record[first : max(last, first + 2), slot.tractor, :3]
+    along, across = _outline_extents(job, slot, poses, tractor, implement)
+    line = _line(job, slot)
+    taken: dict[int, tuple[float, float]] = {}
+    for index in np.flatnonzero(along > line - BEFORE_LINE_M):
+        low, high = across[index]
+        for stretch in range(math.floor(low / STRETCH_M), math.floor(high / STRETCH_M) + 1):
+            start = taken.get(stretch, (index / TICKS_PER_S, 0.0))[0]
+            taken[stretch] = start, (index + 1) / TICKS_PER_S
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    return Passage(slot.tractor, taken, np.concatenate(([0.0], np.cumsum(steps))), len(poses) / TICKS_PER_S)
+
+
+def _outline_extents(
+    job: Job, slot: Slot, poses: Floats, tractor: Tractor, implement: Implement
+) -> tuple[Floats, Floats]:
+    """How far the outline reaches out of the track (t,), and its extent along the headland (t, 2)."""
+    heading = job.heading(slot.this) + math.pi  # out of the track just worked is against the coming pass
+    out = np.array([math.cos(heading), math.sin(heading)])
+    side = np.array([-out[1], out[0]]) * (1 if slot.this.direction > 0 else -1)
+    nose = tractor.length_m - tractor.rear_end_m
+    tail = tractor.rear_axle_m + implement.hitch_m + 0.5 * implement.length_m
+    half, tool = 0.5 * tractor.width_m, 0.5 * implement.contact_width_m
+    corners = np.array([[nose, half], [nose, -half], [-tail, tool], [-tail, -tool]])
+    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = poses[:, 0, None] + corners[:, 0] * cosine[:, None] - corners[:, 1] * sine[:, None]
+    y = poses[:, 1, None] + corners[:, 0] * sine[:, None] + corners[:, 1] * cosine[:, None]
+    along = (x * out[0] + y * out[1]).max(axis=1)
+    across = x * side[0] + y * side[1]
+    return along, np.column_stack([across.min(axis=1), across.max(axis=1)])
+
+
+def _line(job: Job, slot: Slot) -> float:
+    """The headland line of the coming pass, measured out of the field."""
+    x, y, heading = job.entry(slot.this)
+    return -(x * math.cos(heading) + y * math.sin(heading))
+
+
+def _releases(number: int, group: list[Passage], slots: tuple[Slot, ...], hold_s: float) -> Releases:
+    """Optimal releases of one round as distances the others must have driven since their own release."""
+    when = _solve(group, hold_s)
+    by_time = sorted(range(len(group)), key=lambda i: (when[i], slots[i].row, i))
+    releases: dict[tuple[int, int], tuple[tuple[int, float], ...]] = {}
+    for place, mine in enumerate(by_time):
+        gates = []
+        for other in by_time[:place]:
+            lag = (when[mine] - when[other]) / TICKS_PER_S
+            if lag > 0 and group[mine].taken.keys() & group[other].taken.keys():
+                metres = group[other].metres
+                gates.append((group[other].tractor, float(metres[min(round(lag * TICKS_PER_S), len(metres) - 1)])))
+        releases[number, group[mine].tractor] = tuple(gates)
+    return releases
+
+
+def _solve(group: list[Passage], hold_s: float) -> list[int]:
+    """Release of each tractor in ticks: all in place soonest, then released soonest, no stretch shared."""
+    from ortools.sat.python import cp_model
+
+    model = cp_model.CpModel()
+    ticks = [math.ceil(passage.placed_s * TICKS_PER_S) for passage in group]
+    horizon = sum(ticks) + round(hold_s * TICKS_PER_S) * len(group) * 2
+    release = [model.new_int_var(0, horizon, f"release_{i}") for i in range(len(group))]
+    stretches: dict[int, list[object]] = {}
+    for start, passage in zip(release, group, strict=True):
+        for stretch, (first, last) in sorted(passage.taken.items()):
+            begin = math.floor(first * TICKS_PER_S)
+            length = math.ceil((last + hold_s) * TICKS_PER_S) - begin
+            interval = model.new_fixed_size_interval_var(start + begin, length, "")
+            stretches.setdefault(stretch, []).append(interval)
+    for stretch in sorted(stretches):
+        model.add_no_overlap(stretches[stretch])
+    placed = model.new_int_var(0, horizon + max(ticks), "placed")
+    for start, length in zip(release, ticks, strict=True):
+        model.add(placed >= start + length)
+    model.minimize(placed * (horizon * len(group) + 1) + sum(release))
+    solver = cp_model.CpSolver()
+    solver.parameters.num_workers = 1
+    solver.parameters.random_seed = 1
+    solver.parameters.max_deterministic_time = 2.0
+    status = solver.solve(model)
+    if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
+        return _one_after_another(ticks)
+    return [solver.value(var) for var in release]
+
+
+def _one_after_another(ticks: list[int]) -> list[int]:
+    """Releases without any overlap, when the solver ran out of its share of time."""
+    starts = [0]
+    for length in ticks[:-1]:
+        starts.append(starts[-1] + length)
+    return starts
