@@ -21,7 +21,7 @@ from vehicle.missions import Leg, Mission, Plan
 from vehicle.tractor import Implement, Tractor, load_tractor
 from vehicle.world import simulate
 
-RADIUS_MARGIN = 1.1  # planned turns are this much wider than full lock, so that guidance has something to correct with
+RADIUS_MARGIN = 1.08  # planned turns are this much wider than full lock, so that guidance has something to correct with
 HEADLAND_STEP_M = 0.5
 LEAD_M = 15.0
 TURNS = {"u": (u_turn,), "omega": (omega_turn,), "switch-back": (switch_back, fishtail)}

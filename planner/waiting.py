@@ -23,6 +23,7 @@ from vehicle.tractor import Implement, Tractor
 
 STRETCH_M = 1.5
 BEFORE_LINE_M = 1.0  # a tractor is on the headland when any part of it is less than this short of the line
+IN_PLACE_M = 0.3
 TICKS_PER_S = 10
 HOLDS_S = (0.0, 1.0, 2.0, 4.0)
 Simulate = Callable[[Plan], Run]
@@ -45,9 +46,10 @@ class Passage:
 
 def optimised(job: Job, simulate: Simulate, tractor: Tractor, implement: Implement) -> tuple[Plan, Run]:
     """The timed plan and its run: the shortest hold that drives without conflict, else the plain queue."""
-    queued = row_by_row(job)
+    plain = row_by_row(job).plan
+    best = plain, simulate(plain)
+    queued = row_by_row(job, move_up=False)
     run = simulate(queued.plan)
-    best = queued.plan, run
     if run.outcome != DONE:
         return best
     passages = [_passages(job, queued, run, number, tractor, implement) for number in range(1, len(queued.rounds))]
@@ -84,8 +86,9 @@ def _passage(
         for stretch in range(math.floor(low / STRETCH_M), math.floor(high / STRETCH_M) + 1):
             start = taken.get(stretch, (index / TICKS_PER_S, 0.0))[0]
             taken[stretch] = start, (index + 1) / TICKS_PER_S
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    return Passage(slot.tractor, taken, np.concatenate(([0.0], np.cumsum(steps))), len(poses) / TICKS_PER_S)
+    metres = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))))
+    placed = int(np.argmax(metres > metres[-1] - IN_PLACE_M))
+    return Passage(slot.tractor, taken, metres, placed / TICKS_PER_S)
 
 
 def _outline_extents(
@@ -115,7 +118,7 @@ def _line(job: Job, slot: Slot) -> float:
 
 def _releases(number: int, group: list[Passage], slots: tuple[Slot, ...], hold_s: float) -> Releases:
     """Optimal releases of one round as distances the others must have driven since their own release."""
-    when = _solve(group, hold_s)
+    when = _solve(group, slots, hold_s)
     by_time = sorted(range(len(group)), key=lambda i: (when[i], slots[i].row, i))
     releases: dict[tuple[int, int], tuple[tuple[int, float], ...]] = {}
     for place, mine in enumerate(by_time):
@@ -129,7 +132,7 @@ def _releases(number: int, group: list[Passage], slots: tuple[Slot, ...], hold_s
     return releases
 
 
-def _solve(group: list[Passage], hold_s: float) -> list[int]:
+def _solve(group: list[Passage], slots: tuple[Slot, ...], hold_s: float) -> list[int]:
     """Release of each tractor in ticks: all in place soonest, then released soonest, no stretch shared."""
     from ortools.sat.python import cp_model
 
@@ -144,6 +147,10 @@ def _solve(group: list[Passage], hold_s: float) -> list[int]:
             length = math.ceil((last + hold_s) * TICKS_PER_S) - begin
             interval = model.new_fixed_size_interval_var(start + begin, length, "")
             stretches.setdefault(stretch, []).append(interval)
+    place = {slot.tractor: index for index, slot in enumerate(slots)}
+    for index, slot in enumerate(slots):
+        if slot.neighbour is not None:
+            model.add(release[index] >= release[place[slot.neighbour]])
     for stretch in sorted(stretches):
         model.add_no_overlap(stretches[stretch])
     placed = model.new_int_var(0, horizon + max(ticks), "placed")

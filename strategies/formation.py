@@ -1,8 +1,9 @@
 """Triangle formation (thesis, section 6.3): neighbouring tracks are worked abreast, rows 10 m apart.
 
-At the headland the rows keep their distance and queue. Row by row, a row is released when the row before it has
-reached its place in the next pass; column by column, tractors turn strictly one after another: the leader, then the
-side the turn leads to, then the other side. When all are in place, all start together (Eq. 6.1 keeps the distance).
+At the headland the rows queue inside their tracks, a gap apart, and move up. Row by row, a row is released when the
+row before it has reached its place in the next pass; column by column, tractors turn strictly one after another: the
+leader, then the side the turn leads to, then the other side. When all are in place, all start together (Eq. 6.1 keeps
+the distance).
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from fields.layout import Track
 from strategies.errors import StrategyError
@@ -19,6 +21,7 @@ from vehicle.missions import Follow, Gate, Leg, Mission, Plan
 
 ARRIVED_M = 0.2  # a tractor counts as in place this far before the end of its leg
 SHORTEST_M = 0.1
+MOVED_ON = 0.8  # share of the gap after which the place in front counts as free
 Releases = Mapping[tuple[int, int], tuple[tuple[int, float], ...]]
 """For (round, tractor): it may leave the queue when each named tractor is so many metres past its own release."""
 
@@ -38,14 +41,16 @@ class Slot:
 class Marks:
     """Leg numbers of one tractor in one round.
 
-    `release` is the first leg after the queue, `turned` the last leg of the turn, `placed` the leg that ends at the
-    place in formation, `work` the leg worked in formation.
+    `release` is the first leg after the queue of the round before, `turned` the last leg of the turn, `placed` the leg
+    that ends at the place in formation, `work` the leg worked in formation, `queue` the legs after it up to the end of
+    the track: moving up, then the last stretch.
     """
 
     release: int
     turned: int
     placed: int
     work: int
+    queue: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -57,33 +62,37 @@ class Formation:
     marks: Mapping[tuple[int, int], Marks]
 
 
-def row_by_row(job: Job) -> Formation:
+def row_by_row(job: Job, *, move_up: bool = True) -> Formation:
     """Rows turn one after another; each waits for the row before it to be in place."""
-    return _form(job, "row-by-row", None)
+    return _form(job, "row-by-row", None, move_up)
 
 
 def col_by_col(job: Job) -> Formation:
     """Tractors turn one after another: the leader, the side the turn leads to, the other side."""
-    return _form(job, "col-by-col", None)
+    return _form(job, "col-by-col", None, True)
 
 
 def row_by_row_timed(job: Job, releases: Releases) -> Formation:
-    """Row by row with given releases instead of the queue."""
-    return _form(job, "row-by-row-optimised", releases)
+    """Row by row with given releases instead of the queue; nobody moves up before."""
+    return _form(job, "row-by-row-optimised", releases, False)
 
 
-def _form(job: Job, queue: str, releases: Releases | None) -> Formation:
+def _form(job: Job, queue: str, releases: Releases | None, move_up: bool) -> Formation:
     rounds = _rounds(job)
     legs: list[list[Leg]] = [[] for _ in range(job.tractors)]
     marks: dict[tuple[int, int], Marks] = {}
-    previous: dict[int, Pass] = {}
     for number, slots in enumerate(rounds):
+        before = {slot.tractor: slot for slot in rounds[number - 1]} if number else {}
         for slot in slots:
-            marks[number, slot.tractor] = _lay_round(job, slot, legs[slot.tractor], previous.get(slot.tractor))
-            previous[slot.tractor] = slot.this
+            marks[number, slot.tractor] = _lay_round(
+                job, slot, legs[slot.tractor], before.get(slot.tractor), marks.get((number - 1, slot.tractor)), move_up
+            )
     for number, slots in enumerate(rounds):
         for slot in slots:
             _hold(job, queue, releases, number, slot, slots, marks, legs)
+    if move_up:
+        _move_up(job, rounds, marks, legs)
+    _stay_back(rounds, marks, legs)
     plan = Plan(tuple(Mission(tuple(own)) for own in legs), {"strategy": queue, "tractors": job.tractors})
     return Formation(plan, tuple(tuple(slots) for slots in rounds), marks)
 
@@ -120,7 +129,7 @@ def _whole_lines(job: Job) -> list[Track]:
 
 def _slots(job: Job, passes: list[Pass], offset: int) -> list[Slot]:
     """Slots of one round; places are set from the last row forwards, each a gap ahead of the row behind it."""
-    leader = (len(passes) - 1) // 2
+    leader = (job.tractors - 1) // 2 - offset
     rows = [abs(index - leader) + 1 for index in range(len(passes))]
     along = [_along(job, this) for this in passes]
     own = [start + job.manner.tool_m for start in along]
@@ -149,24 +158,60 @@ def _along(job: Job, this: Pass) -> float:
     return x * math.cos(heading) + y * math.sin(heading)
 
 
-def _lay_round(job: Job, slot: Slot, legs: list[Leg], before: Pass | None) -> Marks:
-    """Append the legs of one round: turn, drive in, take place, work; the last stretch is a leg of its own."""
-    release = max(len(legs) - 1, 0) if before and slot.row > 1 else len(legs)
+def _lay_round(
+    job: Job, slot: Slot, legs: list[Leg], before: Slot | None, marks: Marks | None, move_up: bool
+) -> Marks:
+    """Append the legs of one round: turn, drive in, take place, work in formation, queue."""
+    release = marks.queue[-1] if marks and marks.queue else len(legs)
     if before:
-        legs += turn_legs(job, before, slot.this)
-    turned = max(len(legs) - 1, 0)
+        legs += turn_legs(job, before.this, slot.this)
+    turned = len(legs) - 1 if before else None
     entry, tool = job.entry(slot.this), job.manner.tool_m
     legs.append(straight_leg(job, entry, 0.0, tool, implement=False))
     if slot.place_m > tool + SHORTEST_M:
         legs.append(straight_leg(job, entry, tool, slot.place_m, implement=True))
     placed = len(legs) - 1
-    end = slot.this.track.length + tool
-    hold = end - (slot.row - 1) * job.manner.gap_m
-    legs.append(straight_leg(job, entry, max(slot.place_m, tool), hold, implement=True))
+    end, gap = slot.this.track.length + tool, job.manner.gap_m
+    stops = [end - (slot.row - 1) * gap]
+    legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], implement=True))
     work = len(legs) - 1
-    if hold < end - SHORTEST_M:
-        legs.append(straight_leg(job, entry, hold, end, implement=True))
-    return Marks(release, turned if before else placed, placed, work)
+    if slot.row > 1:
+        stops += [end - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
+        stops.append(end)
+    legs += [straight_leg(job, entry, a, b, implement=True) for a, b in pairwise(stops)]
+    queue = tuple(range(work + 1, len(legs)))
+    return Marks(release, placed if turned is None else turned, placed, work, queue)
+
+
+def _move_up(
+    job: Job, rounds: list[list[Slot]], marks: Mapping[tuple[int, int], Marks], legs: list[list[Leg]]
+) -> None:
+    """In the queue, move up a place when the tractor in front has moved on."""
+    for number, slots in enumerate(rounds):
+        for slot in slots:
+            if slot.neighbour is None:
+                continue
+            front = marks[number, slot.neighbour].queue
+            for mine, other in zip(marks[number, slot.tractor].queue, front, strict=False):
+                gate = Gate(slot.neighbour, other, MOVED_ON * job.manner.gap_m)
+                legs[slot.tractor][mine] = legs[slot.tractor][mine].with_gates([gate])
+
+
+def _stay_back(rounds: list[list[Slot]], marks: Mapping[tuple[int, int], Marks], legs: list[list[Leg]]) -> None:
+    """A tractor without a track in the last round finishes its own only when the others have turned away."""
+    if len(rounds) < 2:
+        return
+    last = {slot.tractor for slot in rounds[-1]}
+    for slot in rounds[-2]:
+        queue = marks[len(rounds) - 2, slot.tractor].queue
+        if slot.tractor not in last and queue:
+            gates = [_turned(legs, marks, len(rounds) - 1, other) for other in sorted(last)]
+            legs[slot.tractor][queue[-1]] = legs[slot.tractor][queue[-1]].with_gates(gates)
+
+
+def _turned(legs: list[list[Leg]], marks: Mapping[tuple[int, int], Marks], number: int, tractor: int) -> Gate:
+    leg = marks[number, tractor].turned
+    return Gate(tractor, leg, max(0.0, legs[tractor][leg].length_m - ARRIVED_M))
 
 
 def _hold(
@@ -214,9 +259,7 @@ def _after_previous(
     place = queue.index(slot)
     if place == 0:
         return []
-    other = queue[place - 1].tractor
-    turned = marks[number, other].turned
-    return [Gate(other, turned, max(0.0, legs[other][turned].length_m - ARRIVED_M))]
+    return [_turned(legs, marks, number, queue[place - 1].tractor)]
 
 
 def _metres_past(legs: list[Leg], first: int, tractor: int, metres: float) -> Gate:
