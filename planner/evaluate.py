@@ -25,10 +25,11 @@ SLOWEST = 6.0  # a plan may take this many times its path at the slowest speed b
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination to try."""
+    """A combination to try; `jump` fixes the pattern of tracks of a split field."""
 
     strategy: str
     tractors: int
+    jump: int | None = None
 
 
 def evaluate(site: Site, candidate: Candidate) -> PlanResult:
@@ -54,7 +55,7 @@ def drive(site: Site, candidate: Candidate) -> tuple[Run, str | None, str]:
     elif candidate.strategy == ROW_BY_ROW_OPTIMISED:
         plan = build("row-by-row", job)
     else:
-        plan = build(candidate.strategy, job)
+        plan = build(candidate.strategy, job, candidate.jump)
     run, reason = without_conflicts(plan, simulate)
     return run, reason, _turns(job)
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import partial
 
-from planner.evaluate import Candidate, evaluate
+from planner.evaluate import Candidate
+from planner.pool import evaluated
 from planner.results import PlanResult, Ranking
 from planner.scenario import Scenario, clock
 from planner.site import Site, prepare
@@ -39,22 +37,11 @@ def plan(scenario: Scenario, *, processes: int | None = None, progress: Progress
     site = prepare(scenario)
     todo = candidates(scenario)
     results = []
-    for result in _evaluated(site, todo, processes or os.cpu_count() or 1):
+    for result in evaluated([(site, candidate) for candidate in todo], processes):
         results.append(result)
         if progress:
             progress(len(results), len(todo))
     return site, rank(site, results)
-
-
-def _evaluated(site: Site, todo: list[Candidate], processes: int) -> Iterator[PlanResult]:
-    """Results in the order of the candidates, the largest simulated first so that the cores finish together."""
-    work = partial(evaluate, site)
-    if processes <= 1 or len(todo) < 2:
-        yield from map(work, todo)
-        return
-    method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
-    with multiprocessing.get_context(method).Pool(min(processes, len(todo))) as pool:
-        yield from pool.imap(work, todo)
 
 
 def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:

@@ -12,9 +12,13 @@ from strategies.sequence import best_orders
 from vehicle.missions import Gate, Mission, Plan
 
 
-def split_field(job: Job) -> Plan:
-    """One block of neighbouring lines per tractor, blocks of equal working time; all start at once."""
-    return _plan(job, "split-field", [mission_of(job, order) for order in best_orders(blocks(job), job)])
+def split_field(job: Job, jump: int | None = None) -> Plan:
+    """One block of neighbouring lines per tractor, blocks of equal working time; all start at once.
+
+    Within a block the order that is quickest by simulated turns is taken, or the pattern of `jump` (1: one after
+    another).
+    """
+    return _plan(job, "split-field", [mission_of(job, order) for order in best_orders(blocks(job), job, jump)])
 
 
 def blocks(job: Job) -> list[list[Track]]:

@@ -1,0 +1,55 @@
+"""Options that several commands share, and what is checked about them before any work."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from planner.errors import ScenarioError
+
+FieldArgument = Annotated[
+    str,
+    typer.Argument(help="A GeoJSON file (file.geojson#ID picks one of several parcels) or a sample: iwamizawa, denmark, "
+                        "netherlands, sweden.", show_default=True),  # fmt: skip
+]
+Local = Annotated[bool, typer.Option("--local", help="The file holds local metres, not longitude and latitude.")]
+Width = Annotated[float, typer.Option("--width", help="Working width of the implement, metres.")]
+Headland = Annotated[
+    Optional[float],  # noqa: UP045 - typer reads this at run time
+    typer.Option("--headland", help="Headland depth, metres. By default sized from the turn that must fit."),
+]
+Bearing = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--bearing", help="Direction of the tracks, degrees clockwise from north. By default the best one."),
+]
+TractorOption = Annotated[str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
+
+
+def check_output(path: Path | None) -> None:
+    """Raise ScenarioError when a result could not be written to `path` later; leaves the file system as it was."""
+    if path is None:
+        return
+    parent = path.parent
+    if path.is_dir():
+        raise ScenarioError(f"{path} is a folder; give the name of a file in it.")
+    if not parent.is_dir():
+        raise ScenarioError(f"{path} cannot be written: the folder {parent} does not exist; make it first.")
+    if not os.access(path if path.exists() else parent, os.W_OK):
+        raise ScenarioError(f"{path} cannot be written: no permission; choose another place.")
+    probe = parent / f".headland-{os.getpid()}"
+    try:
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise ScenarioError(f"{path} cannot be written: {error.strerror}; choose another place.") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write whole or not at all: an earlier file is replaced only by a complete one."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    draft.write_text(text, encoding="utf-8")
+    draft.replace(path)

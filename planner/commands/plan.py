@@ -1,0 +1,149 @@
+"""`headland plan`: from a field to ranked fleet plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Optional
+
+import typer
+
+from planner.commands.options import (
+    AsJson,
+    Bearing,
+    FieldArgument,
+    Headland,
+    Local,
+    TractorOption,
+    Width,
+    check_output,
+    write_text,
+)
+
+if TYPE_CHECKING:
+    from planner.results import Ranking
+    from planner.scenario import Scenario
+    from planner.site import Site
+
+
+def plan(
+    field: FieldArgument = "iwamizawa",
+    width: Width = 3.0,
+    tractors: Annotated[str, typer.Option(help="Tractor counts to try: 3, 1-6 or 1,3,5.")] = "1-6",
+    strategies: Annotated[
+        str, typer.Option(help="Strategies to try, separated by commas: row-by-row, row-by-row-optimised, col-by-col, "
+                               "split-field, interleaved; or all.")  # fmt: skip
+    ] = "all",
+    turn: Annotated[str, typer.Option(help="auto, u, omega or switch-back.")] = "auto",
+    start: Annotated[Optional[str], typer.Option(help="Start of work, hh:mm.")] = None,  # noqa: UP045
+    before: Annotated[Optional[str], typer.Option(help="Deadline, hh:mm.")] = None,  # noqa: UP045
+    price_per_hour: Annotated[float, typer.Option(help="Price of one tractor for one hour.")] = 40.0,
+    price_per_tractor: Annotated[float, typer.Option(help="Price of bringing one tractor.")] = 0.0,
+    speed_kmh: Annotated[float, typer.Option(help="Working speed, km/h.")] = 5.0,
+    turn_speed_kmh: Annotated[Optional[float], typer.Option(help="Speed in turns, km/h; as --speed-kmh.")] = None,  # noqa: UP045
+    headland: Headland = None,
+    bearing: Bearing = None,
+    radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
+    tractor: TractorOption = "eg105",
+    local: Local = False,
+    html: Annotated[Optional[Path], typer.Option(help="Write one page with map, bars and table.")] = None,  # noqa: UP045
+    png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.")] = None,  # noqa: UP045
+    save: Annotated[Optional[Path], typer.Option(help="Write the legs and gates of the best plan as JSON.")] = None,  # noqa: UP045
+    json: AsJson = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed; the same seed gives the same bytes.")] = 1,
+    processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,  # noqa: UP045
+    full: Annotated[bool, typer.Option("--all", help="Show every plan in the table.")] = False,
+) -> None:
+    """Simulate every combination of tractor count and strategy on a field and rank them.
+
+    Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --before 17:00
+    """
+    from planner.errors import ScenarioError
+
+    if json and csv:
+        raise ScenarioError("--json and --csv both print to standard output; choose one.")
+    if processes is not None and processes < 1:
+        raise ScenarioError(f"--processes is {processes}; use 1 or more.")
+    for path in (html, png, save):
+        check_output(path)
+    scenario = _scenario(
+        field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
+        turn_speed_kmh, headland, bearing, radius, tractor, seed,
+    )  # fmt: skip
+    site, ranking = _rank(scenario, processes)
+    _print(ranking, json, csv, full)
+    if html or png or save:
+        _write(site, ranking, html, png, save)
+    if ranking.best is None:
+        raise typer.Exit(3)
+
+
+def _scenario(
+    field: str, local: bool, width: float, tractors: str, strategies: str, turn: str, start: str | None,
+    before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
+    turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None, tractor: str,
+    seed: int,
+) -> Scenario:  # fmt: skip
+    from planner.scenario import KMH, Scenario, parse_clock, parse_counts
+    from strategies.registry import STRATEGIES
+
+    names = tuple(STRATEGIES) if strategies.strip() == "all" else tuple(n.strip() for n in strategies.split(","))
+    return Scenario(
+        field=field,
+        local=local,
+        width_m=width,
+        headland_m=headland,
+        bearing_deg=bearing,
+        radius_m=radius,
+        tractor=tractor,
+        tractors=parse_counts(tractors),
+        strategies=names,
+        turn=turn,
+        speed_mps=speed_kmh * KMH,
+        turn_speed_mps=(speed_kmh if turn_speed_kmh is None else turn_speed_kmh) * KMH,
+        price_per_hour=price_per_hour,
+        price_per_tractor=price_per_tractor,
+        start_s=None if start is None else parse_clock(start, "--start"),
+        before_s=None if before is None else parse_clock(before, "--before"),
+        seed=seed,
+    )
+
+
+def _rank(scenario: Scenario, processes: int | None) -> tuple[Site, Ranking]:
+    from planner.commands.show import progress_bar, warm_up
+    from planner.plan import plan as simulate_all
+
+    warm_up()
+    with progress_bar("Simulating plans") as progress:
+        return simulate_all(scenario, processes=processes, progress=progress)
+
+
+def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
+    if json or csv:
+        from reports.export import ranking_csv, ranking_json
+
+        typer.echo(ranking_json(ranking) if json else ranking_csv(ranking), nl=False)
+        return
+    from planner.commands.show import out
+    from reports.table import ranking_table
+
+    out(ranking_table(ranking, most=None if full else 20))
+
+
+def _write(site: Site, ranking: Ranking, html: Path | None, png: Path | None, save: Path | None) -> None:
+    """Pictures and files of the best plan, which is simulated once more for its tracks."""
+    from planner.drive import best_drive
+
+    run, drive = best_drive(site, ranking)
+    if html:
+        from reports.page import plan_page
+
+        write_text(html, plan_page(ranking, drive))
+    if png and drive:
+        from reports.figures import map_figure, save_png
+
+        save_png(map_figure(drive), png)
+    if save and run:
+        from vehicle.missions import plan_to_json
+
+        write_text(save, plan_to_json(run.plan) + "\n")

@@ -1,0 +1,45 @@
+"""What a person sees while waiting: a progress bar on standard error, and a word about the first compilation."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+PATIENCE_S = 1.5
+COMPILING = "Compiling the simulator for this machine: first run only, up to half a minute."
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
+    """A function to call with (done, total); draws a bar on a terminal and nothing elsewhere."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def warm_up() -> None:
+    """Load the compiled loop; says so when that takes long because it must be compiled first."""
+    notice = threading.Timer(PATIENCE_S, lambda: print(COMPILING, file=sys.stderr, flush=True))
+    notice.daemon = True
+    notice.start()
+    try:
+        from planner.warmup import run_once
+
+        run_once()
+    finally:
+        notice.cancel()
+
+
+def out(renderable: object) -> None:
+    """Print for people on standard output, at most 100 columns wide."""
+    from rich.console import Console
+
+    console = Console()
+    console.print(renderable, width=min(console.width, 100))

@@ -1,0 +1,1 @@
+"""Tables, exports, figures and pages made from the results the planner hands over; nothing here simulates."""

@@ -1,0 +1,116 @@
+"""Results as JSON and CSV: fixed keys in a fixed order, six decimals, and null for what does not exist."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from typing import Any
+
+from planner.results import PlanResult, Ranking, Study, StudyRow
+from reports.wording import clearance
+
+PLAN_KEYS = (
+    "rank",
+    "strategy",
+    "tractors",
+    "turn",
+    "time_s",
+    "tractor_time_s",
+    "cost",
+    "meets_deadline",
+    "feasible",
+    "worked_pct",
+    "overlap_pct",
+    "outside_m",
+    "excursion_m",
+    "turning_s",
+    "waiting_s",
+    "reversals",
+    "min_clearance_m",
+    "collisions",
+    "reason",
+    "on_pareto_front",
+)
+_DECIMALS = 6
+
+
+def ranking_json(ranking: Ranking) -> str:
+    """The ranking as JSON text with a trailing newline.
+
+    Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS`, in the order of the
+    ranking) and ``best`` (one of them, or null). Figures that are missing or not finite are null.
+    """
+    best = ranking.best
+    return _text(
+        {
+            "field": {"name": ranking.field_name, "area_ha": ranking.area_ha},
+            "seed": ranking.seed,
+            "plans": [plan_entry(plan) for plan in ranking.plans],
+            "best": None if best is None else plan_entry(best),
+        }
+    )
+
+
+def plan_entry(plan: PlanResult) -> dict[str, Any]:
+    """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor."""
+    entry = {key: _clean(getattr(plan, key)) for key in PLAN_KEYS}
+    entry["min_clearance_m"] = _clean(clearance(plan))
+    return entry
+
+
+def ranking_csv(ranking: Ranking) -> str:
+    """The plans as CSV text: a header of `PLAN_KEYS`, then one row per plan in the order of the ranking.
+
+    Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone.
+    """
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(PLAN_KEYS)
+    for plan in ranking.plans:
+        writer.writerow([_cell(value) for value in plan_entry(plan).values()])
+    return buffer.getvalue()
+
+
+def study_json(study: Study) -> str:
+    """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
+    return _text(
+        {
+            "tables": {name: [_row(row) for row in rows] for name, rows in study.tables.items()},
+            "claims": [{"claim": claim.claim, "holds": claim.holds, "why": claim.why} for claim in study.claims],
+            "assumptions": list(study.assumptions),
+        }
+    )
+
+
+def _row(row: StudyRow) -> dict[str, Any]:
+    return {
+        "tractors": row.tractors,
+        "thesis_s": row.thesis_s,
+        "time_s": row.time_s,
+        "difference_pct": row.difference_pct,
+        "label": row.label,
+        "note": row.note,
+    }
+
+
+def _text(data: dict[str, Any]) -> str:
+    return json.dumps(_clean(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _clean(value: Any) -> Any:
+    """Plain Python values: floats rounded (no -0.0), not finite ones None, numpy scalars unpacked."""
+    if isinstance(value, dict):
+        return {key: _clean(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_clean(item) for item in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float):
+        return round(value, _DECIMALS) + 0.0 if math.isfinite(value) else None
+    return value
+
+
+def _cell(value: Any) -> Any:
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else value

@@ -1,0 +1,275 @@
+"""Figures with matplotlib: the map of a drive, the time of each tractor, and time against number of tractors."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.results import Drive, PlanResult, Ranking
+from reports import palette
+from reports.errors import ReportError
+from reports.paths import (
+    REVERSING,
+    STATES,
+    WORKING,
+    Extent,
+    check_drive,
+    extent,
+    pieces,
+    round_length,
+    swath,
+    waits,
+)
+from reports.wording import feasible, limit_s, minutes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+_INK = "#2B2B2B"
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+_HASH_SALT = "headland"
+
+
+def map_figure(drive: Drive) -> Figure:
+    """The field and each tractor's path, to scale, north up, with start, entrance, scale bar and legend.
+
+    Raises:
+        ReportError: the drive cannot be drawn.
+    """
+    check_drive(drive)
+    box = extent(drive)
+    figure, axes = _map_canvas(box)
+    _draw_field(axes, drive)
+    for number in range(len(drive.xy)):
+        _draw_tractor(axes, drive, number)
+    if drive.entrance is not None:
+        axes.plot(*drive.entrance, marker="v", color=_INK, markersize=8, linestyle="none", zorder=6)
+    _draw_scale(axes, box)
+    axes.set_title(_literal(drive.title), loc="left", fontsize=12, color=_INK)
+    _map_legend(figure, drive)
+    return figure
+
+
+def bars_figure(drive: Drive) -> Figure:
+    """One horizontal bar per tractor: minutes of working, turning, waiting and reversing.
+
+    Raises:
+        ReportError: the drive cannot be drawn.
+    """
+    check_drive(drive)
+    count = len(drive.xy)
+    figure, axes = _canvas(8.0, 1.6 + 0.36 * count)
+    places = np.arange(1, count + 1)
+    left = np.zeros(count)
+    for name in STATES:
+        spans = np.asarray(drive.seconds[name], dtype=np.float64) / 60.0
+        axes.barh(places, spans, left=left, height=0.66, color=palette.STATES[name], label=name)
+        left = left + spans
+    for place, total in zip(places, left, strict=True):
+        axes.annotate(minutes(total * 60.0), (total, place), xytext=(4, 0), textcoords="offset points", va="center")
+    axes.set_yticks(places, [f"Tractor {place}" for place in places])
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, float(left.max()) * 1.12 or 1.0)
+    axes.set_xlabel("Minutes")
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    axes.set_title(_literal(drive.title), loc="left", fontsize=12, color=_INK)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def front_figure(ranking: Ranking) -> Figure:
+    """Time in minutes against number of tractors: every feasible plan, the Pareto front, and the deadline.
+
+    Raises:
+        ReportError: no plan is feasible, so there is nothing to draw.
+    """
+    plans = [plan for plan in feasible(ranking) if plan.time_s is not None]
+    if not plans:
+        raise ReportError(f"No plan for field '{ranking.field_name}' is feasible; the figure needs one or more.")
+    figure, axes = _canvas(8.0, 5.0)
+    _draw_front(axes, plans)
+    limit = limit_s(ranking)
+    if limit is not None:
+        axes.axhline(limit / 60.0, color="#B00020", linestyle=(0, (6, 3)), linewidth=1.4, label="deadline")
+    axes.set_xticks(sorted({plan.tractors for plan in plans}))
+    axes.set_ylim(bottom=0.0)
+    axes.margins(y=0.08)
+    axes.set_xlabel("Tractors")
+    axes.set_ylabel("Time, minutes")
+    axes.grid(axis="y", color="#DDDDDD", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_title(_literal(f"Time against number of tractors, {ranking.field_name}"), loc="left", fontsize=12)
+    figure.legend(loc="outside right upper", frameon=False)
+    return figure
+
+
+def save_png(figure: Figure, path: str | Path, dpi: int = 150) -> None:
+    """Write a figure as PNG.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
+    try:
+        figure.savefig(Path(path), dpi=dpi, format="png", facecolor="white", metadata={"Software": None})
+    except OSError as error:
+        raise ReportError(f"The picture {path} cannot be written: {error}; choose a folder you can write to.") from None
+
+
+def to_svg(figure: Figure) -> str:
+    """A figure as SVG text; the same figure gives the same text, letter by letter."""
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": _HASH_SALT, "svg.fonttype": "none"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def _canvas(width: float, height: float) -> tuple[Figure, Axes]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.add_subplot()
+
+
+def _map_canvas(box: Extent) -> tuple[Figure, Axes]:
+    size = box.size or 1.0
+    room = 0.04 * size
+    foot = 0.08 * size
+    drawn = (box.width + 2 * room) / (box.height + 2 * room + foot)
+    width, height = (10.0, 10.0 / drawn) if drawn > 1 else (max(9.0 * drawn, 4.5), 9.0)
+    figure, axes = _canvas(width, height + 0.9)
+    axes.set_aspect("equal")
+    axes.set_xlim(box.west - room, box.east + room)
+    axes.set_ylim(box.south - room - foot, box.north + room)
+    axes.set_axis_off()
+    return figure, axes
+
+
+def _draw_field(axes: Axes, drive: Drive) -> None:
+    from matplotlib.collections import PolyCollection
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    rings = [Outline(np.vstack([ring, ring[:1]]), closed=True) for ring in (drive.boundary, *drive.holes)]
+    whole = Outline.make_compound_path(*rings)
+    axes.add_patch(PathPatch(whole, facecolor=palette.FIELD, edgecolor="none", zorder=1))
+    strips = PolyCollection(
+        [swath(track, drive.width_m) for track in drive.tracks],
+        facecolors="none",
+        edgecolors=palette.SWATH,
+        linewidths=0.5,
+        zorder=2,
+    )
+    axes.add_collection(strips, autolim=False)
+    axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=palette.EDGE, linewidth=1.2, zorder=3))
+
+
+def _draw_tractor(axes: Axes, drive: Drive, number: int) -> None:
+    from matplotlib.collections import LineCollection
+
+    xy, status = drive.xy[number], drive.status[number]
+    colour = palette.tractor_colour(number)
+    parts = pieces(xy, status)
+    looks: tuple[tuple[str, float, tuple[int, ...]], ...] = (
+        ("solid", 1.6, (WORKING,)),
+        ("solid", 0.7, tuple({*range(5)} - {WORKING, REVERSING})),
+        ("dotted", 1.5, (REVERSING,)),
+    )
+    for style, width, wanted in looks:
+        lines = [part.points for part in parts if part.status in wanted]
+        axes.add_collection(
+            LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4), autolim=False
+        )
+    for x, y, _ in waits(xy, status, drive.step_s):
+        axes.plot(x, y, marker="s", markersize=4, markerfacecolor="white", markeredgecolor=colour, zorder=5)
+    axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
+    axes.annotate(
+        str(number + 1), xy[0], color="white", fontsize=7, fontweight="bold", ha="center", va="center", zorder=8
+    )
+
+
+def _draw_scale(axes: Axes, box: Extent) -> None:
+    """A scale bar below the field on the left, a north arrow on the right."""
+    size = box.size or 1.0
+    bar = round_length(max(box.width, 0.5 * size) / 4)
+    y = box.south - 0.06 * size
+    axes.plot([box.west, box.west + bar], [y, y], color=_INK, linewidth=2.5, solid_capstyle="butt", zorder=6)
+    axes.annotate(
+        f"{bar:g} m", (box.west + bar, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9
+    )
+    axes.annotate(
+        "N",
+        xy=(box.east, y + 0.05 * size),
+        xytext=(box.east, y),
+        ha="center",
+        va="center",
+        fontsize=10,
+        arrowprops={"arrowstyle": "-|>", "color": _INK, "linewidth": 1.2},
+    )
+
+
+def _map_legend(figure: Figure, drive: Drive) -> None:
+    from matplotlib.lines import Line2D
+
+    count = len(drive.xy)
+    handles = [
+        Line2D([], [], color=palette.tractor_colour(number), linewidth=3, label=f"tractor {number + 1}")
+        for number in range(count)
+    ]
+    handles.append(Line2D([], [], color=_INK, linewidth=1.8, label="working"))
+    handles.append(Line2D([], [], color=_INK, linewidth=0.7, label="turning"))
+    driven = {int(value) for status in drive.status for value in np.unique(status)}
+    if REVERSING in driven:
+        handles.append(Line2D([], [], color=_INK, linewidth=1.5, linestyle="dotted", label="reversing"))
+    if STATES["waiting"] in driven:
+        handles.append(_mark("s", "waiting", "white"))
+    handles.append(_mark("o", "start", "grey"))
+    if drive.entrance is not None:
+        handles.append(_mark("v", "entrance", _INK))
+    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+
+
+def _mark(marker: str, label: str, face: str) -> Line2D:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], marker=marker, linestyle="none", markerfacecolor=face, markeredgecolor=_INK, label=label)
+
+
+def _draw_front(axes: Axes, plans: list[PlanResult]) -> None:
+    front = sorted((plan.tractors, plan.time_s or 0.0) for plan in plans if plan.on_pareto_front)
+    if front:
+        axes.plot(
+            [count for count, _ in front],
+            [time / 60.0 for _, time in front],
+            color="#555555",
+            linewidth=1.4,
+            zorder=2,
+            label="Pareto front",
+        )
+    for index, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
+        mine = [plan for plan in plans if plan.strategy == name]
+        axes.plot(
+            [plan.tractors for plan in mine],
+            [(plan.time_s or 0.0) / 60.0 for plan in mine],
+            linestyle="none",
+            marker=_MARKERS[index % len(_MARKERS)],
+            markersize=7,
+            color=palette.tractor_colour(index),
+            markeredgecolor="white",
+            zorder=4 - 0.01 * index,
+            label=_literal(name),
+        )
+
+
+def _literal(text: str) -> str:
+    """Text in which matplotlib reads no formula."""
+    return text.replace("$", r"\$")

@@ -1,0 +1,138 @@
+"""What is drawn of a drive: its extent, and each tractor's path cut where its manner changes and simplified."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from planner.results import Drive, Points
+from reports.errors import ReportError
+
+FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
+STATES = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
+TOLERANCE_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Part of a path driven in one manner: a status, a polyline (n, 2) in metres, first and last sample."""
+
+    status: int
+    points: Points
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Bounding box in metres."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @property
+    def width(self) -> float:
+        """Metres from west to east."""
+        return self.east - self.west
+
+    @property
+    def height(self) -> float:
+        """Metres from south to north."""
+        return self.north - self.south
+
+    @property
+    def size(self) -> float:
+        """The larger of the two, metres."""
+        return max(self.width, self.height)
+
+
+def check_drive(drive: Drive) -> None:
+    """Raise ReportError at the first entry of a drive that cannot be drawn."""
+    count = len(drive.xy)
+    if not count:
+        raise ReportError("The drive has no tractors; hand over at least one path.")
+    if not (math.isfinite(drive.step_s) and drive.step_s > 0):
+        raise ReportError(f"The drive has step_s {drive.step_s}; use seconds above 0 between two positions.")
+    for name in ("status", "finish_s"):
+        if len(getattr(drive, name)) != count:
+            raise ReportError(f"The drive has {count} paths and {len(getattr(drive, name))} of {name}; give one each.")
+    for ring in (drive.boundary, *drive.holes):
+        if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
+            raise ReportError(f"A ring of the field has shape {ring.shape}; give three or more finite (x, y) points.")
+    for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True), start=1):
+        if xy.ndim != 2 or xy.shape[1:] != (2,) or not len(xy) or status.shape != (len(xy),):
+            raise ReportError(
+                f"Tractor {number} has positions of shape {xy.shape} and statuses of shape {status.shape}; "
+                "give (t, 2) and (t,) with t of 1 or more."
+            )
+        if not np.isfinite(xy).all():
+            raise ReportError(f"Tractor {number} has a position that is not a number; hand over finite metres.")
+    _check_seconds(drive, count)
+
+
+def _check_seconds(drive: Drive, count: int) -> None:
+    for name in STATES:
+        if len(drive.seconds.get(name, ())) != count:
+            raise ReportError(f"The drive has no {name!r} seconds for each of its {count} tractors; add them.")
+        if not all(math.isfinite(value) and value >= 0 for value in drive.seconds[name]):
+            raise ReportError(f"The {name!r} seconds {drive.seconds[name]} are not all 0 or more; correct them.")
+
+
+def extent(drive: Drive) -> Extent:
+    """The box around the field, the entrance and every path."""
+    clouds = [drive.boundary, *drive.xy]
+    if drive.entrance is not None:
+        clouds.append(np.array([drive.entrance]))
+    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
+    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+    return Extent(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+def pieces(xy: Points, status: npt.NDArray[np.int64], tolerance_m: float = TOLERANCE_M) -> list[Piece]:
+    """The path (t, 2) cut where the status (t,) changes, in order of time.
+
+    The step between two samples has the status of the later one. Time standing still leaves no piece. Every
+    piece stays within `tolerance_m` of the path (Douglas and Peucker, 1973) and begins where the last ended.
+    """
+    if len(xy) < 2:
+        return []
+    manner = status[1:]
+    cuts = np.flatnonzero(np.diff(manner)) + 1
+    starts, ends = [0, *cuts.tolist()], [*cuts.tolist(), len(manner)]
+    found = []
+    for start, end in zip(starts, ends, strict=True):
+        line = shapely.LineString(xy[start : end + 1])
+        if line.length > 0:
+            points = np.asarray(line.simplify(tolerance_m, preserve_topology=False).coords, dtype=np.float64)
+            found.append(Piece(int(manner[start]), points, start, end))
+    return found
+
+
+def waits(xy: Points, status: npt.NDArray[np.int64], step_s: float) -> list[tuple[float, float, float]]:
+    """Where a tractor waited: x, y in metres and seconds, one entry per stop."""
+    waiting = np.concatenate(([False], status == WAITING, [False]))
+    edges = np.flatnonzero(np.diff(waiting.astype(np.int8)))
+    return [
+        (float(xy[start, 0]), float(xy[start, 1]), float(end - start) * step_s)
+        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    ]
+
+
+def swath(track: Points, width_m: float) -> Points:
+    """Corners (4, 2) of the strip of `width_m` around a centre line (2, 2), metres."""
+    along = track[1] - track[0]
+    length = float(np.hypot(along[0], along[1]))
+    side = np.array([-along[1], along[0]]) / length * width_m / 2 if length else np.zeros(2)
+    return np.array([track[0] + side, track[1] + side, track[1] - side, track[0] - side])
+
+
+def round_length(length_m: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, 50, ... metres (or 0.1, 0.2, ...) not above a length above 0."""
+    power = 10.0 ** math.floor(math.log10(length_m))
+    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= length_m * (1 + 1e-12))

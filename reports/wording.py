@@ -1,0 +1,215 @@
+"""Results in plain words: durations, counts, the headline of a ranking and why plans were refused."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from planner.results import PlanResult, Ranking
+
+NOTHING = "-"
+_DAY_S = 86_400.0
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Plans that were refused for the same reason, figures apart.
+
+    `reason` is the reason of the first one, `plans` all of them, `alike` whether the figures differ among them.
+    """
+
+    reason: str
+    plans: tuple[PlanResult, ...]
+    alike: bool
+
+
+def duration(seconds: float | None) -> str:
+    """Seconds as ``h:mm:ss``, or ``m:ss`` below an hour, to the nearest second; a dash when there is none."""
+    if seconds is None or not math.isfinite(seconds):
+        return NOTHING
+    hours, rest = divmod(_whole(abs(seconds)), 3600)
+    minutes, secs = divmod(rest, 60)
+    sign = "-" if seconds <= -0.5 else ""
+    return sign + (f"{hours}:{minutes:02d}:{secs:02d}" if hours else f"{minutes}:{secs:02d}")
+
+
+def minutes(seconds: float | None) -> str:
+    """Seconds as the thesis prints them, ``74:35``: minutes without hours; a dash when there is none."""
+    if seconds is None or not math.isfinite(seconds):
+        return NOTHING
+    whole = _whole(abs(seconds))
+    return ("-" if seconds <= -0.5 else "") + f"{whole // 60}:{whole % 60:02d}"
+
+
+def _whole(seconds: float) -> int:
+    return math.floor(seconds + 0.5)
+
+
+def number(value: float | None, decimals: int) -> str:
+    """A figure with fixed decimals and no negative zero; a dash when it is missing or not finite."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    text = f"{value:.{decimals}f}"
+    return text.lstrip("-") if float(text) == 0 else text
+
+
+def price(value: float | None) -> str:
+    """A cost with as many decimals as keep it short: two, or none from 1000 on."""
+    return number(value, 2 if value is None or abs(value) < 999.995 else 0)
+
+
+def yes_no(value: bool | None) -> str:
+    """``yes``, ``no`` or a dash."""
+    return NOTHING if value is None else "yes" if value else "no"
+
+
+def tractors(count: int) -> str:
+    """``1 tractor``, ``3 tractors``."""
+    return f"{count} tractor" if count == 1 else f"{count} tractors"
+
+
+def listed(items: Iterable[object], last: str = "and") -> str:
+    """``1, 3 and 5``."""
+    words = [str(item) for item in items]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else "none"
+
+
+def clearance(plan: PlanResult) -> float | None:
+    """Smallest distance between two tractors in metres; None for a single one."""
+    value = plan.min_clearance_m
+    return None if plan.tractors < 2 or value is None or not math.isfinite(value) else value
+
+
+def feasible(ranking: Ranking) -> list[PlanResult]:
+    """The plans that work, in the order of the ranking."""
+    return [plan for plan in ranking.plans if plan.feasible]
+
+
+def refused(ranking: Ranking) -> list[PlanResult]:
+    """The plans that do not."""
+    return [plan for plan in ranking.plans if not plan.feasible]
+
+
+def refusals(plans: Sequence[PlanResult]) -> list[Refusal]:
+    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
+    groups: dict[str, list[PlanResult]] = {}
+    for plan in plans:
+        groups.setdefault(_NUMBER.sub("#", _reason(plan)), []).append(plan)
+    ordered = sorted(groups.values(), key=len, reverse=True)
+    return [
+        Refusal(_reason(group[0]), tuple(group), any(_reason(plan) != _reason(group[0]) for plan in group))
+        for group in ordered
+    ]
+
+
+def _reason(plan: PlanResult) -> str:
+    return (plan.reason or "no reason was given").strip()
+
+
+def members(refusal: Refusal) -> str:
+    """Who was refused: ``row-by-row (omega) with 5 and 7; split-field (u) with 1``."""
+    counts: dict[tuple[str, str], list[int]] = {}
+    for plan in refusal.plans:
+        counts.setdefault((plan.strategy, plan.turn), []).append(plan.tractors)
+    return "; ".join(f"{name} ({turn}) with {listed(sorted(set(n)))}" for (name, turn), n in counts.items())
+
+
+def moment(text: str | None) -> datetime | None:
+    """A clock time ``08:00`` or a date and time in ISO 8601; None when it is neither."""
+    if text is None:
+        return None
+    for full in (text.strip(), f"2000-01-01T{text.strip()}", f"2000-01-01T0{text.strip()}"):
+        try:
+            return datetime.fromisoformat(full)
+        except ValueError:
+            continue
+    return None
+
+
+def limit_s(ranking: Ranking) -> float | None:
+    """Seconds between start and deadline; None when either is missing or the plans contradict it.
+
+    A clock time before the start is on the next day. The plans are the judge: a plan said to be in time and
+    slower than this, or late and faster, means that the planner counts in another way.
+    """
+    start, before = moment(ranking.start), moment(ranking.before)
+    if start is None or before is None or (start.tzinfo is None) != (before.tzinfo is None):
+        return None
+    limit = (before - start).total_seconds()
+    limit += _DAY_S if limit <= 0 and start.year == before.year == 2000 else 0.0
+    judged = [(plan.time_s, plan.meets_deadline) for plan in feasible(ranking)]
+    agrees = all((time <= limit) == meets for time, meets in judged if time is not None and meets is not None)
+    return limit if limit > 0 and agrees else None
+
+
+def clock(ranking: Ranking, seconds: float | None) -> str | None:
+    """The clock time, ``09:14`` or ``01:14, 1 d later``, so many seconds after the start; None without a start."""
+    start = moment(ranking.start)
+    if start is None or seconds is None or not math.isfinite(seconds):
+        return None
+    later = start + timedelta(seconds=_whole(seconds))
+    days = (later.date() - start.date()).days
+    return later.strftime("%H:%M") + (f", {days} d later" if days else "")
+
+
+def headline(ranking: Ranking) -> list[str]:
+    """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
+    best = ranking.best
+    if best is None:
+        return [_no_plan(ranking)]
+    sentences = [f"Best plan: {_what(best)}, done in {_when(ranking, best)}{_at_cost(best)}."]
+    sentences += _deadline_words(ranking)
+    plans = feasible(ranking)
+    fastest = min(plans, key=lambda plan: math.inf if plan.time_s is None else plan.time_s)
+    if fastest is not best and fastest.time_s != best.time_s:
+        sentences.append(f"Fastest: {_what(fastest)}, done in {_when(ranking, fastest)}{_at_cost(fastest)}.")
+    priced = [plan for plan in plans if plan.cost is not None]
+    if priced:
+        cheapest = min(priced, key=lambda plan: plan.cost or 0.0)
+        same = cheapest is best or cheapest.cost == best.cost
+        told = f"Cheapest: {_what(cheapest)}, done in {_when(ranking, cheapest)}{_at_cost(cheapest)}."
+        sentences.append("No feasible plan is cheaper." if same else told)
+    return sentences
+
+
+def _no_plan(ranking: Ranking) -> str:
+    if not ranking.plans:
+        return "No plan was tried: allow at least one strategy, turn and number of tractors."
+    first = refusals(ranking.plans)[0]
+    count = len(ranking.plans)
+    return f"No plan works: {_refused_words(count)}, {len(first.plans)} of them because: {first.reason}"
+
+
+def _refused_words(count: int) -> str:
+    return "the only one was refused" if count == 1 else f"all {count} were refused"
+
+
+def _what(plan: PlanResult) -> str:
+    return f"{tractors(plan.tractors)}, {plan.strategy}, turn {plan.turn}"
+
+
+def _when(ranking: Ranking, plan: PlanResult) -> str:
+    at = clock(ranking, plan.time_s)
+    return duration(plan.time_s) + (f" (at {at})" if at else "")
+
+
+def _at_cost(plan: PlanResult) -> str:
+    return "" if plan.cost is None else f", cost {price(plan.cost)}"
+
+
+def _deadline_words(ranking: Ranking) -> list[str]:
+    judged = [plan for plan in feasible(ranking) if plan.meets_deadline is not None]
+    if not judged:
+        return []
+    name = f"The deadline ({ranking.before})" if ranking.before else "The deadline"
+    meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})
+    late = sorted({plan.tractors for plan in judged} - set(meeting))
+    if not meeting:
+        return [f"{name} is met by no plan."]
+    missed = f", not with {listed(late, 'or')}" if late else ""
+    noun = "tractor" if meeting == [1] else "tractors"
+    return [f"{name} can be met with {listed(meeting, 'or')} {noun}{missed}; the best plan is the cheapest in time."]

@@ -1,0 +1,140 @@
+"""A drive, a ranking and a study of the kind the planner hands over, small and made by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.results import Claim, Drive, PlanResult, Ranking, Study, StudyRow
+
+STEP_S = 0.5
+SPEED_MPS = 1.5
+WORKING, TURNING, WAITING, REVERSING = 1, 2, 3, 4
+Stretch = tuple[int, list[tuple[float, float]]]
+
+
+def _sampled(stretches: list[Stretch], wait_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and statuses every STEP_S along stretches at SPEED_MPS, after waiting at the start."""
+    count = round(wait_s / STEP_S)
+    points = [np.repeat([stretches[0][1][0]], count + 1, axis=0).astype(float)]
+    states = [np.full(count + 1, WAITING)]
+    for state, corners in stretches:
+        line = np.asarray(corners, dtype=float)
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
+        at = np.linspace(0.0, along[-1], max(round(along[-1] / SPEED_MPS / STEP_S), 1) + 1)[1:]
+        points.append(np.column_stack([np.interp(at, along, line[:, k]) for k in (0, 1)]))
+        states.append(np.full(len(at), state))
+    return np.vstack(points), np.concatenate(states).astype(np.int64)
+
+
+def _back_and_forth(rows: list[float], west: float, east: float) -> list[Stretch]:
+    """Swaths at heights `rows`, joined by half circles, the last turn of each pair by backing up."""
+    stretches: list[Stretch] = []
+    for index, y in enumerate(rows):
+        a, b = (west, east) if index % 2 == 0 else (east, west)
+        stretches.append((WORKING, [(a, y), (b, y)]))
+        if index + 1 == len(rows):
+            break
+        side, rise = (1.0 if b == east else -1.0), rows[index + 1] - y
+        if index % 3 == 2:
+            back = b - side * 2.0
+            stretches.append((TURNING, [(b, y), (b + side * 4.0, y + 2.0)]))
+            stretches.append((REVERSING, [(b + side * 4.0, y + 2.0), (b + side * 4.0, y - 3.0)]))
+            stretches.append((TURNING, [(b + side * 4.0, y - 3.0), (b, y + rise), (back, y + rise)]))
+            stretches.append((REVERSING, [(back, y + rise), (b, y + rise)]))
+        else:
+            arc = [math.pi * k / 12 - math.pi / 2 for k in range(13)]
+            half = [(b + side * rise / 2 * math.cos(t), y + rise / 2 * (1 + math.sin(t))) for t in arc]
+            stretches.append((TURNING, half))
+    return stretches
+
+
+@pytest.fixture
+def drive() -> Drive:
+    """Three tractors on 270 m x 70 m with a pond, 24 swaths of 3 m."""
+    rows = [0.5 + 3.0 * k for k in range(23)]
+    shares = [rows[:8], rows[8:16], rows[16:]]
+    driven = [_sampled(_back_and_forth(share, 12.0, 258.0), 20.0 * k) for k, share in enumerate(shares)]
+    seconds = {
+        name: tuple(float((status == code).sum()) * STEP_S for _, status in driven)
+        for name, code in (("working", 1), ("turning", 2), ("waiting", 3), ("reversing", 4))
+    }
+    return Drive(
+        title="Iwamizawa: 3 tractors, split-field, omega",
+        boundary=np.array([[0.0, -1.0], [270.0, -1.0], [272.0, 70.0], [-1.0, 69.0]]),
+        holes=(np.array([[120.0, 28.2], [128.0, 28.2], [128.0, 29.8], [120.0, 29.8]]),),
+        tracks=np.array([[[12.0, y], [258.0, y]] for y in rows]),
+        width_m=3.0,
+        step_s=STEP_S,
+        xy=tuple(xy for xy, _ in driven),
+        status=tuple(status for _, status in driven),
+        finish_s=tuple((len(xy) - 1) * STEP_S for xy, _ in driven),
+        seconds=seconds,
+        entrance=(-1.0, 69.0),
+    )
+
+
+def _plan(rank: int, strategy: str, count: int, turn: str, time_s: float, **more: object) -> PlanResult:
+    given: dict[str, object] = {
+        "tractor_time_s": time_s * count,
+        "cost": 0.011 * time_s * count / 10,
+        "meets_deadline": time_s <= 3600.0,
+        "worked_pct": 98.7,
+        "overlap_pct": 1.254,
+        "outside_m": 0.0,
+        "excursion_m": 0.0,
+        "turning_s": 61.0 * count,
+        "waiting_s": 12.5 * (count - 1),
+        "reversals": 3 * count,
+        "min_clearance_m": math.inf if count == 1 else 2.345678912,
+        "collisions": 0,
+    }
+    return PlanResult(strategy, count, turn, True, None, rank, time_s, **(given | more))  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def ranking() -> Ranking:
+    """Six plans that work, three in time for the deadline one hour after the start, and four refused."""
+    plans = (
+        _plan(1, "row-by-row", 5, "omega", 1253.0, on_pareto_front=True),
+        _plan(2, "col-by-col", 5, "omega", 1290.0),
+        _plan(3, "split-field", 3, "switch-back", 1712.4, on_pareto_front=True),
+        _plan(4, "interleaved", 2, "omega", 3725.0, on_pareto_front=True),
+        _plan(5, "split-field", 1, "u", 4475.0, on_pareto_front=True),
+        _plan(6, "split-field", 1, "switch-back", 5012.0),
+        PlanResult("row-by-row", 7, "u", False, "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."),
+        PlanResult("row-by-row", 9, "u", False, "Turning radius 4.10 m needs 8.20 m, rows are 12.00 m apart."),
+        PlanResult("col-by-col", 7, "omega", False, "Tractors 2 and 3 touch.", time_s=933.0, collisions=1),
+        PlanResult("split-field", 11, "omega", False, "The field has 8 swaths, too few for 11 tractors."),
+    )
+    return Ranking(
+        field_name="Iwamizawa",
+        area_ha=1.89,
+        seed=7,
+        plans=plans,
+        start="08:00",
+        before="09:00",
+        assumptions=("Working width 3.00 m.", "Turning radius 4.10 m on soil."),
+    )
+
+
+@pytest.fixture
+def study() -> Study:
+    """A study with one row of every kind."""
+    return Study(
+        tables={
+            "6.1": (
+                StudyRow("one tractor", 1, 4475.0, 4612.5, 3.0726, ""),
+                StudyRow("formation", 3, 1530.0, 1499.0, -2.0261, ""),
+            ),
+            "6.2": (StudyRow("apart", 3, 1253.0, None, None, "not consistent with Table 6.1, not tuned to"),),
+            "6.3": (StudyRow("row-by-row", 5, 1253.0, 1240.2, -1.0215, ""),),
+        },
+        claims=(
+            Claim("1 to 9 tractors are ever faster.", True, "Each count beats the one before."),
+            Claim("11 tractors are slower than 9.", False, "Here 11 need 12:01 and 9 need 12:22."),
+        ),
+        assumptions=("Headlands of 10 m at both ends lie inside the field.", "One set for every row."),
+    )

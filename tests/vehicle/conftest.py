@@ -1,0 +1,109 @@
+"""Plans and parameters that the tests of the room `vehicle` share."""
+
+import importlib.util
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+settings.register_profile("headland", deadline=None, derandomize=True, database=None, max_examples=100)
+settings.load_profile("headland")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Drop compiled functions older than any source of the room: numba looks at the caller's file only."""
+    spec = importlib.util.find_spec("vehicle")
+    folder = Path(str(spec.origin)).parent if spec else Path()
+    newest = max((source.stat().st_mtime for source in folder.glob("*.py")), default=0.0)
+    for index in folder.glob("__pycache__/*.nbi"):
+        if index.stat().st_mtime < newest:
+            index.unlink(missing_ok=True)
+
+
+class Build:
+    """Short ways to write the legs and plans of the tests; metres, x = east and y = north."""
+
+    speed = 5.0 / 3.6
+
+    def leg(self, *points: Sequence[float], **options: Any) -> Any:
+        from vehicle.missions import Leg
+
+        options.setdefault("speed_mps", self.speed)
+        return Leg(np.array(points, dtype=np.float64), **options)
+
+    def arc(self, centre: Sequence[float], radius: float, start_deg: float, end_deg: float, **options: Any) -> Any:
+        """Arc about `centre` between two mathematical angles, one point per 2 degrees or so."""
+        count = max(3, round(abs(end_deg - start_deg) / 2))
+        angles = np.radians(np.linspace(start_deg, end_deg, count))
+        points = np.stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)], axis=1)
+        return self.leg(*points, **{"kind": "turn", **options})
+
+    def plan(self, *missions: Sequence[Any]) -> Any:
+        from vehicle.missions import Mission, Plan
+
+        return Plan(tuple(Mission(tuple(legs)) for legs in missions))
+
+    def two_passes(self, x: float = 0.0, length: float = 30.0, spacing: float = 9.0, **turn: Any) -> list[Any]:
+        """North along x, a half circle to the right, south along x + spacing."""
+        work = {"kind": "work", "implement": True}
+        half = 0.5 * spacing
+        return [
+            self.leg((x, 0), (x, length), **work),
+            self.arc((x + half, length), half, 180, 0, **turn),
+            self.leg((x + spacing, length), (x + spacing, 0), **work),
+        ]
+
+    def switch_back(self, radius: float = 4.5, length: float = 20.0) -> list[Any]:
+        """North, a quarter to the right, straight back, a quarter to the right and south on the track 3 m aside."""
+        back = 2 * radius - 3.0
+        return [
+            self.leg((0, 0), (0, length), kind="work", implement=True),
+            self.arc((radius, length), radius, 180, 90),
+            self.leg((radius, length + radius), (radius - back, length + radius), gear=-1, speed_mps=1.0, kind="turn"),
+            self.arc((radius - back, length), radius, 90, 0),
+            self.leg((3, length), (3, 0), kind="work", implement=True),
+        ]
+
+
+@pytest.fixture(scope="session")
+def build() -> Build:
+    return Build()
+
+
+@pytest.fixture(scope="session")
+def eg105() -> Any:
+    from vehicle.tractor import load_tractor
+
+    return load_tractor("eg105")
+
+
+@pytest.fixture(scope="session")
+def implement() -> Any:
+    from vehicle.tractor import Implement
+
+    return Implement()
+
+
+@pytest.fixture(scope="session")
+def model(eg105: Any, implement: Any) -> Any:
+    from vehicle.compile import compile_model
+
+    return np.array([compile_model(eg105, implement)])[0]
+
+
+@pytest.fixture(scope="session")
+def soil() -> Any:
+    from vehicle.compile import compile_grounds
+    from vehicle.ground import ground_index
+
+    return compile_grounds()[ground_index("soil")]
+
+
+@pytest.fixture(scope="session")
+def north() -> float:
+    """Mathematical angle of a body that heads north."""
+    return 0.5 * math.pi

@@ -1,0 +1,153 @@
+"""One step of the tractor body: balance of forces, symmetry, energy, steady circles and the size of the step."""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pymunk
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle.calibration import identity_table, kinematic_radius
+from vehicle.chassis import GRAVITY, body_step, wheel
+from vehicle.compile import compile_grounds, compile_model
+from vehicle.engine import Engine
+from vehicle.ground import GROUNDS
+from vehicle.layout import STATE
+from vehicle.loop import run_fixed
+from vehicle.tractor import Implement, Tractor
+from vehicle.world import drive_circle, make_body
+
+DT = 1.0 / 60.0
+SPEED = 5.0 / 3.6
+FORWARD = st.floats(-5.0, 5.0)
+RIGHT = st.floats(-2.0, 2.0)
+SPIN = st.floats(-1.0, 1.0)
+TANGENT = st.floats(-0.7, 0.7)
+
+
+def energy(model: Any, forward: float, right: float, spin: float) -> float:
+    return 0.5 * float(model["mass"]) * (forward**2 + right**2) + 0.5 * float(model["inertia"]) * spin**2
+
+
+def fixed_run(tractor: Tractor, steering_deg: float, dt: float, seconds: float) -> npt.NDArray[np.float64]:
+    """Raw body track (t, 6) in pymunk with the wheels at a fixed angle, from standstill to 5 km/h."""
+    space = pymunk.Space()
+    engine = Engine(space, [make_body(space, tractor, Implement(), (0.0, 0.0, 0.0))])
+    states = np.zeros(1, dtype=STATE)
+    states["command"] = states["steering"] = math.radians(steering_deg)
+    states["target_speed"], states["stage"] = SPEED, 1
+    steps = round(seconds / dt)
+    track = np.empty((steps, 6))
+    tables = np.array([identity_table(tractor.max_steering_deg)] * len(GROUNDS))
+    run_fixed(
+        steps, dt, engine.addresses, engine.read, engine.write, engine.read_count, engine.write_count,
+        states, np.array([compile_model(tractor, Implement())]), compile_grounds(), 1, tables, track,
+    )  # fmt: skip
+    return track
+
+
+def test_one_wheel_by_hand() -> None:
+    # Rolling straight on at 1 m/s and sliding right at tan(2 deg): 2 deg x 0.15 per deg of the load, to the left.
+    sliding = math.tan(math.radians(2))
+    load, slope, limit = 1000.0, math.degrees(0.15), math.radians(5)
+    force, damping, slip = wheel(1.0, sliding, 0.0, 1.3, 0.9, 1.0, 0.0, slope, limit, load)
+    assert (math.degrees(slip), force) == (pytest.approx(2.0), pytest.approx(-300.0))
+    assert damping == pytest.approx(load * slope, rel=3e-3)
+    # Steered 3 deg to the right of its motion it slips 3 deg to its left and is pushed to its right.
+    cosine, sine = math.cos(math.radians(3)), math.sin(math.radians(3))
+    force, _, slip = wheel(1.0, 0.0, 0.0, 1.3, 0.9, cosine, sine, slope, limit, load)
+    assert (math.degrees(slip), force) == (pytest.approx(-3.0), pytest.approx(450.0))
+    # Turning clockwise about the centre of mass, a wheel 1.3 m ahead and 0.9 m right moves right and slower.
+    _, _, slip = wheel(1.0, 0.0, 0.1, 1.3, 0.9, 1.0, 0.0, slope, limit, load)
+    assert slip == pytest.approx(math.atan(0.13 / 0.91))
+
+
+@given(st.floats(0.2, 5.0), st.floats(-15000.0, 15000.0))
+def test_straight_on_only_drive_and_rolling_resistance_count(model: Any, soil: Any, speed: float, drive: float) -> None:
+    forward, right, spin = body_step(speed, 0.0, 0.0, 0.0, drive, DT, model, soil)
+    resistance = 0.06 * 3850.0 * GRAVITY * speed / (speed + 0.05)
+    assert forward == pytest.approx(speed + DT * (drive - resistance) / 3850.0, abs=1e-12)
+    assert (right, spin) == (0.0, 0.0)
+
+
+def test_straight_running_keeps_its_speed(model: Any, soil: Any) -> None:
+    drive = 0.06 * 3850.0 * GRAVITY * SPEED / (SPEED + 0.05)
+    velocity = (SPEED, 0.0, 0.0)
+    for _ in range(6000):
+        velocity = body_step(*velocity, 0.0, drive, DT, model, soil)
+    assert velocity == (pytest.approx(SPEED, abs=1e-9), 0.0, 0.0)
+
+
+@given(FORWARD, RIGHT, SPIN, TANGENT, st.floats(-15000.0, 15000.0))
+def test_left_and_right_are_mirror_images(
+    model: Any, soil: Any, forward: float, right: float, spin: float, tangent: float, drive: float
+) -> None:
+    a = body_step(forward, right, spin, tangent, drive, DT, model, soil)
+    b = body_step(forward, -right, -spin, -tangent, drive, DT, model, soil)
+    assert b == pytest.approx((a[0], -a[1], -a[2]), abs=1e-9)
+
+
+@given(st.floats(1.4, 5.0), st.sampled_from([-1, 1]), RIGHT, SPIN, TANGENT)
+def test_without_drive_the_energy_falls(
+    model: Any, soil: Any, speed: float, gear: int, right: float, spin: float, tangent: float
+) -> None:
+    before = (gear * speed, right, spin)
+    assert energy(model, *body_step(*before, tangent, 0.0, DT, model, soil)) < energy(model, *before)
+
+
+@given(FORWARD, RIGHT, SPIN)
+def test_a_sliding_tractor_with_straight_wheels_comes_to_rest(
+    model: Any, soil: Any, forward: float, right: float, spin: float
+) -> None:
+    velocity = (forward, right, spin)
+    for _ in range(2400):  # 40 s; at 0.06 g even 5 m/s are gone after some 10 s
+        velocity = body_step(*velocity, 0.0, 0.0, DT, model, soil)
+    assert abs(velocity[0]) < 0.01
+    assert energy(model, *velocity) < 40.0, "that of 0.14 m/s; what saturated tyres leave at rest"
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-0.3, 0.3))
+def test_side_forces_leave_the_momentum_they_should(model: Any, soil: Any, forward: float, right: float) -> None:
+    """With the wheels straight, all four push against the sideways motion and none pushes forward."""
+    after = body_step(forward, right, 0.0, 0.0, 0.0, 1e-7, model, soil)
+    rolling = 0.06 * GRAVITY * forward / (abs(forward) + 0.05)
+    assert after[0] - forward == pytest.approx(-1e-7 * rolling, abs=1e-12)
+    slip = math.degrees(abs(math.atan(right / max(abs(forward), 0.05))))
+    # Front axle carries l_r / l = 1.1 / 2.4 of the weight, rear axle 1.3 / 2.4.
+    friction = (0.15 * 1.1 + 0.20 * 1.3) / 2.4 * min(slip, 5.0)
+    assert after[1] - right == pytest.approx(-math.copysign(1e-7 * friction * GRAVITY, right), rel=2e-3, abs=1e-12)
+
+
+@pytest.mark.parametrize("steering_deg", [-5.0, 5.0, 10.0])
+def test_crawling_follows_the_kinematic_circle(eg105: Tractor, steering_deg: float) -> None:
+    circle = drive_circle(eg105, steering_deg, "soil", corrected=False, speed_mps=0.2)
+    assert circle.radius_m == pytest.approx(kinematic_radius(eg105, math.radians(steering_deg)), rel=1e-3)
+
+
+@pytest.mark.parametrize("steering_deg", [10.0, 20.0, 30.0])
+def test_slip_widens_the_circle_with_the_square_of_the_speed(eg105: Tractor, steering_deg: float) -> None:
+    """Understeer of a linear tyre: the extra radius is proportional to v^2."""
+    kinematic = kinematic_radius(eg105, math.radians(steering_deg))
+    extra = [
+        drive_circle(eg105, steering_deg, "soil", corrected=False, speed_mps=speed).radius_m / kinematic - 1.0
+        for speed in (0.7, 1.4)
+    ]
+    assert 0.0 < extra[0] < 0.002
+    assert extra[1] / extra[0] == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize("steering_deg", [3.0, -15.0, 30.0])
+def test_half_the_step_gives_nearly_the_same_track(eg105: Tractor, steering_deg: float) -> None:
+    """A minute at 5 km/h, 80 m, from standstill with the wheels at the angle: most of it comes from the first second."""
+    coarse = fixed_run(eg105, steering_deg, DT, 60.0)
+    fine = fixed_run(eg105, steering_deg, 0.5 * DT, 60.0)[::2]
+    assert np.hypot(*coarse[-1, 3:5]) == pytest.approx(np.hypot(*fine[-1, 3:5]), abs=1e-9)
+    assert np.hypot(*(coarse[:, :2] - fine[:, :2]).T).max() < 0.035
+
+
+def test_positive_steering_turns_right(eg105: Tractor) -> None:
+    track = fixed_run(eg105, 10.0, DT, 3.0)
+    assert track[-1, 2] < -0.1 and track[-1, 1] < 0.0

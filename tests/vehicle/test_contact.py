@@ -1,0 +1,136 @@
+"""Touching tractors and the clearance between them."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from shapely import Polygon
+from shapely.affinity import rotate, translate
+from shapely.ops import unary_union
+
+from vehicle.clearance import closest_pair, outline_distance, point_box
+from vehicle.compile import compile_model, outline
+from vehicle.layout import STATE
+from vehicle.tractor import Implement, Tractor, load_tractor
+from vehicle.world import simulate
+
+SPEED = 5.0 / 3.6
+POSES = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-math.pi, math.pi))
+TRACTOR = load_tractor("eg105")
+NARROW, WIDE = Implement(width_m=1.5), Implement(width_m=6.0, hitch_m=2.5)
+
+
+def shape(implement: Implement, pose: tuple[float, float, float]) -> Any:
+    """The outline as shapely sees it: tractor box and implement box, turned and moved."""
+    boxes = outline(TRACTOR, implement)
+    parts = [
+        Polygon([(rear, -half), (front, -half), (front, half), (rear, half)])
+        for rear, front, half in (
+            (boxes["tail"], boxes["nose"], boxes["half_width"]),
+            (boxes["tool_tail"], boxes["tool_front"], boxes["tool_half_width"]),
+        )
+    ]
+    turned = rotate(unary_union(parts), pose[2], origin=(0, 0), use_radians=True)
+    return translate(turned, pose[0], pose[1])
+
+
+def states_at(*poses: tuple[float, float, float]) -> Any:
+    states = np.zeros(len(poses), dtype=STATE)
+    for state, pose in zip(states, poses, strict=True):
+        state["x"], state["y"], state["angle"] = pose
+    return states
+
+
+def test_the_outline_by_hand() -> None:
+    # Rear end 1.1 + 0.74 behind the centre of mass, nose 4.26 - 1.84 ahead; tool centre 1.1 + 1.5 behind.
+    assert outline(TRACTOR, Implement()) == pytest.approx({
+        "nose": 2.42, "tail": -1.84, "half_width": 1.02, "tool_front": -2.1, "tool_tail": -3.1, "tool_half_width": 1.35,
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(("x", "y", "expected"), [(0, 0, 0), (3, 0, 1), (-2, 0, 1), (0, -2, 1.5), (5, 4.5, 5)])
+def test_point_to_box_by_hand(x: float, y: float, expected: float) -> None:
+    assert point_box(x, y, -1.0, 2.0, 0.5) == pytest.approx(expected)
+
+
+@given(POSES, POSES, st.sampled_from([NARROW, WIDE]), st.sampled_from([NARROW, WIDE]))
+def test_distance_of_outlines_agrees_with_shapely(
+    a: tuple[float, float, float], b: tuple[float, float, float], first: Implement, second: Implement
+) -> None:
+    expected = shape(first, a).distance(shape(second, b))
+    assume(expected > 0.0)
+    states = states_at(a, b)
+    models = [np.array([compile_model(TRACTOR, implement)])[0] for implement in (first, second)]
+    assert outline_distance(states[0], models[0], states[1], models[1]) == pytest.approx(expected, abs=1e-9)
+    assert outline_distance(states[1], models[1], states[0], models[0]) == pytest.approx(expected, abs=1e-9)
+
+
+@given(st.lists(POSES, min_size=2, max_size=6))
+def test_smallest_clearances_agree_with_all_pairs(poses: list[tuple[float, float, float]]) -> None:
+    spread = [(x + 7.0 * i, y, angle) for i, (x, y, angle) in enumerate(poses)]
+    shapes = [shape(NARROW, pose) for pose in spread]
+    table = np.array([[a.distance(b) if a is not b else np.inf for b in shapes] for a in shapes])
+    assume((table > 0.0).all())
+    states, models = states_at(*spread), np.array([compile_model(TRACTOR, NARROW)])
+    clearances = np.full(len(poses), np.inf)
+    closest, first, second = closest_pair(states, models, clearances)
+    assert closest == pytest.approx(table.min(), abs=1e-9)
+    assert table[first, second] == pytest.approx(table.min(), abs=1e-9)
+    assert clearances.min() == pytest.approx(table.min(), abs=1e-9)
+    assert (clearances >= table.min(axis=1) - 1e-9).all(), "never closer than the true neighbour"
+
+
+def test_head_on_is_reported_when_the_noses_meet(build: Any, eg105: Tractor, implement: Implement) -> None:
+    far = [build.leg((50, 0), (50, 30))]
+    run = simulate(build.plan(far, [build.leg((0, 0), (0, 40))], [build.leg((0, 40), (0, 0))]), eg105, implement)
+    # Noses are 40 - 2 x 2.42 m apart; each drives half of it, at 0.7 m/s^2 up to 5 km/h.
+    expected = (40.0 - 2 * 2.42) / 2 / SPEED + SPEED / (2 * 0.7)
+    assert [(a, b) for _, a, b in run.contacts] == [(1, 2)]
+    assert run.contacts[0][0] == pytest.approx(expected, abs=0.3)
+    assert run.min_clearance_m < 0.05
+
+
+def test_a_stop_clearance_ends_the_run_before_the_contact(build: Any, eg105: Tractor, implement: Implement) -> None:
+    plan = build.plan([build.leg((0, 0), (0, 40))], [build.leg((0, 40), (0, 20)), build.leg((0, 20), (0, 0))])
+    run = simulate(plan, eg105, implement, stop_clearance_m=2.0)
+    expected = (40.0 - 2 * 2.42 - 2.0) / 2 / SPEED + SPEED / (2 * 0.7)
+    assert run.outcome == "conflict" and run.contacts == () and run.conflict is not None
+    assert {run.conflict.first, run.conflict.second} == {0, 1}
+    assert (run.conflict.first_leg, run.conflict.second_leg) == (0, 0)
+    assert run.conflict.time_s == pytest.approx(expected, abs=0.3)
+    assert run.conflict.time_s == pytest.approx(run.time_s[-1])
+    assert 2.0 - 2 * SPEED * 0.1 - 0.01 < run.min_clearance_m < 2.0
+    assert np.isnan(run.finish_s).all()
+
+
+@pytest.mark.parametrize(("width", "apart", "expected"), [
+    (3.0, 4.0, 4.0 - 2.7),  # frames of 0.9 x 3 m are wider than the tractors
+    (1.5, 4.0, 4.0 - 2.04),
+    (6.0, 7.5, 7.5 - 5.4),
+])  # fmt: skip
+def test_clearance_of_parallel_tractors(
+    build: Any, eg105: Tractor, width: float, apart: float, expected: float
+) -> None:
+    plan = build.plan([build.leg((0, 0), (0, 20))], [build.leg((apart, 0), (apart, 20))])
+    run = simulate(plan, eg105, Implement(width_m=width))
+    assert run.outcome == "done" and run.contacts == ()
+    assert run.min_clearance_m == pytest.approx(expected, abs=1e-6)
+
+
+def test_clearance_in_a_crossing_agrees_with_shapely_along_the_record(
+    build: Any, eg105: Tractor, implement: Implement
+) -> None:
+    plan = build.plan([build.leg((0, 0), (0, 40))], [build.leg((-14, 30), (20, 26))])
+    run = simulate(plan, eg105, implement)
+    rows = run.record[:, :, :3]
+    found = min(shape(implement, tuple(a)).distance(shape(implement, tuple(b))) for a, b in rows)
+    assert 0.0 < found < 8.0
+    assert run.min_clearance_m == pytest.approx(found, abs=1e-9)
+
+
+def test_a_single_tractor_has_no_clearance(build: Any, eg105: Tractor, implement: Implement) -> None:
+    run = simulate(build.plan([build.leg((0, 0), (0, 5))]), eg105, implement)
+    assert math.isinf(run.min_clearance_m) and run.contacts == () and run.conflict is None

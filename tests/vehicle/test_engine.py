@@ -1,0 +1,173 @@
+"""The compiled loop against plain pymunk, and what happens when pymunk's batch layout is another one."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pymunk
+import pymunk.batch
+import pytest
+
+import vehicle.engine
+from vehicle.engine import READ_WIDTH, WRITE_WIDTH, Engine, EngineUnavailable, lib
+from vehicle.missions import Follow, Gate, Plan
+from vehicle.run import Run
+from vehicle.tractor import Implement, Tractor
+from vehicle.world import World, make_body, simulate
+
+
+def gated(build: Any) -> Plan:
+    """Three tractors side by side, each kept behind its neighbour by a gate at every leg."""
+    missions = [build.two_passes(3.0 * i) for i in range(3)]
+    plan = build.plan(*missions)
+    for tractor in (1, 2):
+        plan = plan.with_gate(tractor, 0, Gate(tractor - 1, 0, 12.0))
+        plan = plan.with_gate(tractor, 1, Gate(tractor - 1, 1, 8.0))
+        plan = plan.with_gate(tractor, 2, Gate(tractor - 1, 2, 9.5))
+    return plan
+
+
+def formation(build: Any) -> Plan:
+    """A slower leader and two followers that start too close."""
+    lead = [build.leg((0, 0), (0, 90), speed_mps=0.9, kind="work", implement=True)]
+    second = [build.leg((3, -7), (3, 80), follow=Follow(0, 0), kind="work", implement=True)]
+    third = [build.leg((-3, -9), (-3, 80), follow=Follow(0, 0, 12.0), kind="work", implement=True)]
+    return build.plan(lead, second, third)
+
+
+def reversing(build: Any) -> Plan:
+    return build.plan(build.switch_back())
+
+
+def head_on(build: Any) -> Plan:
+    return build.plan([build.leg((0, 0), (0, 40))], [build.leg((0.4, 30), (0.4, 0))], [build.leg((9, 0), (9, 20))])
+
+
+PLANS = (gated, formation, reversing, head_on)
+
+
+def assert_same(fast: Run, slow: Run) -> None:
+    assert fast.outcome == slow.outcome
+    assert fast.record.shape == slow.record.shape
+    assert np.abs(fast.record - slow.record).max() < 1e-9
+    assert np.array_equal(fast.finish_s, slow.finish_s, equal_nan=True)
+    assert fast.contacts == pytest.approx(slow.contacts) if fast.contacts else not slow.contacts
+    assert fast.min_clearance_m == pytest.approx(slow.min_clearance_m, abs=1e-9)
+    assert fast.conflict == slow.conflict
+
+
+@pytest.mark.parametrize("make", PLANS)
+def test_the_compiled_loop_drives_as_plain_pymunk_does(
+    build: Any, eg105: Tractor, implement: Implement, make: Any
+) -> None:
+    plan = make(build)
+    options = {"max_time_s": 90.0, "stop_clearance_m": -1.0}
+    assert_same(simulate(plan, eg105, implement, **options), simulate(plan, eg105, implement, slow=True, **options))
+
+
+def test_both_loops_stop_at_the_same_conflict(build: Any, eg105: Tractor, implement: Implement) -> None:
+    plan = head_on(build)
+    fast = simulate(plan, eg105, implement, stop_clearance_m=1.0)
+    assert fast.outcome == "conflict"
+    assert_same(fast, simulate(plan, eg105, implement, stop_clearance_m=1.0, slow=True))
+
+
+def test_the_same_run_twice_is_the_same_bit_for_bit(build: Any, eg105: Tractor, implement: Implement) -> None:
+    for make in (gated, head_on):
+        first, again = (simulate(make(build), eg105, implement, max_time_s=90.0) for _ in range(2))
+        assert first.record.tobytes() == again.record.tobytes()
+        assert first.finish_s.tobytes() == again.finish_s.tobytes()
+        assert first.contacts == again.contacts
+        assert first.min_clearance_m == again.min_clearance_m
+
+
+def test_a_tractor_drives_alone_as_it_does_among_others(build: Any, eg105: Tractor, implement: Implement) -> None:
+    alone = simulate(build.plan(build.two_passes()), eg105, implement)
+    both = simulate(build.plan(build.two_passes(), build.two_passes(50.0)), eg105, implement)
+    rows = len(alone.record)
+    assert (alone.record[:, 0] == both.record[:rows, 0]).all()
+
+
+@pytest.fixture
+def bodies(eg105: Tractor, implement: Implement) -> tuple[pymunk.Space, list[pymunk.Body]]:
+    """Three bodies in motion, all numbers different."""
+    space = pymunk.Space()
+    made = [make_body(space, eg105, implement, (20.0 * i, 1.5 - i, 0.3 * i + 0.1)) for i in range(3)]
+    for i, body in enumerate(made):
+        body.velocity = (0.5 + i, -0.25 * (i + 1))
+        body.angular_velocity = 0.01 * (i + 1)
+    return space, made
+
+
+def test_the_engine_reads_and_writes_what_the_ordinary_interface_does(
+    bodies: tuple[pymunk.Space, list[pymunk.Body]],
+) -> None:
+    space, made = bodies
+    engine = Engine(space, made)
+    rows = engine.read[: READ_WIDTH * len(made)].reshape(-1, READ_WIDTH)
+    for row, body in zip(rows, made, strict=True):
+        assert tuple(row) == (*body.position, body.angle, *body.velocity, body.angular_velocity)
+        assert tuple(body.force) == (0.0, 0.0) and body.torque == 0.0
+    engine.write[: WRITE_WIDTH * len(made)] = np.arange(9.0) + 1.0
+    engine.write_count[0] = 0
+    setter = vehicle.engine.ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched")
+    lib.cpSpaceEachBody(space._space, setter, engine._data[1])
+    assert [tuple(body.force) for body in made] == [(1.0, 2.0), (4.0, 5.0), (7.0, 8.0)]
+    assert [body.torque for body in made] == [3.0, 6.0, 9.0]
+
+
+FIELDS = pymunk.batch.BodyFields
+
+
+@pytest.mark.parametrize(("name", "flags", "fault"), [
+    ("READ", FIELDS.POSITION | FIELDS.ANGLE | FIELDS.VELOCITY, "batch read has another width"),
+    ("READ", FIELDS.POSITION | FIELDS.FORCE | FIELDS.VELOCITY, "batch read has another order"),
+    ("READ", FIELDS.POSITION | FIELDS.ANGLE | FIELDS.FORCE | FIELDS.TORQUE, "batch read has another order"),
+    ("WRITE", FIELDS.TORQUE | FIELDS.VELOCITY, "batch write has another order"),
+])  # fmt: skip
+def test_another_layout_is_refused(
+    bodies: tuple[pymunk.Space, list[pymunk.Body]], monkeypatch: pytest.MonkeyPatch, name: str, flags: Any, fault: str
+) -> None:
+    monkeypatch.setattr(vehicle.engine, name, flags)
+    with pytest.raises(EngineUnavailable, match=f"{fault}; the fast path needs 7.3"):
+        Engine(*bodies)
+
+
+def test_a_missing_function_is_refused(
+    bodies: tuple[pymunk.Space, list[pymunk.Body]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Without:
+        cpSpaceStep = lib.cpSpaceStep  # noqa: N815
+
+    def address(library: Any, name: str) -> Any:
+        return vehicle.engine.lib is library and getattr(library, name)
+
+    monkeypatch.setattr(vehicle.engine, "lib", Without())
+    monkeypatch.setattr(vehicle.engine, "ffi", type("Address", (), {
+        "addressof": staticmethod(address), "new": vehicle.engine.ffi.new, "buffer": vehicle.engine.ffi.buffer,
+    }))  # fmt: skip
+    with pytest.raises(EngineUnavailable, match="lacks a function of the fast path"):
+        Engine(*bodies)
+
+
+def test_without_the_engine_the_world_warns_and_drives_on(
+    build: Any, eg105: Tractor, implement: Implement, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = build.plan([build.leg((0, 0), (0, 6))])
+    expected = simulate(plan, eg105, implement)
+    monkeypatch.setattr(vehicle.engine, "READ", FIELDS.POSITION)
+    with pytest.warns(UserWarning, match="another width.*plain Python"):
+        found = World(plan, eg105, implement).run()
+    assert found.outcome == "done"
+    assert_same(found, expected)
+
+
+def test_progress_rises_to_one(build: Any, eg105: Tractor, implement: Implement) -> None:
+    seen: list[float] = []
+    run = simulate(build.plan([build.leg((0, 0), (0, 900))]), eg105, implement, progress=seen.append)
+    assert run.duration_s > 600.0
+    assert len(seen) == 2 and 0.9 < seen[0] < seen[1] <= 1.0
+    assert seen[0] == pytest.approx(600.0 * 5 / 3.6 / 900.0, rel=0.01)
+    assert seen[1] == pytest.approx(1.0, abs=0.1 / 900 + 1e-3)
+    assert run.time_s[-1] == pytest.approx(run.duration_s)
+    assert math.isclose(run.record[-1, 0, 1], 900.0, abs_tol=0.2)

@@ -1,0 +1,84 @@
+"""Side-slip and side force of a tyre (Eq. 4.1 to 4.4)."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from vehicle.compile import compile_grounds
+from vehicle.errors import VehicleError
+from vehicle.ground import GROUNDS, ground_index, ground_names
+from vehicle.tyres import CREEP_MPS, side_damping, side_friction, slip_angle
+
+SPEEDS = st.floats(-6.0, 6.0)
+SIDEWAYS = st.floats(-3.0, 3.0)
+SLOPES = st.floats(0.1, 20.0)
+LIMITS = st.floats(0.01, 0.5)
+
+
+@pytest.mark.parametrize(("slope_per_deg", "slip_deg", "expected"), [
+    (0.005, 5.0, -0.025),
+    (0.005, 2.0, -0.010),
+    (0.010, 5.0, -0.050),
+    (0.150, 5.0, -0.750),
+    (0.150, -1.0, 0.150),
+    (0.005, 12.0, -0.025),
+    (0.005, -80.0, 0.025),
+    (0.200, 0.0, 0.0),
+])  # fmt: skip
+def test_side_friction_by_hand(slope_per_deg: float, slip_deg: float, expected: float) -> None:
+    found = side_friction(math.radians(slip_deg), math.degrees(slope_per_deg), math.radians(5.0))
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
+@given(st.floats(-1.5, 1.5), SLOPES, LIMITS)
+def test_side_friction_is_odd_capped_and_against_the_slip(slip: float, slope: float, limit: float) -> None:
+    friction = side_friction(slip, slope, limit)
+    assert side_friction(-slip, slope, limit) == -friction
+    assert abs(friction) <= slope * limit
+    assert friction * slip <= 0.0
+
+
+@pytest.mark.parametrize(("forward", "sideways", "expected_deg"), [
+    (1.0, 1.0, 45.0),
+    (-1.0, 1.0, 45.0),
+    (2.0, -2.0 * math.tan(math.radians(10)), -10.0),
+    (0.0, CREEP_MPS, 45.0),
+    (0.01, -CREEP_MPS, -45.0),
+    (0.0, 0.0, 0.0),
+])  # fmt: skip
+def test_slip_angle_by_hand(forward: float, sideways: float, expected_deg: float) -> None:
+    assert math.degrees(slip_angle(forward, sideways)) == pytest.approx(expected_deg, abs=1e-9)
+
+
+@given(SPEEDS, SIDEWAYS, SLOPES, LIMITS)
+def test_damping_is_the_derivative_of_the_friction(
+    forward: float, sideways: float, slope: float, limit: float
+) -> None:
+    slip = slip_angle(forward, sideways)
+    assume(abs(abs(slip) - limit) > 1e-3)
+    h = 1e-6
+    before = side_friction(slip_angle(forward, sideways - h), slope, limit)
+    after = side_friction(slip_angle(forward, sideways + h), slope, limit)
+    damping = side_damping(forward, sideways, slip, slope, limit)
+    assert damping == pytest.approx((before - after) / (2 * h), rel=1e-5, abs=1e-6)
+
+
+def test_compiled_grounds_keep_the_forces_of_the_grounds() -> None:
+    rows = compile_grounds()
+    assert len(rows) == len(GROUNDS)
+    for row, ground in zip(rows, GROUNDS, strict=True):
+        for axle in ("front", "rear"):
+            slope, limit = getattr(ground, f"{axle}_slope_per_deg"), getattr(ground, f"{axle}_limit_deg")
+            for degrees in np.linspace(0.0, 2 * limit, 9):
+                found = side_friction(math.radians(degrees), row[f"{axle}_slope"], row[f"{axle}_limit"])
+                assert found == pytest.approx(-slope * min(degrees, limit), abs=1e-12)
+        assert row["rolling"] == ground.rolling_resistance
+
+
+def test_grounds_are_found_by_name_and_unknown_ones_refused() -> None:
+    assert [ground_index(name) for name in ground_names()] == list(range(len(GROUNDS)))
+    with pytest.raises(VehicleError, match="'ice' is unknown; use one of: asphalt, soil"):
+        ground_index("ice")
