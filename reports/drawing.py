@@ -186,14 +186,15 @@ def _front_line(plans: list[PlanResult]) -> list[tuple[int, float]]:
     return sorted((plan.tractors, plan.time_s or 0.0) for plan in plans if plan.on_pareto_front)
 
 
-def _front_points(
-    plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]
-) -> list[dict[str, Any]]:
-    """Points to draw, the best last; one that would hide another is moved right, since only counts stand there."""
+def _front_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
+    """Points to draw, the best last; one that would hide another is moved right, but not as far as the next count."""
+    columns = sorted({x for x, _ in places})
+    room = min((right - left for left, right in pairwise(columns)), default=_FRONT[0] / 4)
+    step = min(_APART, 0.6 * room / max(sum(x == column for x, _ in places) for column in columns))
     points: list[dict[str, Any]] = []
     for plan, (x, y) in zip(plans, places, strict=True):
-        while any(abs(other["x"] - x) < _APART and abs(other["y"] - y) < _APART for other in points):
-            x = round(x + _APART, 1)
+        while any(abs(other["x"] - x) < 0.99 * step and abs(other["y"] - y) < _APART for other in points):
+            x = round(x + step, 3)
         points.append(
             {
                 "x": x,

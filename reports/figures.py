@@ -38,10 +38,12 @@ _HASH_SALT = "headland"
 def map_figure(drive: Drive) -> Figure:
     """The field and each tractor's path, to scale, north up, with start, entrance, scale bar and legend.
 
+    A drive without tractors shows the field and its swaths.
+
     Raises:
         ReportError: the drive cannot be drawn.
     """
-    check_drive(drive)
+    check_drive(drive, least=0)
     box = extent(drive)
     figure, axes = _map_canvas(box)
     _draw_field(axes, drive)
@@ -180,7 +182,7 @@ def _draw_tractor(axes: Axes, drive: Drive, number: int) -> None:
     colour = palette.tractor_colour(number)
     parts = pieces(xy, status)
     looks: tuple[tuple[str, float, tuple[int, ...]], ...] = (
-        ("solid", 1.6, (WORKING,)),
+        ("solid", 1.3, (WORKING,)),
         ("solid", 0.7, tuple({*range(5)} - {WORKING, REVERSING})),
         ("dotted", 1.5, (REVERSING,)),
     )
@@ -203,9 +205,7 @@ def _draw_scale(axes: Axes, box: Extent) -> None:
     bar = round_length(max(box.width, 0.5 * size) / 4)
     y = box.south - 0.06 * size
     axes.plot([box.west, box.west + bar], [y, y], color=_INK, linewidth=2.5, solid_capstyle="butt", zorder=6)
-    axes.annotate(
-        f"{bar:g} m", (box.west + bar, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9
-    )
+    axes.annotate(f"{bar:g} m", (box.west + bar, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9)
     axes.annotate(
         "N",
         xy=(box.east, y + 0.05 * size),
@@ -225,17 +225,22 @@ def _map_legend(figure: Figure, drive: Drive) -> None:
         Line2D([], [], color=palette.tractor_colour(number), linewidth=3, label=f"tractor {number + 1}")
         for number in range(count)
     ]
-    handles.append(Line2D([], [], color=_INK, linewidth=1.8, label="working"))
-    handles.append(Line2D([], [], color=_INK, linewidth=0.7, label="turning"))
+    if count:
+        handles.append(Line2D([], [], color=_INK, linewidth=1.8, label="working"))
+        handles.append(Line2D([], [], color=_INK, linewidth=0.7, label="turning"))
+    else:
+        handles.append(Line2D([], [], color=palette.SWATH, linewidth=1.0, label=f"swaths of {drive.width_m:g} m"))
     driven = {int(value) for status in drive.status for value in np.unique(status)}
     if REVERSING in driven:
         handles.append(Line2D([], [], color=_INK, linewidth=1.5, linestyle="dotted", label="reversing"))
     if STATES["waiting"] in driven:
         handles.append(_mark("s", "waiting", "white"))
-    handles.append(_mark("o", "start", "grey"))
+    if count:
+        handles.append(_mark("o", "start", "grey"))
     if drive.entrance is not None:
         handles.append(_mark("v", "entrance", _INK))
-    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+    columns = max(2, int(figure.get_figwidth() / 1.6))
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
 
 
 def _mark(marker: str, label: str, face: str) -> Line2D:

@@ -52,10 +52,10 @@ class Extent:
         return max(self.width, self.height)
 
 
-def check_drive(drive: Drive) -> None:
-    """Raise ReportError at the first entry of a drive that cannot be drawn."""
+def check_drive(drive: Drive, least: int = 1) -> None:
+    """Raise ReportError at the first entry of a drive of `least` or more tractors that cannot be drawn."""
     count = len(drive.xy)
-    if not count:
+    if count < least:
         raise ReportError("The drive has no tractors; hand over at least one path.")
     if not (math.isfinite(drive.step_s) and drive.step_s > 0):
         raise ReportError(f"The drive has step_s {drive.step_s}; use seconds above 0 between two positions.")

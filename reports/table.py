@@ -28,6 +28,7 @@ from reports.wording import (
 )
 
 _WIDE = 112
+_UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
 
 
 @dataclass(frozen=True)
@@ -97,12 +98,12 @@ def study_tables(study: Study) -> RenderableType:
 
 
 def field_table(info: Mapping[str, Any]) -> RenderableType:
-    """Label and value pairs, one per line; nested mappings become `label: value` lines of their own."""
+    """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
     table = _frame(header=False)
     table.add_column(style="bold", no_wrap=False, overflow="fold")
     table.add_column(overflow="fold")
     for label, value in info.items():
-        table.add_row(Text(str(label)), Text(_plain(value)))
+        table.add_row(Text(_label(label)), Text(_plain(value)))
     return table
 
 
@@ -122,7 +123,7 @@ def _columns(wide: bool, deadline: bool) -> list[_Column]:
         _Column("Waiting", "Wait-\ning", lambda p: duration(p.waiting_s)),
         _Column("Worked %", "Work\n%", lambda p: number(p.worked_pct, 1)),
         _Column("Overlap %", "Over-\nlap %", lambda p: number(p.overlap_pct, 1)),
-        _Column("Clearance m", "Clear\nm", lambda p: number(clearance(p), 1)),
+        _Column("Clearance m", "Clear\nm", lambda p: number(clearance(p), 2)),
     ]
     if deadline:
         columns.append(_Column("Deadline", "In\ntime", lambda p: yes_no(p.meets_deadline)))
@@ -186,8 +187,16 @@ def _bullet(text: Text) -> RenderableType:
     return grid
 
 
-def _plain(value: Any) -> str:
-    """A value in words: six significant digits, lists with commas, mappings one pair per line."""
+def _label(key: object) -> str:
+    """A key in words, its unit in brackets."""
+    words = str(key).split("_")
+    unit = f" ({_UNITS[words.pop()]})" if len(words) > 1 and words[-1] in _UNITS else ""
+    text = " ".join(words)
+    return text[:1].upper() + text[1:] + unit
+
+
+def _plain(value: Any, inner: str = "\n") -> str:
+    """A value in words: six significant digits, lists with commas, a mapping's pairs parted by `inner`."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if value is None or isinstance(value, bool):
@@ -195,7 +204,7 @@ def _plain(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):
-        return "\n".join(f"{label}: {_plain(item)}" for label, item in value.items()) or NOTHING
+        return inner.join(f"{_label(label)}: {_plain(item, ', ')}" for label, item in value.items()) or NOTHING
     if isinstance(value, list | tuple):
         return ", ".join(_plain(item) for item in value) or NOTHING
     return str(value)

@@ -172,7 +172,7 @@ def headline(ranking: Ranking) -> list[str]:
         cheapest = min(priced, key=lambda plan: plan.cost or 0.0)
         same = cheapest is best or cheapest.cost == best.cost
         told = f"Cheapest: {_what(cheapest)}, done in {_when(ranking, cheapest)}{_at_cost(cheapest)}."
-        sentences.append("No feasible plan is cheaper." if same else told)
+        sentences.append("The best plan is also the cheapest." if same else told)
     return sentences
 
 
@@ -181,7 +181,7 @@ def _no_plan(ranking: Ranking) -> str:
         return "No plan was tried: allow at least one strategy, turn and number of tractors."
     first = refusals(ranking.plans)[0]
     count = len(ranking.plans)
-    return f"No plan works: {_refused_words(count)}, {len(first.plans)} of them because: {first.reason}"
+    return f"No plan works: {_refused_words(count)}, {len(first.plans)} of them because: {first.reason.rstrip('.')}."
 
 
 def _refused_words(count: int) -> str:
@@ -189,7 +189,7 @@ def _refused_words(count: int) -> str:
 
 
 def _what(plan: PlanResult) -> str:
-    return f"{tractors(plan.tractors)}, {plan.strategy}, turn {plan.turn}"
+    return f"{tractors(plan.tractors)}, {plan.strategy}, turns {plan.turn}"
 
 
 def _when(ranking: Ranking, plan: PlanResult) -> str:
@@ -212,4 +212,4 @@ def _deadline_words(ranking: Ranking) -> list[str]:
         return [f"{name} is met by no plan."]
     missed = f", not with {listed(late, 'or')}" if late else ""
     noun = "tractor" if meeting == [1] else "tractors"
-    return [f"{name} can be met with {listed(meeting, 'or')} {noun}{missed}; the best plan is the cheapest in time."]
+    return [f"{name} can be met with {listed(meeting, 'or')} {noun}{missed}; the best plan is the cheapest of them."]

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from vehicle.errors import VehicleError
 from vehicle.ground import GROUNDS
-from vehicle.tractor import Implement, Tractor
+from vehicle.tractor import Tractor
 
 CIRCLE_SPEED_MPS = 5.0 / 3.6  # speed of the thesis's experiments
 BASE_LOCK_DEG = 55.0
@@ -38,13 +36,13 @@ def _base_curve(tractor_key: str, ground: int) -> tuple[tuple[float, ...], tuple
     ratios = []
     for angle in _SAMPLES_DEG:
         radius = drive_circle(tractor, angle, GROUNDS[ground].name, corrected=False, seconds=20.0).radius_m
-        ratios.append(radius / kinematic_radius(tractor, math.radians(angle)))
+        ratios.append(radius / float(kinematic_radius(tractor, np.array(math.radians(angle)))))
     return _SAMPLES_DEG, tuple(ratios)
 
 
-def kinematic_radius(tractor: Tractor, angle: float) -> float:
-    """Radius of the antenna's circle without any slip; `angle` in radians, not zero."""
-    return math.hypot(tractor.antenna_forward_m, tractor.wheelbase_m / math.tan(abs(angle)))
+def kinematic_radius(tractor: Tractor, angle: Array) -> Array:
+    """Radius of the antenna's circle without any slip; `angle` in radians, above zero."""
+    return np.hypot(tractor.antenna_forward_m, tractor.wheelbase_m / np.tan(angle))
 
 
 def steering_table(tractor: Tractor, ground: int) -> Array:
@@ -58,9 +56,30 @@ def steering_table(tractor: Tractor, ground: int) -> Array:
     if name not in tractor.radius:
         return identity_table(lock)
     law = tractor.radius[name]
-    angles, ratios = _base_curve(_bare(tractor), ground)
     grid = np.linspace(-lock, lock, TABLE_STEPS)
-    return np.array([_invert(tractor, law.radius_m(float(a)), float(a), angles, ratios, name) for a in grid])
+    wanted = np.array([law.radius_m(float(angle)) for angle in grid])
+    return np.copysign(_base_angle(tractor, wanted, ground), grid)
+
+
+def _base_angle(tractor: Tractor, radius: Array, ground: int) -> Array:
+    """Base-model angles (radians, positive) whose circles have the wanted radii, by bisection of the measured curve."""
+    samples, ratios = _base_curve(_bare(tractor), ground)
+
+    def reached(angle: Array) -> Array:
+        return kinematic_radius(tractor, angle) * np.interp(np.degrees(angle), samples, ratios)
+
+    low, high = np.full(len(radius), 1e-9), np.full(len(radius), math.radians(samples[-1]))
+    smallest = float(reached(high[:1])[0])
+    if radius.min() < smallest:
+        raise VehicleError(
+            f"{tractor.name} cannot turn on a radius of {radius.min():.2f} m as measured on {GROUNDS[ground].name}: "
+            f"its wheelbase allows {smallest:.2f} m; check the radius values."
+        )
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        wide = reached(middle) > radius
+        low, high = np.where(wide, middle, low), np.where(wide, high, middle)
+    return np.where(np.isinf(radius), 0.0, 0.5 * (low + high))
 
 
 def _bare(tractor: Tractor) -> str:
@@ -68,31 +87,12 @@ def _bare(tractor: Tractor) -> str:
     return tractor.model_copy(update={"radius": {}, "source": {}, "name": ""}).model_dump_json()
 
 
-def _invert(
-    tractor: Tractor, radius: float, angle_deg: float, angles: Any, ratios: Any, ground: str
-) -> float:
-    """Base angle (radians, signed) whose circle has the wanted radius, by bisection."""
-    if math.isinf(radius):
-        return 0.0
-
-    def reached(angle: float) -> float:
-        return kinematic_radius(tractor, angle) * float(np.interp(math.degrees(angle), angles, ratios))
-
-    low, high = 1e-9, math.radians(_SAMPLES_DEG[-1])
-    if reached(high) > radius:
-        raise VehicleError(
-            f"{tractor.name} cannot turn on a radius of {radius:.2f} m as measured on {ground} at "
-            f"{angle_deg:.1f} deg: its wheelbase allows {reached(high):.2f} m; check the radius values."
-        )
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if reached(middle) > radius else (low, middle)
-    return math.copysign(0.5 * (low + high), angle_deg)
-
-
 def steering_tables(tractor: Tractor) -> Array:
     """Tables of all grounds, shape (grounds, TABLE_STEPS)."""
-    return np.array([steering_table(tractor, ground) for ground in range(len(GROUNDS))])
+    return np.array(_tables(tractor.model_dump_json()))
 
 
-DEFAULT_IMPLEMENT = Implement()
+@lru_cache(maxsize=16)
+def _tables(tractor_key: str) -> tuple[tuple[float, ...], ...]:
+    tractor = Tractor.model_validate_json(tractor_key)
+    return tuple(tuple(steering_table(tractor, ground).tolist()) for ground in range(len(GROUNDS)))

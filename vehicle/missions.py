@@ -19,7 +19,7 @@ import numpy.typing as npt
 from vehicle.errors import MissionError
 
 KINDS = ("work", "turn", "drive")
-JOINT_M = 0.02  # ends of consecutive legs may differ by this much
+JOINT_M = 0.1  # ends of consecutive legs may differ by this much
 Points = npt.NDArray[np.float64]
 
 

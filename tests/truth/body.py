@@ -2,7 +2,7 @@
 
 Everything here is in the vehicle's own sense: forward, right, clockwise; heading clockwise from north; the wheel
 angle in degrees, positive to the right. The tyre is a contact patch on a spring: its deflection y obeys
-dy/dt = sliding - |rolling| y / sigma, and its force is -mu N tanh(C y / (sigma mu N)) plus carcass damping, which has the
+dy/dt = sliding - |rolling| y / sigma, and its force is -mu N tanh(C y / (sigma mu N)) plus carcass damping. It has the
 usual relaxation length sigma, saturates at mu N, and stays regular down to a standstill.
 """
 

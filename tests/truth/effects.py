@@ -10,7 +10,7 @@ Sign conventions (angles of steering in degrees, positive to the right; bearings
 | steering_dead_time | time_s | the command reaches the valve this much later |
 | steering_lag | time_s | time constant of small movements (0.1 is neutral) |
 | steering_rate | rate_deg_per_s | speed of large movements (16 is neutral) |
-| steering_deadband | angle_deg | half width: a command closer than this to the wheel angle is ignored (0.1 is neutral) |
+| steering_deadband | angle_deg | half width: commands closer than this to the wheel angle do nothing (0.1 is neutral) |
 | steering_backlash | angle_deg | whole width: the sensor moves this far at a reversal before the wheels follow |
 | side_slip | limit_g | lateral acceleration, in g, at which both axles slide |
 | understeer | deg_per_mps2 | steering lost towards straight ahead per m/s2 of lateral acceleration |
@@ -29,7 +29,7 @@ Outside the catalogue (`OUTSIDE`):
 
 | id | parameters | what it is |
 |---|---|---|
-| steering_temperature | share, period_s | curvature factor 1 + share * sin(2 pi t / period), t on the clock of the day |
+| steering_temperature | share, period_s | curvature factor 1 + share * sin(2 pi t / period), t of the day |
 | speed_pull | deg_per_m2ps2 | wheel angle to the right that grows with the square of speed (tie-rod compliance) |
 | steering_wobble | angle_deg, period_s | periodic wheel angle behind the sensor |
 | tyre_relaxation | length_m | relaxation length of both axles (0.3 is neutral) |

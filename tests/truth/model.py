@@ -57,8 +57,8 @@ class Truth:
 
     `seed` fixes every draw. `origin` (m) is added to the logged positions; the place of a grip patch is meant before
     that. `soil_deg_per_s` is the yaw noise of the ground at 5 km/h. `terrain` (grade, bearing downhill in degrees) adds
-    the columns roll_deg (right side down) and pitch_deg (nose up) and moves nothing by itself: hide cross_slope_drift for
-    that. `mirrored` drives every programme with left and right exchanged. `drop` names columns to leave out.
+    the columns roll_deg (right side down) and pitch_deg (nose up) and moves nothing: that is for cross_slope_drift.
+    `mirrored` drives every programme with left and right exchanged. `drop` names columns to leave out.
     """
 
     effects: Effects = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Truth:
     origin: tuple[float, float] = (0.0, 0.0)
     mirrored: bool = False
     soil_deg_per_s: float = 0.2
-    instruments: Instruments = Instruments()
+    instruments: Instruments = field(default_factory=Instruments)
     uneven: float = 0.0
     gaps: int = 0
     terrain: tuple[float, float] | None = None

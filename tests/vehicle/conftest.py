@@ -85,7 +85,7 @@ def eg105() -> Any:
 def implement() -> Any:
     from vehicle.tractor import Implement
 
-    return Implement()
+    return Implement(width_m=3.0, hitch_m=1.5, length_m=1.0)
 
 
 @pytest.fixture(scope="session")

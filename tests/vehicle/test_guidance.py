@@ -24,7 +24,7 @@ def polyline(segments: list[tuple[float, float]], turn: float) -> tuple[Points, 
     lengths = np.array([length for length, _ in segments])
     headings = np.array([heading + turn for _, heading in segments])
     moves = lengths[:, None] * np.stack([np.cos(headings), np.sin(headings)], axis=1)
-    points = np.concatenate([[[3.0, -2.0]], [3.0, -2.0] + np.cumsum(moves, axis=0)])
+    points = np.array([3.0, -2.0]) + np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
     return points, np.concatenate([[0.0], np.cumsum(lengths)])
 
 
@@ -53,9 +53,7 @@ def test_projection_agrees_with_shapely(
 
 
 @given(SEGMENTS, SPINS, PLACES)
-def test_target_point_lies_at_its_arc_distance(
-    segments: list[tuple[float, float]], turn: float, place: float
-) -> None:
+def test_target_point_lies_at_its_arc_distance(segments: list[tuple[float, float]], turn: float, place: float) -> None:
     points, cumulative = polyline(segments, turn)
     progress = place * cumulative[-1]
     found = target_point(points, cumulative, 0, len(segments) - 1, progress)

@@ -93,9 +93,7 @@ def test_slewing_ends_only_in_hold(commands: list[float], angle: float, stage: i
 
 
 @given(ANGLES, ANGLES, STAGES, st.floats(DT, 1.0))
-def test_never_past_the_command_and_never_away_from_it(
-    angle: float, command: float, stage: int, lag: float
-) -> None:
+def test_never_past_the_command_and_never_away_from_it(angle: float, command: float, stage: int, lag: float) -> None:
     after, _ = step(angle, command, stage, lag)
     low, high = sorted((angle, command))
     assert low - 1e-9 <= after <= high + 1e-9

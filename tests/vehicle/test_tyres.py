@@ -54,9 +54,7 @@ def test_slip_angle_by_hand(forward: float, sideways: float, expected_deg: float
 
 
 @given(SPEEDS, SIDEWAYS, SLOPES, LIMITS)
-def test_damping_is_the_derivative_of_the_friction(
-    forward: float, sideways: float, slope: float, limit: float
-) -> None:
+def test_damping_is_the_derivative_of_the_friction(forward: float, sideways: float, slope: float, limit: float) -> None:
     slip = slip_angle(forward, sideways)
     assume(abs(abs(slip) - limit) > 1e-3)
     h = 1e-6

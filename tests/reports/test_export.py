@@ -1,0 +1,125 @@
+"""The JSON and CSV contracts."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.results import PlanResult, Ranking, Study
+from reports.export import PLAN_KEYS, ranking_csv, ranking_json, study_json
+
+CONTRACT = [
+    "rank",
+    "strategy",
+    "tractors",
+    "turn",
+    "time_s",
+    "tractor_time_s",
+    "cost",
+    "meets_deadline",
+    "feasible",
+    "worked_pct",
+    "overlap_pct",
+    "outside_m",
+    "excursion_m",
+    "turning_s",
+    "waiting_s",
+    "reversals",
+    "min_clearance_m",
+    "collisions",
+    "reason",
+    "on_pareto_front",
+]
+
+
+def no_constant(name: str) -> float:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_keys_and_order(ranking: Ranking) -> None:
+    data = json.loads(ranking_json(ranking), parse_constant=no_constant)
+    assert list(data) == ["field", "seed", "plans", "best"]
+    assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}
+    assert data["seed"] == 7
+    assert all(list(plan) == CONTRACT for plan in [*data["plans"], data["best"]])
+
+
+def test_values_survive(ranking: Ranking) -> None:
+    data = json.loads(ranking_json(ranking))
+    for plan, entry in zip(ranking.plans, data["plans"], strict=True):
+        for key in CONTRACT:
+            value = getattr(plan, key)
+            if key != "min_clearance_m":
+                assert entry[key] == (pytest.approx(value, abs=5e-7) if isinstance(value, float) else value)
+    assert data["best"] == data["plans"][2]
+    assert data["plans"][0]["min_clearance_m"] == 2.345679, "rounded to six decimals"
+    assert data["plans"][4]["min_clearance_m"] is None, "one tractor has nobody to be clear of"
+
+
+def test_no_best_is_null(ranking: Ranking) -> None:
+    assert json.loads(ranking_json(replace(ranking, plans=ranking.plans[6:])))["best"] is None
+
+
+floats = st.one_of(st.none(), st.floats(), st.floats(allow_nan=False, allow_infinity=False).map(np.float64))
+
+
+@given(floats, floats)
+def test_any_float_gives_json(time_s: float | None, cost: float | None) -> None:
+    plan = PlanResult("s", 2, "u", True, None, 1, time_s, None, cost)
+    text = ranking_json(Ranking("f", 1.0, 0, (plan,)))
+    entry = json.loads(text, parse_constant=no_constant)["plans"][0]
+    for value, key in ((time_s, "time_s"), (cost, "cost")):
+        if value is None or not math.isfinite(value):
+            assert entry[key] is None
+        else:
+            assert entry[key] == pytest.approx(value, abs=5.1e-7, rel=1e-12)
+            assert str(entry[key]) != "-0.0"
+
+
+def test_text_ends_once_and_repeats(ranking: Ranking, study: Study) -> None:
+    for text, again in ((ranking_json(ranking), ranking_json(ranking)), (study_json(study), study_json(study))):
+        assert text == again
+        assert text.endswith("}\n")
+        assert not text.endswith("\n\n")
+
+
+def test_csv_has_one_row_per_plan(ranking: Ranking) -> None:
+    rows = list(csv.reader(io.StringIO(ranking_csv(ranking))))
+    assert rows[0] == CONTRACT == list(PLAN_KEYS)
+    assert len(rows) == 1 + len(ranking.plans)
+    assert {len(row) for row in rows} == {len(CONTRACT)}
+
+
+def test_csv_values(ranking: Ranking) -> None:
+    rows = list(csv.DictReader(io.StringIO(ranking_csv(ranking))))
+    assert float(rows[2]["time_s"]) == 1712.4
+    assert (rows[0]["meets_deadline"], rows[3]["meets_deadline"], rows[6]["meets_deadline"]) == ("true", "false", "")
+    assert rows[9]["reason"] == "The field has 8 swaths, too few for 11 tractors.", "the comma is quoted"
+    assert rows[4]["min_clearance_m"] == ""
+
+
+def test_csv_and_json_tell_the_same(ranking: Ranking) -> None:
+    plans = json.loads(ranking_json(ranking))["plans"]
+    for row, plan in zip(csv.DictReader(io.StringIO(ranking_csv(ranking))), plans, strict=True):
+        told = {key: "" if plan[key] is None else str(plan[key]) for key in CONTRACT}
+        assert row == {key: text.lower() if text in ("True", "False") else text for key, text in told.items()}
+
+
+def test_study(study: Study) -> None:
+    data = json.loads(study_json(study), parse_constant=no_constant)
+    assert list(data) == ["tables", "claims", "assumptions"]
+    assert list(data["tables"]) == ["6.1", "6.2", "6.3"]
+    row = data["tables"]["6.1"][0]
+    assert list(row) == ["tractors", "thesis_s", "time_s", "difference_pct", "label", "note"]
+    assert list(row.values()) == [1, 4475.0, 4612.5, 3.0726, "one tractor", ""]
+    assert data["tables"]["6.2"][0]["time_s"] is None
+    assert [claim["holds"] for claim in data["claims"]] == [True, False]
+    assert data["assumptions"] == list(study.assumptions)

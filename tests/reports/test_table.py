@@ -1,0 +1,115 @@
+"""Tables on consoles of several widths."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console, RenderableType
+
+from planner.results import Ranking, Study
+from reports.table import field_table, ranking_table, study_tables
+
+
+def printed(what: RenderableType, width: int = 80) -> str:
+    """The text a pipe of so many columns gets."""
+    console = Console(width=width, file=io.StringIO(), force_terminal=False)
+    console.print(what)
+    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+
+
+@pytest.mark.parametrize("width", [80, 100, 140])
+def test_no_line_is_wider_than_the_console(ranking: Ranking, study: Study, width: int) -> None:
+    long = replace(
+        ranking,
+        plans=tuple(
+            replace(p, strategy="row-by-row-optimised", turn="switch-back", time_s=98765.0, cost=123456.7,
+                    turning_s=45678.0, waiting_s=45678.0, tractors=11, rank=p.rank and p.rank + 90)
+            for p in ranking.plans
+        ),
+    )  # fmt: skip
+    for what in (ranking_table(ranking), ranking_table(long), study_tables(study)):
+        assert max(len(line) for line in printed(what, width).splitlines()) <= width
+    assert printed(ranking_table(long), width).count("27:26:05") >= 6, "figures are never cut"
+
+
+def test_eighty_columns_show_every_figure_on_one_line(ranking: Ranking) -> None:
+    lines = printed(ranking_table(ranking)).splitlines()
+    third = next(line for line in lines if line.startswith("3*"))
+    assert third.split() == ["3*", "3", "split-field", "switch-back", "28:32", "5.65", "3:03", "0:25", "98.7", "1.3",
+                             "2.35", "yes"]  # fmt: skip
+    alone = next(line for line in lines if line.startswith("5*"))
+    assert alone.split()[-2:] == ["-", "no"], "one tractor has no clearance"
+
+
+def test_headline_comes_first_and_refusals_last(ranking: Ranking) -> None:
+    text = " ".join(printed(ranking_table(ranking)).split())
+    order = ["Iwamizawa, 1.89 ha", "Best plan: 3 tractors", "can be met with 3 or 5", "Fastest:", "Cheapest:",
+             "nobody is faster", "Refused: 4 plans", "2 x Turning radius", "7 and 9", "1 x Tractors 2"]  # fmt: skip
+    places = [text.index(part) for part in order]
+    assert places == sorted(places)
+
+
+def test_only_the_best_are_shown_when_asked(ranking: Ranking) -> None:
+    def ranks(most: int | None) -> list[str]:
+        return re.findall(r"^ ?(\d+)[* ] ", printed(ranking_table(ranking, most)), flags=re.M)
+
+    assert ranks(2) == ["1", "2"]
+    assert ranks(None) == ["1", "2", "3", "4", "5", "6"]
+    assert "4 slower plans are not shown." in " ".join(printed(ranking_table(ranking, 2)).split())
+
+
+def test_deadline_column_only_with_a_deadline(ranking: Ranking) -> None:
+    free = replace(ranking, plans=tuple(replace(plan, meets_deadline=None) for plan in ranking.plans), before=None)
+    assert "Deadline" in printed(ranking_table(ranking), 140)
+    assert "Deadline" not in printed(ranking_table(free), 140)
+
+
+def test_plain_text_in_a_pipe(ranking: Ranking, study: Study) -> None:
+    for what in (ranking_table(ranking), study_tables(study), field_table({"name": "a"})):
+        text = printed(what)
+        assert text.isascii()
+        assert "\x1b" not in text
+
+
+def test_markup_in_names_is_text(ranking: Ranking) -> None:
+    assert "[red]x[/red]" in printed(ranking_table(replace(ranking, field_name="[red]x[/red]")))
+    assert "[bold]" in printed(field_table({"[bold]": 1}))
+
+
+def test_nothing_works(ranking: Ranking) -> None:
+    text = printed(ranking_table(replace(ranking, plans=ranking.plans[6:])))
+    assert "No plan works: all 4 were refused" in text
+    assert "nobody is faster" not in text
+
+
+def test_study_rows_and_verdicts(study: Study) -> None:
+    lines = printed(study_tables(study)).splitlines()
+    assert next(line for line in lines if line.startswith("one tractor")).split()[2:] == ["1", "74:35", "76:53", "+3.1"]
+    assert next(line for line in lines if line.startswith("formation")).split()[1:] == ["3", "25:30", "24:59", "-2.0"]
+    text = " ".join(" ".join(lines).split())
+    places = [text.index(part) for part in ("Table 6.1", "Table 6.2", "Table 6.3", "Claims", "holds", "Assumptions")]
+    assert places == sorted(places)
+    assert text.count("does not hold") == 1
+
+
+def test_field_values_read_well() -> None:
+    info = {"Name": "Iwamizawa", "Area": 1.234567891, "Holes": 0, "Entrance": None, "Corner": np.array([1.5, 2.0]),
+            "Sides": {"north": 270.0, "open": True}, "Empty": []}  # fmt: skip
+    rows = [line.strip().split(maxsplit=1) for line in printed(field_table(info)).splitlines()]
+    assert dict(rows[:5]) == {"Name": "Iwamizawa", "Area": "1.23457", "Holes": "0", "Entrance": "-", "Corner": "1.5, 2"}
+    assert " ".join(rows[5] + rows[6]).split() == ["Sides", "North:", "270", "Open:", "yes"]
+    assert rows[7] == ["Empty", "-"]
+
+
+def test_field_labels_carry_their_units() -> None:
+    lines = printed(field_table({"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}}))
+    assert [" ".join(line.split()) for line in lines.splitlines()] == [
+        "Area (ha) 1.9",
+        "M 2",
+        "Turns Omega fits: yes",
+        "Over (s): 1: 9.5, 2: 8",
+    ]

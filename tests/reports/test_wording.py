@@ -1,0 +1,109 @@
+"""Durations, headlines and groups of refusals in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.results import PlanResult, Ranking
+from reports.wording import clock, duration, headline, limit_s, listed, members, minutes, number, price, refusals
+
+
+@pytest.mark.parametrize(
+    ("seconds", "short", "thesis"),
+    [
+        (0.0, "0:00", "0:00"),
+        (59.4, "0:59", "0:59"),
+        (59.5, "1:00", "1:00"),
+        (3599.6, "1:00:00", "60:00"),
+        (4475.0, "1:14:35", "74:35"),
+        (-90.0, "-1:30", "-1:30"),
+        (None, "-", "-"),
+        (float("nan"), "-", "-"),
+        (float("inf"), "-", "-"),
+    ],
+)
+def test_durations_by_hand(seconds: float | None, short: str, thesis: str) -> None:
+    assert duration(seconds) == short
+    assert minutes(seconds) == thesis
+
+
+@given(st.integers(min_value=0, max_value=10**6))
+def test_durations_read_back(seconds: int) -> None:
+    read = 0
+    for part in duration(float(seconds)).split(":"):
+        read = read * 60 + int(part)
+    mins, secs = minutes(float(seconds)).split(":")
+    assert read == seconds == int(mins) * 60 + int(secs)
+
+
+def test_numbers_have_no_negative_zero_and_prices_stay_short() -> None:
+    assert number(-0.04, 1) == "0.0"
+    assert number(float("nan"), 1) == "-"
+    assert [price(4.925), price(999.99), price(12345.6)] == ["4.92", "999.99", "12346"]
+
+
+def test_lists_in_words() -> None:
+    assert [listed([]), listed([1]), listed([1, 3]), listed([1, 3, 5], "or")] == ["none", "1", "1 and 3", "1, 3 or 5"]
+
+
+def test_headline_with_a_deadline(ranking: Ranking) -> None:
+    assert headline(ranking) == [
+        "Best plan: 3 tractors, split-field, turns switch-back, done in 28:32 (at 08:28), cost 5.65.",
+        "The deadline (09:00) can be met with 3 or 5 tractors, not with 1 or 2; the best plan is the cheapest of them.",
+        "Fastest: 5 tractors, row-by-row, turns omega, done in 20:53 (at 08:20), cost 6.89.",
+        "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:14), cost 4.92.",
+    ]
+
+
+def test_headline_without_a_deadline_takes_the_fastest(ranking: Ranking) -> None:
+    plans = tuple(replace(plan, meets_deadline=None) for plan in ranking.plans)
+    sentences = headline(replace(ranking, plans=plans, start=None, before=None))
+    assert sentences[0] == "Best plan: 5 tractors, row-by-row, turns omega, done in 20:53, cost 6.89."
+    assert [sentence.split(":")[0] for sentence in sentences] == ["Best plan", "Cheapest"]
+
+
+def test_headline_when_nobody_is_in_time(ranking: Ranking) -> None:
+    plans = tuple(replace(plan, meets_deadline=False if plan.feasible else None) for plan in ranking.plans)
+    assert "The deadline (08:10) is met by no plan." in headline(replace(ranking, plans=plans, before="08:10"))
+
+
+def test_headline_when_nothing_works(ranking: Ranking) -> None:
+    refused_only = replace(ranking, plans=ranking.plans[6:])
+    assert headline(refused_only) == [
+        "No plan works: all 4 were refused, 2 of them because: "
+        "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."
+    ]
+    assert headline(replace(ranking, plans=()))[0].startswith("No plan was tried")
+
+
+def test_limit_and_clock(ranking: Ranking) -> None:
+    assert limit_s(ranking) == 3600.0
+    assert limit_s(replace(ranking, start=None)) is None
+    assert limit_s(replace(ranking, start="2025-05-01T08:00", before="2025-05-01T09:00")) == 3600.0
+    assert clock(ranking, 3725.0) == "09:02"
+    assert clock(replace(ranking, start="23:30"), 3600.0) == "00:30, 1 d later"
+    assert clock(replace(ranking, start="soon"), 3600.0) is None
+
+
+def test_limit_over_midnight_and_one_the_plans_contradict(ranking: Ranking) -> None:
+    assert limit_s(replace(ranking, start="23:30", before="00:30")) == 3600.0
+    assert limit_s(replace(ranking, before="08:25")) is None, "28:32 is said to be in time, so 25 minutes is not it"
+
+
+@given(st.lists(st.tuples(st.sampled_from("ab"), st.integers(1, 9)), max_size=20))
+def test_every_refusal_is_in_one_group(entries: list[tuple[str, int]]) -> None:
+    plans = [PlanResult("s", count, "u", False, f"{word} {count} m") for word, count in entries]
+    groups = refusals(plans)
+    assert sorted(id(plan) for group in groups for plan in group.plans) == sorted(id(plan) for plan in plans)
+    assert len(groups) == len({word for word, _ in entries})
+    assert all(group.alike == (len({plan.tractors for plan in group.plans}) > 1) for group in groups)
+    sizes = [len(group.plans) for group in groups]
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_members_are_named(ranking: Ranking) -> None:
+    assert members(refusals(ranking.plans[6:])[0]) == "row-by-row (u) with 7 and 9"

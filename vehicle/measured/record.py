@@ -1,0 +1,114 @@
+"""What a measured log is: its columns, its rows, and what may be wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+NEEDED = ("time_s", "easting_m", "northing_m")
+STEERING = ("steering_command_deg", "steering_deg")
+OPTIONAL = ("heading_deg", "speed_mps", "speed_command_mps", "shuttle", "implement", "roll_deg", "pitch_deg")
+COLUMNS = NEEDED + STEERING + OPTIONAL
+
+
+class Fix(StrEnum):
+    """Conventions a log may have instead of the contract's; the value is the name of the option."""
+
+    TIME_MS = "time-ms"
+    POSITION_DEGREES = "position-degrees"
+    POSITION_KM = "position-km"
+    SPEED_KMH = "speed-kmh"
+    HEADING_RADIANS = "heading-radians"
+    HEADING_CCW_EAST = "heading-ccw-east"
+    HEADING_CCW_NORTH = "heading-ccw-north"
+    STEERING_RADIANS = "steering-radians"
+    STEERING_LEFT = "steering-left-positive"
+
+
+MEANING = {
+    Fix.TIME_MS: "time_s counts milliseconds",
+    Fix.POSITION_DEGREES: "easting_m and northing_m are longitude and latitude in degrees",
+    Fix.POSITION_KM: "easting_m and northing_m are in kilometres",
+    Fix.SPEED_KMH: "speeds are in km/h",
+    Fix.HEADING_RADIANS: "heading_deg is in radians",
+    Fix.HEADING_CCW_EAST: "heading_deg runs counter-clockwise from east",
+    Fix.HEADING_CCW_NORTH: "heading_deg runs counter-clockwise from north",
+    Fix.STEERING_RADIANS: "steering angles are in radians",
+    Fix.STEERING_LEFT: "steering is positive to the left",
+}
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """A convention the data speak for, and the numbers that say so."""
+
+    fix: Fix
+    why: str
+
+    def sentence(self) -> str:
+        """What is suspected, why, and the option that fixes it."""
+        return f"{MEANING[self.fix]} ({self.why}); give --fix {self.fix} to convert"
+
+
+@dataclass(frozen=True)
+class Gated:
+    """Rows left out by one rule; `first_line` counts the header as line 1."""
+
+    rule: str
+    rows: int
+    first_line: int
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One run. Arrays have one value per row of the file, in the units of their names; None when a column is absent.
+
+    Every present column is finite on the rows that are `used`. `segment` numbers the stretches without a gap of more
+    than five samples, from 0; it is -1 on rows that are not used. Speeds are never negative (noise down to
+    -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file does not say;
+    `implement` is then 0 throughout.
+    """
+
+    name: str
+    time_s: Array
+    easting_m: Array
+    northing_m: Array
+    heading_deg: Array | None
+    speed_mps: Array | None
+    speed_command_mps: Array | None
+    steering_command_deg: Array | None
+    steering_deg: Array | None
+    shuttle: Array
+    implement: Array
+    roll_deg: Array | None
+    pitch_deg: Array | None
+    used: Mask
+    segment: npt.NDArray[np.int64]
+    gated: tuple[Gated, ...]
+    ignored_columns: tuple[str, ...] = ()
+
+    @property
+    def rows_used(self) -> int:
+        """Number of rows that can be used."""
+        return int(np.count_nonzero(self.used))
+
+    @property
+    def rows_gated(self) -> int:
+        """Number of rows left out."""
+        return len(self.used) - self.rows_used
+
+    @property
+    def segments(self) -> int:
+        """Number of stretches without a gap."""
+        return int(self.segment.max()) + 1
+
+    @property
+    def step_s(self) -> float:
+        """Median time between used rows."""
+        return float(np.median(np.diff(self.time_s[self.used])))
