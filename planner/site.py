@@ -12,8 +12,9 @@ from fields.field import Field
 from fields.layout import Layout, lay_tracks
 from fields.read import read_field
 from planner.errors import ScenarioError
-from planner.scenario import Scenario
+from planner.scenario import KMH, Scenario
 from strategies.connect import Connector, TurnCosts
+from strategies.legs import STEP_M
 from strategies.job import Job, Manner, starting_corner
 from strategies.paths import Path, Pose
 from strategies.turns import TURN_KINDS, fishtail, omega_turn, switch_back, turn_depth, u_turn
@@ -23,7 +24,9 @@ from vehicle.world import simulate
 
 RADIUS_MARGIN = 1.08  # planned turns are this much wider than full lock, so that guidance has something to correct with
 HEADLAND_STEP_M = 0.5
+SHUNTING_MPS = 5.0 * KMH  # the slower speed of the thesis's tests, for turns with direction changes
 LEAD_M = 15.0
+GRID_M = 1e-6
 TURNS = {"u": (u_turn,), "omega": (omega_turn,), "switch-back": (switch_back, fishtail)}
 
 
@@ -38,12 +41,21 @@ class Site:
     manner: Manner
     costs: TurnCosts
     free: shapely.Geometry
+    beside: shapely.Geometry
     kinds: tuple[str, ...]
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors, with an empty memory of ways."""
-        connector = Connector(self.free, self.manner.radius_m, self.costs, self.kinds)
-        return Job(self.layout, self.manner, connector, tractors, starting_corner(self.layout))
+        anywhere, beside = (
+            None if region.is_empty else Connector(region, self.manner.radius_m, self.costs, self.kinds)
+            for region in (self.free, self.beside)
+        )
+        if anywhere is None:
+            raise ScenarioError(
+                f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: half the implement on either side "
+                "leaves nothing; use a narrower implement."
+            )
+        return Job(self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout))
 
 
 def prepare(scenario: Scenario, field: Field | None = None) -> Site:
@@ -62,7 +74,7 @@ def prepare(scenario: Scenario, field: Field | None = None) -> Site:
     bare = Manner(
         work_speed_mps=scenario.speed_mps,
         turn_speed_mps=scenario.turn_speed_mps,
-        reverse_speed_mps=scenario.turn_speed_mps,
+        reverse_speed_mps=min(scenario.turn_speed_mps, SHUNTING_MPS),
         radius_m=radius,
         tool_m=tool,
     )
@@ -70,7 +82,8 @@ def prepare(scenario: Scenario, field: Field | None = None) -> Site:
     depth = headland - tool - margin
     manner = Manner(**{**bare.__dict__, "turn_s": clock.best_times(scenario.width_m, depth, kinds)})
     free = field.boundary.buffer(-margin, join_style="mitre", mitre_limit=2.0)
-    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, kinds)
+    beside = _beside(layout, free)
+    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds)
 
 
 def _planned_radius(scenario: Scenario, tractor: Tractor, ground: str) -> float:
@@ -92,6 +105,14 @@ def _headland(scenario: Scenario, radius: float, tool: float, margin: float) -> 
     return math.ceil((tool + depth + margin) / HEADLAND_STEP_M) * HEADLAND_STEP_M
 
 
+def _beside(layout: Layout, free: shapely.Geometry) -> shapely.Geometry:
+    """The free region without the swaths: where turning tramples nothing that is worked in tracks."""
+    swaths = shapely.linestrings([[track.start, track.end] for track in layout.tracks])
+    worked = shapely.buffer(swaths, 0.55 * layout.width_m, cap_style="flat")
+    rest = shapely.difference(free, shapely.union_all(worked, grid_size=GRID_M), grid_size=GRID_M)
+    return shapely.buffer(rest, GRID_M)
+
+
 @dataclass(frozen=True)
 class TurnClock:
     """Times turns by simulating one tractor that drives them."""
@@ -104,18 +125,13 @@ class TurnClock:
     def seconds(self, path: Path) -> float:
         """Simulated seconds from the end of one track to the start of the next."""
         legs = [self._straight(path.start, -LEAD_M, 0.0)]
-        legs += [
-            Leg(points, self._speed(gear), gear, ground=self.ground, kind="turn")
-            for gear, points in path.sample(0.25)
-        ]
+        speed = self.manner.reverse_speed_mps if path.reverse_m else self.manner.turn_speed_mps
+        legs += [Leg(points, speed, gear, ground=self.ground, kind="turn") for gear, points in path.sample(STEP_M)]
         legs.append(self._straight(path.end, 0.0, LEAD_M))
         plan = Plan((Mission(tuple(legs)),))
         run = simulate(plan, self.tractor, self.implement, max_time_s=600.0)
         straight = Plan((Mission((self._straight(path.start, -LEAD_M, LEAD_M),)),))
         return run.duration_s - simulate(straight, self.tractor, self.implement).duration_s
-
-    def _speed(self, gear: int) -> float:
-        return self.manner.turn_speed_mps if gear > 0 else self.manner.reverse_speed_mps
 
     def _straight(self, pose: Pose, start: float, end: float) -> Leg:
         ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])

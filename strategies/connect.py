@@ -43,11 +43,15 @@ _ROUTE_BACK = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0)  # radii straight back
 _ROUNDS = tuple((arcs, hand) for arcs in (3, 5, 9) for hand in (1, -1))  # ways to turn round on the spot
 _RING_REACH = 6.0  # radii to the ring poses joined to a pose
 _MOST_REMEMBERED = 20000
+_FULL_ARC = 1.1  # radii of arc that a tractor needs to be where planned at the end of it
+_HASTY_S = 15.0  # what a shorter arc is charged for the swath begun out of place
 
 
 @dataclass(frozen=True)
 class TurnCosts:
     """What a turn costs in time: two speeds (m/s) and the seconds lost per direction change.
+
+    A way with any reversing in it is driven at `reverse_speed_mps` all along.
 
     A direction change costs `cusp_s` for the stop and the shift, and `swing_sm` seconds per 1/m of curvature by
     which the wheels must be turned over meanwhile. Raises TurnError for speeds that are not positive or a
@@ -73,8 +77,7 @@ class TurnCosts:
         """Seconds to drive the path; a path that begins or ends in reverse is charged the change there too."""
         if not path.segments:
             return 0.0
-        back = path.reverse_m
-        driven = (path.length_m - back) / self.speed_mps + back / self.reverse_speed_mps
+        driven = path.length_m / (self.reverse_speed_mps if path.reverse_m else self.speed_mps)
         standing = Segment(0.0, 0.0, 1)
         pieces = (standing, *path.segments, standing)
         return driven + math.fsum(
@@ -159,7 +162,15 @@ class Connector:
         return [path for path in found if path.kind == "route" or path.kind in self.kinds]
 
     def _rank(self, path: Path) -> tuple[bool, float]:
-        return bool(self.prefer) and path.kind not in self.prefer, round(self.costs.time_s(path), 6)
+        cost = self.costs.time_s(path) + (_HASTY_S if self._hasty(path) else 0.0)
+        return bool(self.prefer) and path.kind not in self.prefer, round(cost, 6)
+
+    def _hasty(self, path: Path) -> bool:
+        """Whether a way with direction changes begins or ends with an arc too short for the wheels to come over."""
+        if not path.reverse_m:
+            return False
+        arcs = [segment for segment in path.segments if segment.curvature]
+        return any(arc.length_m < _FULL_ARC * self.radius_m for arc in (arcs[0], arcs[-1])) if arcs else False
 
     def _ranked(self, paths: Iterable[Path]) -> list[Path]:
         return sorted(paths, key=self._rank)

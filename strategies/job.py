@@ -10,6 +10,10 @@ from strategies.connect import Connector
 from strategies.paths import Path, Pose
 
 
+PLAIN_TURN_S = 40.0  # a turn in the headland that is quicker than this is not compared with one across tracks
+DETOUR, DETOUR_S = 1.25, 5.0  # how much longer than one across tracks a way round them may take, factor and seconds
+
+
 @dataclass(frozen=True)
 class Manner:
     """How every tractor of the fleet drives.
@@ -42,21 +46,31 @@ class Pass:
 class Job:
     """A field to be worked by `tractors` tractors.
 
-    Ways found are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
+    `connector` finds ways anywhere in the field, `headland` only beside the tracks. Ways found are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
     """
 
     layout: Layout
     manner: Manner
     connector: Connector
     tractors: int
+    headland: Connector | None = None
     corner: tuple[bool, int] | None = None
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:
-        """The quickest drivable way from a to b inside the field, or None."""
+        """The quickest drivable way from a to b, or None.
+
+        It keeps to the headland, where it tramples nothing, unless a way across tracks is much quicker.
+        """
         if (a, b) not in self.ways:
-            self.ways[a, b] = self.connector.connect(a, b)
+            beside = self.headland.connect(a, b) if self.headland else None
+            time_s = self.connector.costs.time_s
+            if beside is None or beside.kind == "route" or time_s(beside) > PLAIN_TURN_S:
+                across = self.connector.connect(a, b)
+                if across and (beside is None or time_s(beside) > DETOUR * time_s(across) + DETOUR_S):
+                    beside = across
+            self.ways[a, b] = beside
         return self.ways[a, b]
 
     def entry(self, this: Pass) -> Pose:

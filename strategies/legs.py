@@ -30,12 +30,13 @@ def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, *, implement: 
 
 
 def way_legs(job: Job, path: Path) -> list[Leg]:
-    """A turn or route as one leg per gear."""
+    """A turn or route as one leg per gear; one with direction changes is driven at manoeuvring speed all along."""
     manner = job.manner
+    speed = manner.reverse_speed_mps if path.reverse_m else manner.turn_speed_mps
     return [
         Leg(
             points=points,
-            speed_mps=manner.turn_speed_mps if gear > 0 else manner.reverse_speed_mps,
+            speed_mps=speed,
             gear=gear,
             ground=_ground(job, points),
             kind="turn",
