@@ -1,54 +1,103 @@
 """Make tractors give way: simulate, and where two come too close let one wait before it enters the headland.
 
 Every plan has, on every pass, a last stretch as a leg of its own; a tractor that gives way waits before it, inside
-its own track. The tractor that came later gives way; if that has been tried, the other one does.
+its own track. The tractor that came later gives way, at first until the other is clear of the place, then until the
+other has finished its turn; if neither helps, the other one gives way instead.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from vehicle.missions import Gate, Plan
-from vehicle.run import CONFLICT, DONE, Conflict, Run
+from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
-MOST_REPAIRS = 60
+INSIDE_M = 6.0  # or this far into its next track
+MOST_REPAIRS = 80
 
 Simulate = Callable[[Plan], Run]
+Key = tuple[int, int, int]
+"""(tractor that waits, leg it waits before, tractor it waits for)."""
+
+
+@dataclass
+class Repairs:
+    """Who gives way to whom: the gates in force, which of them wait for a whole turn, and what has failed."""
+
+    gates: dict[Key, Gate] = field(default_factory=dict)
+    whole_turn: set[Key] = field(default_factory=set)
+    failed: set[Key] = field(default_factory=set)
+    rival: dict[Key, tuple[Key, Gate]] = field(default_factory=dict)
+
+    def applied(self, plan: Plan) -> Plan:
+        """The plan with all gates in force."""
+        for (waiter, hold, _), gate in self.gates.items():
+            plan = plan.with_gate(waiter, hold, gate)
+        return plan
+
+    def swap_last(self) -> bool:
+        """Let the other one wait instead of the last that was told to; False when that has failed too."""
+        while self.gates:
+            key, _ = self.gates.popitem()
+            self.failed.add(key)
+            other = self.rival.get(key)
+            if other and other[0] not in self.failed:
+                self.gates[other[0]] = other[1]
+                return True
+        return False
 
 
 def without_conflicts(plan: Plan, simulate: Simulate) -> tuple[Run, str | None]:
     """Simulate and repair until the plan is done; the last run, and why it is not feasible when it is not."""
-    tried: set[tuple[int, int, int]] = set()
+    repairs = Repairs()
     for _ in range(MOST_REPAIRS):
-        run = simulate(plan)
+        run = simulate(repairs.applied(plan))
         if run.outcome == DONE:
             return run, None
-        if run.outcome != CONFLICT or run.conflict is None:
-            return run, "tractors wait for each other and none moves any more"
-        repaired = _repair(plan, run, run.conflict, tried)
-        if repaired is None:
+        if run.outcome == CONFLICT and run.conflict is not None:
+            mended = _mend(plan, run, run.conflict, repairs)
+        else:
+            mended = run.outcome == STALL and repairs.swap_last()
+        if not mended:
             break
-        plan = repaired
+    return run, _why(run)
+
+
+def _why(run: Run) -> str:
     clash = run.conflict
-    assert clash is not None
-    return run, f"tractors {clash.first + 1} and {clash.second + 1} come into contact after {clash.time_s:.0f} s"
+    if clash is None:
+        return "tractors wait for each other and none moves any more"
+    return f"tractors {clash.first + 1} and {clash.second + 1} come into contact after {clash.time_s:.0f} s"
 
 
-def _repair(plan: Plan, run: Run, clash: Conflict, tried: set[tuple[int, int, int]]) -> Plan | None:
+def _mend(plan: Plan, run: Run, clash: Conflict, repairs: Repairs) -> bool:
+    """Add, strengthen or swap one order to give way; False when nothing is left to try."""
     sides = [(clash.first, clash.first_leg, clash.first_m), (clash.second, clash.second_leg, clash.second_m)]
-    entered = [_entered(plan, run, tractor, leg) for tractor, leg, _ in sides]
-    order = [0, 1] if entered[0] > entered[1] else [1, 0]
+    holds = [hold_leg(plan, tractor, leg) for tractor, leg, _ in sides]
+    entered = [float(np.argmax(run.record[:, side[0], 5] >= hold)) for side, hold in zip(sides, holds, strict=True)]
+    later = 0 if entered[0] > entered[1] else 1
+    order = [later, 1 - later]
+    keys: list[Key] = [(sides[i][0], holds[i], sides[1 - i][0]) for i in (0, 1)]
+    clear = [_past(plan, *sides[1 - i], CLEAR_M) for i in (0, 1)]
     for index in order:
-        (waiter, leg, _), (other, other_leg, metres) = sides[index], sides[1 - index]
-        hold = hold_leg(plan, waiter, leg)
-        if (waiter, hold, other) in tried or _finished(run, other):
+        key = keys[index]
+        if key in repairs.failed or np.isfinite(run.finish_s[key[2]]):
             continue
-        tried.add((waiter, hold, other))
-        return plan.with_gate(waiter, hold, _past(plan, other, other_leg, metres + CLEAR_M))
-    return None
+        repairs.rival[key] = keys[1 - index], clear[1 - index]
+        if key not in repairs.gates:
+            repairs.gates[key] = clear[index]
+            return True
+        if key not in repairs.whole_turn:
+            repairs.whole_turn.add(key)
+            repairs.gates[key] = _turned(plan, *sides[1 - index][:2])
+            return True
+        del repairs.gates[key]
+        repairs.failed.add(key)
+    return False
 
 
 def hold_leg(plan: Plan, tractor: int, leg: int) -> int:
@@ -62,19 +111,21 @@ def hold_leg(plan: Plan, tractor: int, leg: int) -> int:
     return 0
 
 
-def _entered(plan: Plan, run: Run, tractor: int, leg: int) -> float:
-    """When the tractor passed the place where it could have waited."""
-    return float(np.argmax(run.record[:, tractor, 5] >= hold_leg(plan, tractor, leg)))
-
-
-def _finished(run: Run, tractor: int) -> bool:
-    return bool(np.isfinite(run.finish_s[tractor]))
-
-
-def _past(plan: Plan, tractor: int, leg: int, metres: float) -> Gate:
-    """Gate that opens when the tractor has driven so far from the start of a leg, on that or a later leg."""
+def _past(plan: Plan, tractor: int, leg: int, metres: float, more: float) -> Gate:
+    """Gate that opens when the tractor has driven `metres` + `more` from the start of a leg."""
     legs = plan.missions[tractor].legs
+    metres += more
     while leg < len(legs) - 1 and metres > legs[leg].length_m:
         metres -= legs[leg].length_m
         leg += 1
     return Gate(tractor, leg, max(0.0, min(metres, legs[leg].length_m)))
+
+
+def _turned(plan: Plan, tractor: int, leg: int) -> Gate:
+    """Gate that opens when the tractor is through its turn and well inside its next track."""
+    legs = plan.missions[tractor].legs
+    while leg < len(legs) - 1 and legs[leg].kind == "work":
+        leg += 1
+    while leg < len(legs) - 1 and legs[leg].kind != "work":
+        leg += 1
+    return Gate(tractor, leg, min(INSIDE_M, legs[leg].length_m))

@@ -141,7 +141,8 @@ def _slots(job: Job, passes: list[Pass], offset: int) -> list[Slot]:
     slots = []
     for index, this in enumerate(passes):
         place_m = place[index] - along[index]
-        hold_m = this.track.length + job.manner.tool_m - (rows[index] - 1) * job.manner.gap_m
+        wait_m = max((rows[index] - 1) * job.manner.gap_m, job.manner.hold_back_m)
+        hold_m = this.track.length + job.manner.tool_m - wait_m
         if place_m > hold_m - SHORTEST_M:
             raise StrategyError(
                 f"Track {this.track.line} is {this.track.length:.0f} m long, too short for a formation of "
@@ -162,7 +163,7 @@ def _lay_round(
     job: Job, slot: Slot, legs: list[Leg], before: Slot | None, marks: Marks | None, move_up: bool
 ) -> Marks:
     """Append the legs of one round: turn, drive in, take place, work in formation, queue."""
-    release = marks.queue[-1] if marks and marks.queue else len(legs)
+    release = marks.queue[-1] if marks and before and before.row > 1 else len(legs)
     if before:
         legs += turn_legs(job, before.this, slot.this)
     turned = len(legs) - 1 if before else None
@@ -172,12 +173,11 @@ def _lay_round(
         legs.append(straight_leg(job, entry, tool, slot.place_m, implement=True))
     placed = len(legs) - 1
     end, gap = slot.this.track.length + tool, job.manner.gap_m
-    stops = [end - (slot.row - 1) * gap]
+    stops = [end - max((slot.row - 1) * gap, job.manner.hold_back_m)]
     legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], implement=True))
     work = len(legs) - 1
-    if slot.row > 1:
-        stops += [end - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
-        stops.append(end)
+    stops += [end - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
+    stops.append(end)
     legs += [straight_leg(job, entry, a, b, implement=True) for a, b in pairwise(stops)]
     queue = tuple(range(work + 1, len(legs)))
     return Marks(release, placed if turned is None else turned, placed, work, queue)
@@ -189,7 +189,7 @@ def _move_up(
     """In the queue, move up a place when the tractor in front has moved on."""
     for number, slots in enumerate(rounds):
         for slot in slots:
-            if slot.neighbour is None:
+            if slot.neighbour is None or slot.row == 2:
                 continue
             front = marks[number, slot.neighbour].queue
             for mine, other in zip(marks[number, slot.tractor].queue, front, strict=False):

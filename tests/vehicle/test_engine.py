@@ -103,6 +103,9 @@ def test_the_engine_reads_and_writes_what_the_ordinary_interface_does(
 ) -> None:
     space, made = bodies
     engine = Engine(space, made)
+    engine.read[:] = engine.read_count[0] = 0
+    getter = vehicle.engine.ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")
+    lib.cpSpaceEachBody(space._space, getter, engine._data[0])
     rows = engine.read[: READ_WIDTH * len(made)].reshape(-1, READ_WIDTH)
     for row, body in zip(rows, made, strict=True):
         assert tuple(row) == (*body.position, body.angle, *body.velocity, body.angular_velocity)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from vehicle.errors import MissionError, VehicleError
 from vehicle.missions import (
+    JOINT_M,
     KINDS,
     Follow,
     Gate,
@@ -111,7 +112,7 @@ def test_a_mission_starts_facing_its_path_or_away_from_it(build: Any, gear: int,
     ({"points": np.array([[0.0, 10.0], [np.nan, 20.0]])}, "a coordinate is not a number"),
     ({"points": np.array([[0.0, 10.0], [np.inf, 20.0]])}, "a coordinate is not a number"),
     ({"points": np.array([[0.0, 10.0], [0.0, 10.0005]])}, "0.0005 m long; it must be at least 1 mm"),
-    ({"points": np.array([[0.0, 10.1], [0.0, 20.0]])}, r"starts 0\.10 m from where the leg before ends"),
+    ({"points": np.array([[0.0, 10.4], [0.0, 20.0]])}, r"starts 0\.40 m from where the leg before ends"),
     ({"gear": 0}, "gear 0 is unknown; use 1"),
     ({"gear": 2}, "gear 2 is unknown"),
     ({"speed_mps": 0.0}, r"speed 0\.0 m/s is not above 0; gear -1 drives backwards"),
@@ -124,7 +125,7 @@ def test_a_mission_starts_facing_its_path_or_away_from_it(build: Any, gear: int,
     ({"gates": (Gate(-1, 0),)}, "refers to tractor -1"),
     ({"gates": (Gate(1, 1),)}, "refers to leg 1 of tractor 1, which has no such leg"),
     ({"gates": (Gate(1, -1),)}, "refers to leg -1 of tractor 1"),
-    ({"gates": (Gate(1, 0, 10.1),)}, r"waits for 10\.1 m of leg 0 of tractor 1, which is 10\.00 m long"),
+    ({"gates": (Gate(1, 0, 10.5),)}, r"waits for 10\.5 m of leg 0 of tractor 1, which is 10\.00 m long"),
     ({"gates": (Gate(1, 0, -0.1),)}, r"waits for -0\.1 m of leg 0"),
     ({"gates": (Gate(1, 0, math.nan),)}, "waits for nan m"),
     ({"follow": Follow(0, 0)}, "refers to tractor 0; name another"),
@@ -144,10 +145,10 @@ def test_empty_plans_are_refused(plan: Plan) -> None:
         check_plan(Plan((plan.missions[0], Mission(()))))
 
 
-def test_legs_may_meet_within_two_centimetres(plan: Plan) -> None:
-    check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.019], [0.0, 20.0]])))
+def test_legs_may_meet_within_the_joint(plan: Plan) -> None:
+    check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 0.99 * JOINT_M], [0.0, 20.0]])))
     with pytest.raises(MissionError, match="must meet within"):
-        check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.021], [0.0, 20.0]])))
+        check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 1.01 * JOINT_M], [0.0, 20.0]])))
 
 
 def test_a_world_refuses_what_cannot_be_executed(plan: Plan, eg105: Any, implement: Any) -> None:

@@ -45,8 +45,12 @@ def _read_csv(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     with path.open("rb") as stream:
-        if b"\0" in stream.read(65536):
-            raise LogError(f"{path} is not a CSV: it holds binary data; save the log as comma-separated text.")
+        start = stream.read(65536)
+    if b"\0" in start:
+        raise LogError(f"{path} is not a CSV: it holds binary data; save the log as comma-separated text.")
+    first = start.split(b"\n")[0]
+    if b"," not in first and (b";" in first or b"\t" in first):
+        raise LogError(f"{path} separates its columns by semicolons or tabs; save it with commas (and decimal points).")
     try:
         with warnings.catch_warnings():
             # pandas only warns when every row is longer than the header.
@@ -58,7 +62,8 @@ def _read_csv(path: Path) -> pd.DataFrame:
     except UnicodeDecodeError as error:
         raise LogError(f"{path} is not a CSV in UTF-8 ({error.reason}); save the log as UTF-8 text.") from error
     except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
-        raise LogError(f"{path} is not a CSV ({error}); every row needs as many cells as the header.") from error
+        why = " ".join(str(error).rpartition("error: ")[2].split())
+        raise LogError(f"{path} is not a CSV ({why}); every row needs as many cells as the header.") from error
 
 
 def _with_header(cells: pd.DataFrame, path: Path) -> pd.DataFrame:
@@ -67,8 +72,6 @@ def _with_header(cells: pd.DataFrame, path: Path) -> pd.DataFrame:
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1 and name in COLUMNS]
     if twice:
         raise LogError(f"{path} has the column {twice[0]} more than once; keep one of them.")
-    if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
-        raise LogError(f"{path} separates its columns by semicolons or tabs; save it with commas (and decimal points).")
     table = cells.iloc[1:].reset_index(drop=True)
     table.columns = names
     return table
