@@ -51,7 +51,7 @@ def body_step(
     rear_load = 0.5 * weight * model.front / base  # type: ignore[attr-defined]
     tangents = ackermann_tangents(tangent, base, model.track)  # type: ignore[attr-defined]
     side = turn = pull = 0.0
-    damping_side = damping_cross = damping_turn = 0.0
+    d11 = d12 = d13 = d22 = d23 = d33 = 0.0
     for index in range(4):
         aside = -half if index % 2 == 0 else half
         if index < 2:
@@ -72,16 +72,24 @@ def body_step(
         side += force * cosine
         turn += force * arm
         pull -= force * sine
-        damping_side += damping * cosine * cosine
-        damping_cross += damping * cosine * arm
-        damping_turn += damping * arm * arm
+        d11 += damping * sine * sine
+        d12 -= damping * sine * cosine
+        d13 -= damping * sine * arm
+        d22 += damping * cosine * cosine
+        d23 += damping * cosine * arm
+        d33 += damping * arm * arm
     mass, inertia = model.mass, model.inertia  # type: ignore[attr-defined]
-    # (M + dt D) change = dt (force - M spin x velocity)
-    m11, m12, m22 = mass + dt * damping_side, dt * damping_cross, inertia + dt * damping_turn
-    b1, b2 = dt * (side - mass * forward * spin), dt * turn
-    inverse = 1.0 / (m11 * m22 - m12 * m12)
-    right_change = (m22 * b1 - m12 * b2) * inverse
-    spin_change = (m11 * b2 - m12 * b1) * inverse
     rolling = ground.rolling * weight * forward / (abs(forward) + 0.05)  # type: ignore[attr-defined]
-    forward_change = dt * ((drive + pull - rolling) / mass + right * spin)
+    # (M + dt D) change = dt (force - M spin x velocity); forward is eliminated first.
+    b1 = dt * (drive + pull - rolling + mass * right * spin)
+    b2, b3 = dt * (side - mass * forward * spin), dt * turn
+    inverse = 1.0 / (mass + dt * d11)
+    share2, share3 = dt * d12 * inverse, dt * d13 * inverse
+    m22, m23 = mass + dt * (d22 - share2 * d12), dt * (d23 - share2 * d13)
+    m33 = inertia + dt * (d33 - share3 * d13)
+    c2, c3 = b2 - share2 * b1, b3 - share3 * b1
+    scale = 1.0 / (m22 * m33 - m23 * m23)
+    right_change = (m33 * c2 - m23 * c3) * scale
+    spin_change = (m22 * c3 - m23 * c2) * scale
+    forward_change = inverse * b1 - share2 * right_change - share3 * spin_change
     return forward + forward_change, right + right_change, spin + spin_change

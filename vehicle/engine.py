@@ -114,8 +114,16 @@ class Engine:
         return np.array([int(ffi.cast("uintptr_t", pointer)) for pointer in pointers], dtype=np.int64)
 
     def _probe(self) -> None:
-        """Compare one batch read and one batch write with the ordinary API."""
+        """Compare one batch read and one batch write with the ordinary API.
+
+        Bodies at rest would read alike in any order, so they get telling velocities for the moment.
+        """
+        motion = [(body.velocity, body.angular_velocity) for body in self.bodies]
+        for place, body in enumerate(self.bodies, start=1):
+            body.velocity, body.angular_velocity = (place + 0.25, place + 0.5), place + 0.75
         fault = self._read_fault() or self._write_fault()
+        for body, (velocity, spin) in zip(self.bodies, motion, strict=True):
+            body.velocity, body.angular_velocity = velocity, spin
         if fault:
             raise EngineUnavailable(f"pymunk {pymunk.version}: {fault}; the fast path needs 7.3.")
 

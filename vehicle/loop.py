@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from vehicle.chassis import body_step
+from vehicle.chassis import GRAVITY, body_step
 from vehicle.clearance import closest_pair
-from vehicle.control import control_tick
+from vehicle.control import STOPPED_MPS, control_tick
 from vehicle.engine import (
     EACH_BODY,
     EACH_CONTACT,
@@ -50,13 +50,22 @@ def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None
         state.steering, state.command, state.stage, dt,
         model.dead_band, model.switch, model.rate, model.lag, model.gain,
     )  # fmt: skip
-    state.reference_speed = ramp(state.reference_speed, state.target_speed, model.acceleration * dt)
+    before = state.reference_speed
+    state.reference_speed = ramp(before, state.target_speed, model.acceleration * dt)
     error = state.reference_speed - forward
     state.integral = min(max(state.integral + error * dt, -2.0), 2.0)
     drive = drive_force(
         error, state.integral, (error - state.last_error) / dt, model.kp, model.ki, model.kd, model.max_drive
     )
     state.last_error = error
+    # What the reference asks for goes to the wheels at once; the controller only mends the rest.
+    drive += model.mass * (state.reference_speed - before) / dt
+    share = state.reference_speed / (abs(state.reference_speed) + 0.05)
+    drive += grounds[ground].rolling * model.mass * GRAVITY * share
+    if state.target_speed == 0.0 and state.reference_speed == 0.0 and abs(forward) < STOPPED_MPS:
+        state.integral = 0.0  # the brake holds
+        drive = -model.mass * forward / dt
+    drive = min(max(drive, -model.max_drive), model.max_drive)
     tangent = math.tan(corrected_angle(state.steering, table, model.lock))
     new_forward, new_right, new_spin = body_step(
         forward, right, -body[5], tangent, drive, dt, model, grounds[ground]
@@ -138,7 +147,11 @@ def run_loop(  # type: ignore[no-untyped-def]
         call_each(addresses[EACH_CONTACT], addresses[SPACE], addresses[GET_CONTACT], addresses[TOUCH_DATA])
         for pair in range(touch_count[0] // 2):
             used = int(contacts[-1, 0])
-            if used < len(contacts) - 1:
+            known = False
+            for row in range(used):
+                if contacts[row, 1] == touching[2 * pair] and contacts[row, 2] == touching[2 * pair + 1]:
+                    known = True
+            if not known and used < len(contacts) - 1:
                 contacts[used, 0] = time
                 contacts[used, 1] = touching[2 * pair]
                 contacts[used, 2] = touching[2 * pair + 1]

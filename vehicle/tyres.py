@@ -23,8 +23,11 @@ def side_friction(slip: float, slope: float, limit: float) -> float:
 
 @compiled
 def side_damping(forward: float, sideways: float, slip: float, slope: float, limit: float) -> float:
-    """How fast the side force per load grows with sideways speed: the derivative the implicit step needs."""
-    if abs(slip) >= limit:
-        return 0.0
-    rolling = max(abs(forward), CREEP_MPS)
-    return slope * rolling / (rolling * rolling + sideways * sideways)
+    """Side force per load over sideways speed, for the implicit step.
+
+    The secant, not the derivative: it does not vanish beyond `limit`, where a derivative would leave the step
+    explicit and let saturated tyres throw a crawling tractor from one side to the other.
+    """
+    if sideways == 0.0:
+        return slope / max(abs(forward), CREEP_MPS)
+    return slope * min(abs(slip), limit) / abs(sideways)

@@ -147,7 +147,7 @@ class PlainWorld:
         forward, right = vx * cosine + vy * sine, vx * sine - vy * cosine
         tractor.forward = forward
         turn_wheels(tractor)
-        drive = drive_force(tractor, forward)
+        drive = drive_force(tractor, forward, self.grounds[ground]["rolling"])
         table, limit = tractor.table[ground], model["lock"]
         place = (min(max(tractor.steering, -limit), limit) + limit) / (2 * limit) * (len(table) - 1)
         cell = min(int(place), len(table) - 2)
@@ -182,14 +182,21 @@ def turn_wheels(tractor: PlainTractor) -> None:
         tractor.steering = tractor.steering * (1 - share) + tractor.command * share * model["gain"]
 
 
-def drive_force(tractor: PlainTractor, forward: float) -> float:
-    """Eq. 2.3."""
+def drive_force(tractor: PlainTractor, forward: float, rolling: float) -> float:
+    """Eq. 2.3, what the reference asks for at once, and the brake at rest."""
     model, step = tractor.model, tractor.model["acceleration"] * DT_S
+    before = tractor.reference
     tractor.reference += min(max(tractor.target - tractor.reference, -step), step)
     error = tractor.reference - forward
     tractor.integral = min(max(tractor.integral + error * DT_S, -2.0), 2.0)
     slope, tractor.last_error = (error - tractor.last_error) / DT_S, error
     force = model["kp"] * error + model["ki"] * tractor.integral + model["kd"] * slope
+    force = min(max(force, -model["max_drive"]), model["max_drive"])
+    force += model["mass"] * (tractor.reference - before) / DT_S
+    force += rolling * model["mass"] * GRAVITY * tractor.reference / (abs(tractor.reference) + 0.05)
+    if tractor.target == 0.0 and tractor.reference == 0.0 and abs(forward) < 0.03:
+        tractor.integral = 0.0
+        force = -model["mass"] * forward / DT_S
     return float(min(max(force, -model["max_drive"]), model["max_drive"]))
 
 
@@ -206,7 +213,7 @@ def advance(
         model["inertia"],
     )
     base, weight = front + rear, mass * GRAVITY
-    side = turn = pull = damp_side = damp_cross = damp_turn = 0.0
+    side = turn = pull = d11 = d12 = d13 = d22 = d23 = d33 = 0.0
     for ahead, aside in ((front, -half), (front, half), (-rear, -half), (-rear, half)):
         if ahead > 0:
             steered = math.atan(base * tangent / (base - aside * tangent))
@@ -219,20 +226,25 @@ def advance(
         rolling, sliding = max(abs(u * cosine + v * sine), CREEP_MPS), v * cosine - u * sine
         slip = math.atan(sliding / rolling)
         force = -slope * min(max(slip, -limit), limit) * load
-        damping = slope * load * rolling / (rolling**2 + sliding**2) if abs(slip) < limit else 0.0
+        damping = slope * load * min(abs(slip), limit) / abs(sliding) if sliding else slope * load / rolling
         arm = ahead * cosine + aside * sine
         side += force * cosine
         turn += force * arm
         pull -= force * sine
-        damp_side += damping * cosine * cosine
-        damp_cross += damping * cosine * arm
-        damp_turn += damping * arm * arm
-    m11, m12, m22 = mass + DT_S * damp_side, DT_S * damp_cross, inertia + DT_S * damp_turn
-    b1, b2 = DT_S * (side - mass * forward * spin), DT_S * turn
-    size = m11 * m22 - m12 * m12
+        d11 += damping * sine * sine
+        d12 -= damping * sine * cosine
+        d13 -= damping * sine * arm
+        d22 += damping * cosine * cosine
+        d23 += damping * cosine * arm
+        d33 += damping * arm * arm
     resistance = ground["rolling"] * weight * forward / (abs(forward) + 0.05)
-    return (
-        forward + DT_S * ((drive + pull - resistance) / mass + right * spin),
-        right + (m22 * b1 - m12 * b2) / size,
-        spin + (m11 * b2 - m12 * b1) / size,
-    )
+    b1 = DT_S * (drive + pull - resistance + mass * right * spin)
+    b2, b3 = DT_S * (side - mass * forward * spin), DT_S * turn
+    share2, share3 = DT_S * d12 / (mass + DT_S * d11), DT_S * d13 / (mass + DT_S * d11)
+    m22, m23 = mass + DT_S * (d22 - share2 * d12), DT_S * (d23 - share2 * d13)
+    m33 = inertia + DT_S * (d33 - share3 * d13)
+    c2, c3 = b2 - share2 * b1, b3 - share3 * b1
+    size = m22 * m33 - m23 * m23
+    more_right, more_spin = (m33 * c2 - m23 * c3) / size, (m22 * c3 - m23 * c2) / size
+    more_forward = b1 / (mass + DT_S * d11) - share2 * more_right - share3 * more_spin
+    return forward + more_forward, right + more_right, spin + more_spin

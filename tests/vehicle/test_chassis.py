@@ -90,12 +90,12 @@ def test_left_and_right_are_mirror_images(
     assert b == pytest.approx((a[0], -a[1], -a[2]), abs=1e-9)
 
 
-@given(st.floats(1.4, 5.0), st.sampled_from([-1, 1]), RIGHT, SPIN, TANGENT)
-def test_without_drive_the_energy_falls(
-    model: Any, soil: Any, speed: float, gear: int, right: float, spin: float, tangent: float
+@given(FORWARD, RIGHT, SPIN, TANGENT, st.sampled_from([1.0, 0.1, 0.01, 0.001]))
+def test_without_drive_the_energy_never_grows(
+    model: Any, soil: Any, forward: float, right: float, spin: float, tangent: float, scale: float
 ) -> None:
-    before = (gear * speed, right, spin)
-    assert energy(model, *body_step(*before, tangent, 0.0, DT, model, soil)) < energy(model, *before)
+    before = (forward * scale, right * scale, spin * scale)
+    assert energy(model, *body_step(*before, tangent, 0.0, DT, model, soil)) <= energy(model, *before)
 
 
 @given(FORWARD, RIGHT, SPIN)
@@ -105,8 +105,7 @@ def test_a_sliding_tractor_with_straight_wheels_comes_to_rest(
     velocity = (forward, right, spin)
     for _ in range(2400):  # 40 s; at 0.06 g even 5 m/s are gone after some 10 s
         velocity = body_step(*velocity, 0.0, 0.0, DT, model, soil)
-    assert abs(velocity[0]) < 0.01
-    assert energy(model, *velocity) < 40.0, "that of 0.14 m/s; what saturated tyres leave at rest"
+    assert energy(model, *velocity) < 1e-3
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-0.3, 0.3))
@@ -121,9 +120,10 @@ def test_side_forces_leave_the_momentum_they_should(model: Any, soil: Any, forwa
     assert after[1] - right == pytest.approx(-math.copysign(1e-7 * friction * GRAVITY, right), rel=2e-3, abs=1e-12)
 
 
-@pytest.mark.parametrize("steering_deg", [-5.0, 5.0, 10.0])
-def test_crawling_follows_the_kinematic_circle(eg105: Tractor, steering_deg: float) -> None:
-    circle = drive_circle(eg105, steering_deg, "soil", corrected=False, speed_mps=0.2)
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("steering_deg", [-35.0, -5.0, 5.0, 20.0, 35.0, 50.0])
+def test_crawling_follows_the_kinematic_circle(eg105: Tractor, steering_deg: float, speed: float) -> None:
+    circle = drive_circle(eg105, steering_deg, "soil", corrected=False, speed_mps=speed)
     assert circle.radius_m == pytest.approx(kinematic_radius(eg105, np.radians(abs(steering_deg))), rel=1e-3)
 
 
@@ -145,7 +145,7 @@ def test_half_the_step_gives_nearly_the_same_track(eg105: Tractor, steering_deg:
     coarse = fixed_run(eg105, steering_deg, DT, 60.0)
     fine = fixed_run(eg105, steering_deg, 0.5 * DT, 60.0)[::2]
     assert np.hypot(*coarse[-1, 3:5]) == pytest.approx(np.hypot(*fine[-1, 3:5]), abs=1e-9)
-    assert np.hypot(*(coarse[:, :2] - fine[:, :2]).T).max() < 0.035
+    assert np.hypot(*(coarse[:, :2] - fine[:, :2]).T).max() < 0.01
 
 
 def test_positive_steering_turns_right(eg105: Tractor) -> None:

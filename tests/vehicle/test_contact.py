@@ -18,8 +18,8 @@ from vehicle.tractor import Implement, Tractor, load_tractor
 from vehicle.world import simulate
 
 SPEED = 5.0 / 3.6
-# A start at 0.7 m/s^2 loses v / 2a; the speed controller lags by mass / proportional gain.
-START_LOSS_S = SPEED / (2 * 0.7) + 3850.0 / 8000.0
+# A start at 0.7 m/s^2 loses v / 2a.
+START_LOSS_S = SPEED / (2 * 0.7)
 POSES = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-math.pi, math.pi))
 TRACTOR = load_tractor("eg105")
 NARROW, WIDE = Implement(width_m=1.5), Implement(width_m=6.0, hitch_m=2.5)
@@ -93,6 +93,15 @@ def test_head_on_is_reported_when_the_noses_meet(build: Any, eg105: Tractor, imp
     assert [(a, b) for _, a, b in run.contacts] == [(1, 2)]
     assert run.contacts[0][0] == pytest.approx(expected, abs=0.2)
     assert run.min_clearance_m < 0.05
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_a_long_touch_hides_no_later_one(build: Any, eg105: Tractor, implement: Implement, slow: bool) -> None:
+    """Two tractors push each other for half a minute; two others meet meanwhile."""
+    early = [[build.leg((0, 0), (0, 40))], [build.leg((0, 20), (0, 0))]]
+    late = [[build.leg((30, 0), (30, 40))], [build.leg((30, 40), (30, 0))]]
+    run = simulate(build.plan(*early, *late), eg105, implement, max_time_s=30.0, slow=slow)
+    assert [(a, b) for _, a, b in run.contacts] == [(0, 1), (2, 3)]
 
 
 def test_a_stop_clearance_ends_the_run_before_the_contact(build: Any, eg105: Tractor, implement: Implement) -> None:

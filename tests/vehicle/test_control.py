@@ -46,7 +46,8 @@ def test_a_gate_between_legs_holds_at_the_joint_and_counts_on_its_leg(build: Any
     assert 20.0 + metre <= run.record[opened, 0, Y] <= 20.0 + metre + 0.6 * 0.1 + 1e-6
     waiting = run.record[:, 1, STATUS] == WAITING
     assert waiting[opened - 50 : opened].all() and not waiting[opened + 1 :].any()
-    assert run.record[waiting, 1, Y] == pytest.approx(10.0, abs=0.85)
+    assert run.record[waiting, 1, Y] == pytest.approx(10.0, abs=0.15)
+    assert np.ptp(run.record[opened - 50 : opened, 1, Y]) < 0.005, "the brake holds"
     assert run.outcome == "done"
 
 
@@ -139,8 +140,7 @@ def test_speeds_of_legs_are_kept_and_reached_in_time(build: Any, drive: Any) -> 
 @pytest.mark.parametrize(("length", "speed"), [(0.5, SPEED), (6.0, SPEED), (40.0, SPEED), (40.0, 0.5), (40.0, 2.5)])
 def test_tractors_stop_at_the_end_of_their_path(build: Any, drive: Any, length: float, speed: float) -> None:
     run: Run = drive(build.plan([build.leg((0, 0), (0, length), speed_mps=speed)]))
-    # The speed controller lags by mass / gain = 0.48 s, so a stop is late by about that times the speed.
-    assert -0.17 < run.record[-1, 0, Y] - length < 0.1 + 0.48 * speed
+    assert -0.17 < run.record[-1, 0, Y] - length < 0.16
     assert abs(run.record[-1, 0, VELOCITY]) < 0.03
     assert run.finish_s[0] == run.duration_s == pytest.approx(run.time_s[-1])
 

@@ -135,6 +135,17 @@ def test_another_layout_is_refused(
         Engine(*bodies)
 
 
+def test_a_layout_that_shows_only_in_motion_is_refused_at_rest_too(
+    eg105: Tractor, implement: Implement, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    space = pymunk.Space()
+    body = make_body(space, eg105, implement, (1.0, 2.0, 0.0))
+    monkeypatch.setattr(vehicle.engine, "READ", FIELDS.POSITION | FIELDS.ANGLE | FIELDS.FORCE | FIELDS.TORQUE)
+    with pytest.raises(EngineUnavailable, match="batch read has another order"):
+        Engine(space, [body])
+    assert tuple(body.velocity) == (0.0, 0.0) and body.angular_velocity == 0.0
+
+
 def test_a_missing_function_is_refused(
     bodies: tuple[pymunk.Space, list[pymunk.Body]], monkeypatch: pytest.MonkeyPatch
 ) -> None:

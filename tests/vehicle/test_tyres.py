@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle.compile import compile_grounds
@@ -54,14 +54,20 @@ def test_slip_angle_by_hand(forward: float, sideways: float, expected_deg: float
 
 
 @given(SPEEDS, SIDEWAYS, SLOPES, LIMITS)
-def test_damping_is_the_derivative_of_the_friction(forward: float, sideways: float, slope: float, limit: float) -> None:
+def test_damping_times_the_sideways_speed_is_the_friction(
+    forward: float, sideways: float, slope: float, limit: float
+) -> None:
     slip = slip_angle(forward, sideways)
-    assume(abs(abs(slip) - limit) > 1e-3)
-    h = 1e-6
-    before = side_friction(slip_angle(forward, sideways - h), slope, limit)
-    after = side_friction(slip_angle(forward, sideways + h), slope, limit)
     damping = side_damping(forward, sideways, slip, slope, limit)
-    assert damping == pytest.approx((before - after) / (2 * h), rel=1e-5, abs=1e-6)
+    assert damping > 0.0
+    assert damping * sideways == pytest.approx(-side_friction(slip, slope, limit), rel=1e-12, abs=1e-300)
+
+
+@given(SPEEDS, SLOPES, LIMITS)
+def test_damping_at_no_slip_is_the_derivative_of_the_friction(forward: float, slope: float, limit: float) -> None:
+    h = 1e-7
+    before, after = (side_friction(slip_angle(forward, side), slope, limit) for side in (-h, h))
+    assert side_damping(forward, 0.0, 0.0, slope, limit) == pytest.approx((before - after) / (2 * h), rel=1e-6)
 
 
 def test_compiled_grounds_keep_the_forces_of_the_grounds() -> None:
