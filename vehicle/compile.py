@@ -127,21 +127,26 @@ def _body_start(mission: Mission, tractor: Tractor) -> tuple[float, float, float
 
 
 def _lay_path(mission: Mission, rows: Array, offset: int) -> tuple[Array, Array]:
-    """Join the polylines of a mission; legs of one gear form a run in which the lookahead may pass leg ends."""
+    """Join the polylines of a mission; legs of one gear form a run in which the lookahead may pass leg ends.
+
+    Within a run a leg continues from where the one before ended, so that the distance along the path is that of the
+    joined polyline.
+    """
     path: list[Array] = []
     along: list[Array] = []
     done, size, run_start = 0.0, 0, 0
     for index, leg in enumerate(mission.legs):
         new_run = index == 0 or leg.gear != mission.legs[index - 1].gear
-        step = np.hypot(*np.diff(leg.points, axis=0).T)
+        points = leg.points if new_run else np.concatenate([path[-1][-1:], leg.points[1:]])
+        step = np.hypot(*np.diff(points, axis=0).T)
         keep = np.concatenate(([new_run], step > SAME_M))
         distance = done + np.concatenate(([0.0], np.cumsum(step)))
-        path.append(leg.points[keep])
-        along.append(distance[keep])
+        path.append(points[keep] if keep.any() else points[:1])
+        along.append(distance[keep] if keep.any() else distance[:1])
         if new_run:
             run_start = index
         rows[index]["first_segment"] = offset + (size if new_run else size - 1)
-        size += int(keep.sum())
+        size += len(path[-1])
         done = float(distance[-1])
         rows[index]["end"] = done
         for row in rows[run_start : index + 1]:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.errors import MissionError
+from vehicle.ground import ground_names
 
 KINDS = ("work", "turn", "drive")
 JOINT_M = 0.1  # ends of consecutive legs may differ by this much
@@ -126,10 +127,16 @@ def _check_leg(leg: Leg, where: str) -> None:
         raise MissionError(f"{where}: a coordinate is not a number; every point needs finite metres.")
     if leg.length_m < 1e-3:
         raise MissionError(f"{where}: the leg is {leg.length_m:.4f} m long; it must be at least 1 mm.")
+    if np.hypot(*(points[1] - points[0])) < 1e-6:
+        raise MissionError(f"{where}: the first two points coincide, which gives no direction; leave one out.")
     if leg.gear not in (1, -1):
         raise MissionError(f"{where}: gear {leg.gear} is unknown; use 1 (forward) or -1 (reverse).")
     if not (leg.speed_mps > 0 and math.isfinite(leg.speed_mps)):
         raise MissionError(f"{where}: speed {leg.speed_mps} m/s is not above 0; gear -1 drives backwards.")
+    if leg.ground not in ground_names():
+        raise MissionError(f"{where}: ground {leg.ground!r} is unknown; use one of: {', '.join(ground_names())}.")
+    if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):
+        raise MissionError(f"{where}: a follow gap of {leg.follow.gap_m} m is not a distance; use one above 0.")
     if leg.kind not in KINDS:
         raise MissionError(f"{where}: kind {leg.kind!r} is unknown; use one of: {', '.join(KINDS)}.")
 
@@ -192,7 +199,9 @@ def plan_from_json(text: str) -> Plan:
         plan = Plan(missions, dict(data.get("notes", {})))
     except json.JSONDecodeError as error:
         raise MissionError(f"The plan is not JSON: {error}.") from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except MissionError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise MissionError(f"The plan lacks or garbles an entry: {error!r}.") from None
     check_plan(plan)
     return plan
@@ -203,13 +212,20 @@ def _leg_from_dict(entry: dict[str, Any]) -> Leg:
     return Leg(
         points=np.array(entry["points_m"], dtype=np.float64),
         speed_mps=float(entry["speed_mps"]),
-        gear=int(entry["gear"]),
-        implement=bool(entry["implement"]),
+        gear=_exactly(entry, "gear", int),
+        implement=_exactly(entry, "implement", bool),
         ground=str(entry["ground"]),
         kind=str(entry["kind"]),
         gates=tuple(Gate(int(g["tractor"]), int(g["leg"]), float(g["after_m"])) for g in entry["gates"]),
         follow=Follow(int(follow["tractor"]), int(follow["leg"]), float(follow["gap_m"])) if follow else None,
     )
+
+
+def _exactly(entry: dict[str, Any], key: str, kind: type) -> Any:
+    value = entry[key]
+    if type(value) is not kind:
+        raise TypeError(f"{key} is {value!r}, not of type {kind.__name__}")
+    return value
 
 
 def save_plan(plan: Plan, path: Path) -> None:

@@ -36,7 +36,8 @@ def steering_step(
         stage = TRACK
     if stage == SLEW:
         return angle + math.copysign(min(rate * dt, size), gap), stage
-    return angle * (1.0 - dt / lag) + dt * command * gain / lag, stage
+    share = min(dt / lag, 1.0)
+    return angle * (1.0 - share) + share * command * gain, stage
 
 
 @compiled

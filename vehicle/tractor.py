@@ -69,7 +69,11 @@ class PowerLaw(_Frozen):
 
 
 class Tractor(_Frozen):
-    """A tractor as the simulator needs it. Distances from the centre of mass unless the name says otherwise."""
+    """A tractor as the simulator needs it. Distances from the centre of mass unless the name says otherwise.
+
+    The antenna is measured from the rear-axle centre. Guidance steers the point of the centre line abreast of it:
+    it allows for `antenna_right_m`, which matters only where positions are measured.
+    """
 
     name: str
     mass_kg: Positive

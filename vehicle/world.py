@@ -87,19 +87,20 @@ class World:
         `progress` is called with the share of all path length driven. `slow` takes the plain Python loop.
         """
         advance = self._chooser(slow)
+        most = math.ceil(max_time_s / DT_S)
         chunks: list[Array] = []
         outcome = RUNNING
         total = float(sum(self.program.legs["end"][s["last_leg"]] for s in self.program.states))
-        while outcome == RUNNING and self.clock[0] * DT_S < max_time_s:
+        while outcome == RUNNING and self.clock[0] < most:
             chunk = np.empty((math.ceil(CHUNK_S / (DT_S * self.every)) + 1, self.plan.tractors, 7))
-            outcome, rows, *self.pair = advance(chunk, stop_clearance_m)
+            steps = min(round(CHUNK_S / DT_S), most - int(self.clock[0]))
+            outcome, rows, *self.pair = advance(steps, chunk, stop_clearance_m)
             chunks.append(chunk[:rows])
             if progress:
                 progress(min(1.0, float(self.program.states["progress"].sum()) / total))
         return self._result(outcome, np.concatenate(chunks))
 
-    def _chooser(self, slow: bool) -> Callable[[Array, float], Any]:
-        steps = round(CHUNK_S / DT_S)
+    def _chooser(self, slow: bool) -> Callable[[int, Array, float], Any]:
         program = self.program
         if not slow:
             try:
@@ -108,7 +109,7 @@ class World:
                 warnings.warn(f"{error} Simulating in plain Python, about 100 times slower.", stacklevel=3)
             else:
                 self.ids = engine.ids
-                return lambda record, stop: run_loop(
+                return lambda steps, record, stop: run_loop(
                     steps, DT_S, self.every, self.clock, engine.addresses, engine.read, engine.write, engine.touching,
                     engine.read_count, engine.write_count, engine.touch_count,
                     program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
@@ -117,7 +118,7 @@ class World:
         from vehicle.slow import run_slow
 
         self.ids = np.array([body.id for body in self.bodies])
-        return lambda record, stop: run_slow(self, steps, DT_S, record, stop, STALL_S)
+        return lambda steps, record, stop: run_slow(self, steps, DT_S, record, stop, STALL_S)
 
     def _result(self, outcome: int, record: Array) -> Run:
         names = {ALL_DONE: DONE, TOO_CLOSE: CONFLICT, STALLED: STALL, RUNNING: TIMEOUT}
