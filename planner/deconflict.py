@@ -16,7 +16,7 @@ from vehicle.missions import Gate, Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
-INSIDE_M = 6.0  # or this far into its next track
+ARRIVED_M = 0.2  # a leg counts as driven this far before its end
 MOST_REPAIRS = 80
 
 Simulate = Callable[[Plan], Run]
@@ -112,20 +112,25 @@ def hold_leg(plan: Plan, tractor: int, leg: int) -> int:
 
 
 def _past(plan: Plan, tractor: int, leg: int, metres: float, more: float) -> Gate:
-    """Gate that opens when the tractor has driven `metres` + `more` from the start of a leg."""
+    """Gate that opens when the tractor has driven `metres` + `more` from the start of a leg, or is through its turn.
+
+    It never lies on the track after a turn: there the tractor may itself wait for others.
+    """
     legs = plan.missions[tractor].legs
     metres += more
-    while leg < len(legs) - 1 and metres > legs[leg].length_m:
+    turning = legs[leg].kind != "work"
+    while leg < len(legs) - 1 and metres > legs[leg].length_m and not (turning and legs[leg + 1].kind == "work"):
         metres -= legs[leg].length_m
         leg += 1
-    return Gate(tractor, leg, max(0.0, min(metres, legs[leg].length_m)))
+        turning = turning or legs[leg].kind != "work"
+    return Gate(tractor, leg, max(0.0, min(metres, legs[leg].length_m - ARRIVED_M)))
 
 
 def _turned(plan: Plan, tractor: int, leg: int) -> Gate:
-    """Gate that opens when the tractor is through its turn and well inside its next track."""
+    """Gate that opens when the tractor has driven in on its next track, or has finished."""
     legs = plan.missions[tractor].legs
     while leg < len(legs) - 1 and legs[leg].kind == "work":
         leg += 1
-    while leg < len(legs) - 1 and legs[leg].kind != "work":
+    while leg < len(legs) - 1 and legs[leg + 1].kind != "work":
         leg += 1
-    return Gate(tractor, leg, min(INSIDE_M, legs[leg].length_m))
+    return Gate(tractor, leg, max(0.0, legs[leg].length_m - ARRIVED_M))

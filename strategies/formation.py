@@ -28,13 +28,19 @@ Releases = Mapping[tuple[int, int], tuple[tuple[int, float], ...]]
 
 @dataclass(frozen=True)
 class Slot:
-    """One tractor in one round: its row (1 leads), the neighbour it follows, its pass, its place on the track."""
+    """One tractor in one round: its row (1 leads), the neighbour it follows, its pass.
+
+    Along the track, from its beginning: `place_m` where it takes its place in formation, `hold_m` where it first
+    waits in the queue, `queue_m` where the queue begins.
+    """
 
     tractor: int
     row: int
     neighbour: int | None
     this: Pass
     place_m: float
+    hold_m: float
+    queue_m: float
 
 
 @dataclass(frozen=True)
@@ -138,18 +144,19 @@ def _slots(job: Job, passes: list[Pass], offset: int) -> list[Slot]:
         behind = [place[i] for i in range(len(passes)) if rows[i] == row + 1]
         for index in (i for i in range(len(passes)) if rows[i] == row):
             place[index] = max(own[index], max(behind) + job.manner.gap_m)
+    ends = [start + this.track.length + job.manner.tool_m for start, this in zip(along, passes, strict=True)]
     slots = []
     for index, this in enumerate(passes):
-        place_m = place[index] - along[index]
-        wait_m = max((rows[index] - 1) * job.manner.gap_m, job.manner.hold_back_m)
-        hold_m = this.track.length + job.manner.tool_m - wait_m
+        front = min(ends[i] for i in range(len(passes)) if i == index or rows[i] < rows[index])
+        queue_m, place_m = front - along[index], place[index] - along[index]
+        hold_m = queue_m - max((rows[index] - 1) * job.manner.gap_m, job.manner.hold_back_m)
         if place_m > hold_m - SHORTEST_M:
             raise StrategyError(
                 f"Track {this.track.line} is {this.track.length:.0f} m long, too short for a formation of "
                 f"{max(rows)} rows {job.manner.gap_m:.0f} m apart; use fewer tractors."
             )
         neighbour = None if rows[index] == 1 else offset + index + (1 if index < leader else -1)
-        slots.append(Slot(offset + index, rows[index], neighbour, this, place_m))
+        slots.append(Slot(offset + index, rows[index], neighbour, this, place_m, hold_m, queue_m))
     return slots
 
 
@@ -173,10 +180,10 @@ def _lay_round(
         legs.append(straight_leg(job, entry, tool, slot.place_m, implement=True))
     placed = len(legs) - 1
     end, gap = slot.this.track.length + tool, job.manner.gap_m
-    stops = [end - max((slot.row - 1) * gap, job.manner.hold_back_m)]
+    stops = [slot.hold_m]
     legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], implement=True))
     work = len(legs) - 1
-    stops += [end - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
+    stops += [slot.queue_m - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
     stops.append(end)
     legs += [straight_leg(job, entry, a, b, implement=True) for a, b in pairwise(stops)]
     queue = tuple(range(work + 1, len(legs)))
