@@ -14,6 +14,7 @@ from planner.site import Site
 from vehicle.run import Run
 
 SIMPLIFY_M = 0.01
+EVERY = 5  # rows of the 10 Hz record between corners of a swath: under a metre of driving
 GRID_M = 1e-6  # without a grid GEOS loses area when it unites swaths whose edges all but coincide
 Points = npt.NDArray[np.float64]
 
@@ -56,7 +57,8 @@ def _strips(run: Run, site: Site, tractor: int) -> list[shapely.Geometry]:
     edges = np.flatnonzero(np.diff(np.concatenate(([0], down.astype(np.int8), [0]))))
     strips = []
     for first, last in edges.reshape(-1, 2):
-        strip = _strip(run.record[first : min(last + 1, len(down)), tractor, :3], site)
+        rows = np.append(np.arange(first, min(last, len(down) - 1), EVERY), min(last, len(down) - 1))
+        strip = _strip(run.record[rows, tractor, :3], site)
         if strip is not None:
             strips.append(strip)
     return strips

@@ -93,7 +93,8 @@ def _check_numbers(scenario: Scenario) -> None:
         )
     if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
         raise ScenarioError(f"The bearing is {scenario.bearing_deg}; give degrees clockwise from north.")
-    for name, price in (("--price-per-hour", scenario.price_per_hour), ("--price-per-tractor", scenario.price_per_tractor)):
+    prices = {"--price-per-hour": scenario.price_per_hour, "--price-per-tractor": scenario.price_per_tractor}
+    for name, price in prices.items():
         if not (math.isfinite(price) and price >= 0):
             raise ScenarioError(f"{name} is {price:g}; a price must be 0 or more.")
     if scenario.before_s is not None and scenario.start_s is None:

@@ -14,17 +14,18 @@ from fields.read import read_field
 from planner.errors import ScenarioError
 from planner.scenario import KMH, Scenario
 from strategies.connect import Connector, TurnCosts
-from strategies.legs import STEP_M
 from strategies.job import Job, Manner, starting_corner
+from strategies.legs import STEP_M
 from strategies.paths import Path, Pose
 from strategies.turns import TURN_KINDS, fishtail, omega_turn, switch_back, turn_depth, u_turn
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.tractor import Implement, Tractor, load_tractor
 from vehicle.world import simulate
 
-RADIUS_MARGIN = 1.08  # planned turns are this much wider than full lock, so that guidance has something to correct with
+# Planned turns are this much wider than full lock, so that guidance has something to correct with.
+RADIUS_MARGIN = 1.08
 HEADLAND_STEP_M = 0.5
-SHUNTING_MPS = 5.0 * KMH  # the slower speed of the thesis's tests, for turns with direction changes
+SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
 LEAD_M = 15.0
 GRID_M = 1e-6
 TURNS = {"u": (u_turn,), "omega": (omega_turn,), "switch-back": (switch_back, fishtail)}
@@ -152,7 +153,7 @@ class TurnClock:
         radius = self.manner.radius_m
         found = []
         for kind in kinds:
-            if kind == "u" and spacing < 2.0 * radius or turn_depth(kind, spacing, radius) > depth_m + 1e-6:
+            if (kind == "u" and spacing < 2.0 * radius) or turn_depth(kind, spacing, radius) > depth_m + 1e-6:
                 continue
             found += [path for make in TURNS[kind] if (path := make(a, b, radius))]
         return found
@@ -161,7 +162,7 @@ class TurnClock:
         return 2.0 * math.pi * self.manner.radius_m / self.manner.turn_speed_mps
 
     def costs(self) -> TurnCosts:
-        """What a direction change costs, from the two simulated turns that have one: arcs to arcs, and arcs to straight."""
+        """What a direction change costs, from two simulated turns: arc to arc, and arc to straight."""
         radius, manner = self.manner.radius_m, self.manner
         a, b = (0.0, 0.0, 0.5 * math.pi), (0.75 * radius, 0.0, -0.5 * math.pi)
         free = TurnCosts(manner.turn_speed_mps, manner.reverse_speed_mps, 0.0)

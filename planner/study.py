@@ -1,4 +1,4 @@
-"""The study of chapter 6 of the thesis: Tables 6.1 to 6.3 and the claims drawn from them, under one set of assumptions."""
+"""The study of chapter 6 of the thesis: Tables 6.1 to 6.3 and its claims, under one set of assumptions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from planner.evaluate import Candidate
 from planner.pool import evaluated
 from planner.results import Claim, PlanResult, Study, StudyRow
 from planner.scenario import Scenario
-from planner.site import Site, prepare
+from planner.site import RADIUS_MARGIN, Site, prepare
 
 HEADLAND_M = 10.0
 COUNTS = (1, 3, 5, 7, 9, 11)
@@ -93,7 +93,8 @@ Seconds = dict[Candidate, float]
 def _faster_with_more(time: Seconds) -> Claim:
     rows = [time[Candidate(ROW, count)] for count in COUNTS[:-1]]
     why = " > ".join(f"{value:.0f} s" for value in rows)
-    return Claim("from 1 to 9 tractors in formation, more tractors are faster", rows == sorted(rows, reverse=True), why)
+    holds = rows == sorted(rows, reverse=True)
+    return Claim("from 1 to 9 tractors in formation, more tractors are faster", holds, why)
 
 
 def _eleven_slower(time: Seconds) -> Claim:
@@ -114,8 +115,8 @@ def _formation_beats_apart(time: Seconds) -> Claim:
     together, apart = time[Candidate(ROW, 3)], time[Candidate(APART, 3, jump=1)]
     wide = time[Candidate(APART, 3)]
     why = (
-        f"in formation {together:.0f} s, separately with switch-backs {apart:.0f} s; separately, skipping tracks so that "
-        f"U-turns fit, {wide:.0f} s"
+        f"in formation {together:.0f} s, separately with switch-backs {apart:.0f} s; separately, skipping tracks so "
+        f"that U-turns fit, {wide:.0f} s"
     )
     return Claim("3 tractors in formation are faster than 3 working separately", together < apart, why)
 
@@ -136,20 +137,20 @@ def _columns_alike(time: Seconds) -> Claim:
 def _assumptions(site: Site) -> tuple[str, ...]:
     manner = site.manner
     return (
-        f"Field 270 m x 70 m, implement 3 m, {len(site.layout.tracks)} tracks of {site.layout.tracks[0].length:.0f} m evenly "
-        f"spaced over the full width; headlands of {HEADLAND_M:g} m at both ends lie inside the field.",
+        f"Field 270 m x 70 m, implement 3 m, {len(site.layout.tracks)} tracks of {site.layout.tracks[0].length:.0f} m "
+        f"evenly spaced over the full width; headlands of {HEADLAND_M:g} m at both ends lie inside the field.",
         f"{site.tractor.name}, 5 km/h on the tracks and in turns, accelerating at "
-        f"{site.tractor.speed.max_acceleration_mps2} m/s2, {site.tractor.speed.shift_time_s} s to shift; planned turning "
-        f"radius {manner.radius_m:.2f} m ({manner.radius_m / site.tractor.smallest_radius_m('soil'):.2f} times full lock on soil).",
+        f"{site.tractor.speed.max_acceleration_mps2} m/s2, {site.tractor.speed.shift_time_s} s to shift; planned "
+        f"turning radius {manner.radius_m:.2f} m ({RADIUS_MARGIN:g} times that of full lock on soil).",
         f"Triangle of rows {manner.gap_m:g} m apart; followers keep the distance by Eq. 6.1.",
-        f"The implement works {manner.tool_m:.1f} m behind the antenna: it is lifted and lowered exactly at the headland line.",
-        "Rows queue inside their tracks, the first 10 m before the headland line, and move up when the place in front is "
-        "free. Row by row: released when the row before is at its place in formation. Col by col: released when the "
+        f"The implement works {manner.tool_m:.1f} m behind the antenna: lifted and lowered exactly at the headland line.",
+        "Rows queue inside their tracks, the first 10 m before the headland line, and move up when the place in front "
+        "is free. Row by row: released when the row before is at its place in formation. Col by col: released when the "
         "tractor before has finished its turn; the side the turn leads to goes before the other.",
         "Optimised: releases by constraint programming over the time each simulated turn occupies a stretch of headland, "
         "then simulated again; accepted without contact only.",
         "Separately: a block of 8 neighbouring tracks each, one after another with switch-backs, as the thesis says.",
-        "Time runs from standstill on the headland until the last tractor has left its last track; nobody drives in from "
-        "the road. No GNSS error.",
+        "Time runs from standstill on the headland until the last tractor has left its last track; nobody drives in "
+        "from the road. No GNSS error.",
     )
 

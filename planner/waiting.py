@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,9 @@ from strategies.job import Job
 from vehicle.missions import Plan
 from vehicle.run import DONE, Run
 from vehicle.tractor import Implement, Tractor
+
+if TYPE_CHECKING:
+    from ortools.sat.python import cp_model
 
 STRETCH_M = 1.5
 BEFORE_LINE_M = 1.0  # a tractor is on the headland when any part of it is less than this short of the line
@@ -140,7 +144,7 @@ def _solve(group: list[Passage], slots: tuple[Slot, ...], hold_s: float) -> list
     ticks = [math.ceil(passage.placed_s * TICKS_PER_S) for passage in group]
     horizon = sum(ticks) + round(hold_s * TICKS_PER_S) * len(group) * 2
     release = [model.new_int_var(0, horizon, f"release_{i}") for i in range(len(group))]
-    stretches: dict[int, list[object]] = {}
+    stretches: dict[int, list[cp_model.IntervalVar]] = {}
     for start, passage in zip(release, group, strict=True):
         for stretch, (first, last) in sorted(passage.taken.items()):
             begin = math.floor(first * TICKS_PER_S)

@@ -9,7 +9,6 @@ from fields.layout import Layout, Track
 from strategies.connect import Connector
 from strategies.paths import Path, Pose
 
-
 PLAIN_TURN_S = 40.0  # a turn in the headland that is quicker than this is not compared with one across tracks
 DETOUR, DETOUR_S = 1.25, 5.0  # how much longer than one across tracks a way round them may take, factor and seconds
 
@@ -46,7 +45,8 @@ class Pass:
 class Job:
     """A field to be worked by `tractors` tractors.
 
-    `connector` finds ways anywhere in the field, `headland` only beside the tracks. Ways found are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
+    `connector` finds ways anywhere in the field, `headland` only beside the tracks. Ways found are kept in `ways`, as
+    strategies ask for the same ones; `used` counts the turns driven by kind.
     """
 
     layout: Layout

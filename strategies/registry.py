@@ -23,7 +23,8 @@ FORMATIONS = ("row-by-row", ROW_BY_ROW_OPTIMISED, "col-by-col")
 def build(name: str, job: Job, jump: int | None = None) -> Plan:
     """The plan of a strategy for a job. The optimised queue needs simulation and is made in planner.waiting.
 
-    `jump` fixes the pattern of tracks of a split field. Raises StrategyError when the strategy cannot work this field with this fleet.
+    `jump` fixes the pattern of tracks of a split field. Raises StrategyError when the strategy cannot work this field
+    with this fleet.
     """
     builders: dict[str, Callable[[Job], Plan]] = {
         "row-by-row": lambda job: row_by_row(job).plan,

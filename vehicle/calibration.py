@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 

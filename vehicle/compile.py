@@ -51,6 +51,7 @@ def compile_model(tractor: Tractor, implement: Implement) -> Array:
         "rate": math.radians(tractor.steering.rate_deg_per_s),
         "lag": tractor.steering.lag_s,
         "gain": tractor.steering.gain,
+        "latch": float(tractor.steering.latch),
         "lateral_gain": math.radians(tractor.guidance.lateral_gain_deg_per_m),
         "heading_gain": tractor.guidance.heading_gain,
         "lateral_limit": tractor.guidance.lateral_limit_m,

@@ -33,8 +33,8 @@ def gates_open(leg: int, legs, gates, states) -> bool:  # type: ignore[no-untype
 def steer(state, model, leg, points, cumulative) -> None:  # type: ignore[no-untyped-def]
     """Project the guided point on the path and set the steering command (Eq. 2.5); in reverse, mirrored."""
     reach = model.guide if leg.gear > 0 else model.guide_reverse
-    x = state.x + reach * math.cos(state.angle)
-    y = state.y + reach * math.sin(state.angle)
+    x = state.x + reach * math.cos(state.angle) + state.error_x
+    y = state.y + reach * math.sin(state.angle) + state.error_y
     state.segment, progress, state.lateral = project(points, cumulative, state.segment, leg.last_segment, x, y)
     state.progress = max(progress, state.progress)
     tx, ty = target_point(points, cumulative, state.segment, leg.last_segment, progress + leg.lookahead)

@@ -33,12 +33,11 @@ READ_WIDTH, WRITE_WIDTH, SLACK = 6, 3, 16
 STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SPACE, READ_DATA, WRITE_DATA, TOUCH_DATA = range(10)
 
 
-class EngineUnavailable(VehicleError):
+class EngineUnavailable(VehicleError):  # noqa: N818 - a state, raised and mended
     """pymunk's batch layout is not the one this version knows; the slow path still works."""
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def call_each(typingctx: Any, function: Any, space: Any, callback: Any, data: Any) -> Any:
+def _call_each(typingctx: Any, function: Any, space: Any, callback: Any, data: Any) -> Any:
     """Call `void function(void *space, void *callback, void *data)`, all given as integer addresses."""
     signature = types.void(types.int64, types.int64, types.int64, types.int64)
 
@@ -52,8 +51,7 @@ def call_each(typingctx: Any, function: Any, space: Any, callback: Any, data: An
     return signature, generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def call_step(typingctx: Any, function: Any, space: Any, dt: Any) -> Any:
+def _call_step(typingctx: Any, function: Any, space: Any, dt: Any) -> Any:
     """Call `void function(void *space, double dt)` by integer address."""
     signature = types.void(types.int64, types.int64, types.float64)
 
@@ -65,6 +63,10 @@ def call_step(typingctx: Any, function: Any, space: Any, dt: Any) -> Any:
         return context.get_dummy_value()
 
     return signature, generate
+
+
+call_each: Any = intrinsic(_call_each)
+call_step: Any = intrinsic(_call_step)
 
 
 class Engine:

@@ -27,7 +27,9 @@ def steering_command(
 
 
 @compiled
-def project(points: object, cumulative: object, segment: int, last: int, x: float, y: float) -> tuple[int, float, float]:
+def project(
+    points: object, cumulative: object, segment: int, last: int, x: float, y: float
+) -> tuple[int, float, float]:
     """Advance along a polyline to the segment abreast of (x, y).
 
     `points` (n, 2) and `cumulative` (n,) describe the path; the search starts at `segment`, never goes back and

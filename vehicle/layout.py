@@ -20,6 +20,7 @@ MODEL = np.dtype(
         ("rate", "f8"),
         ("lag", "f8"),
         ("gain", "f8"),
+        ("latch", "f8"),
         ("lateral_gain", "f8"),
         ("heading_gain", "f8"),
         ("lateral_limit", "f8"),
@@ -39,7 +40,8 @@ MODEL = np.dtype(
     ]
 )
 
-# Side friction per radian of slip and rolling resistance, per ground.
+# Side friction per radian of slip and rolling resistance, per ground. `shaped` is 0 for the plain tyres that plans
+# are driven with; otherwise the friction curve (slips in radians) and the grip of the driven wheels count too.
 GROUND = np.dtype(
     [
         ("front_slope", "f8"),
@@ -47,6 +49,12 @@ GROUND = np.dtype(
         ("rear_slope", "f8"),
         ("rear_limit", "f8"),
         ("rolling", "f8"),
+        ("shaped", "f8"),
+        ("peak_slip", "f8"),
+        ("peak", "f8"),
+        ("slide_slip", "f8"),
+        ("slide", "f8"),
+        ("grip", "f8"),
     ]
 )
 
@@ -68,6 +76,8 @@ STATE = np.dtype(
         ("shift_left", "f8"),
         ("align_left", "f8"),
         ("done_time", "f8"),
+        ("error_x", "f8"),
+        ("error_y", "f8"),
         ("stage", "i8"),
         ("segment", "i8"),
         ("leg", "i8"),
@@ -77,6 +87,8 @@ STATE = np.dtype(
         ("model", "i8"),
         ("first_leg", "i8"),
         ("last_leg", "i8"),
+        ("error_key", "i8"),
+        ("error_count", "i8"),
     ]
 )
 

@@ -48,7 +48,7 @@ def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None
     state.forward = forward
     state.steering, state.stage = steering_step(
         state.steering, state.command, state.stage, dt,
-        model.dead_band, model.switch, model.rate, model.lag, model.gain,
+        model.dead_band, model.switch, model.rate, model.lag, model.gain, model.latch,
     )  # fmt: skip
     before = state.reference_speed
     state.reference_speed = ramp(before, state.target_speed, model.acceleration * dt)

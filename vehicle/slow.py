@@ -34,7 +34,9 @@ def run_slow(
         if step % world.every == 0:
             _read_poses(world)
             for me in range(len(states)):
-                control_tick(me, states, models, legs, gates, program.points, program.cumulative, time, world.every * dt)
+                control_tick(
+                    me, states, models, legs, gates, program.points, program.cumulative, time, world.every * dt
+                )
             note(record, rows, states)
             rows += 1
             outcome, pair = _judge(world, time, stop_clearance, stall_s)
@@ -82,7 +84,7 @@ def _watch_contacts(world: World) -> None:
     def touched(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         used = int(world.contacts[-1, 0])
         if used < len(world.contacts) - 1:
-            first, second = (shape.body.id for shape in arbiter.shapes)
+            first, second = (shape.body.id for shape in arbiter.shapes if shape.body)
             world.contacts[used] = world.clock[0] * (1.0 / 60.0), first, second
             world.contacts[-1, 0] += 1.0
 

@@ -20,11 +20,13 @@ def steering_step(
     rate: float,
     lag: float,
     gain: float,
+    latch: float = 1.0,
 ) -> tuple[float, int]:
     """One step of the steering system simulator, Eq. 2.8.
 
     Stage 1 holds, stage 2 follows as a first-order lag, stage 3 slews at `rate` towards the command and never
-    past it. Stage 3 is left only through stage 1 (section 2.3.2), so the stage is part of the state.
+    past it. Stage 3 is left only through stage 1 (section 2.3.2), so the stage is part of the state; with `latch` 0
+    it gives way to stage 2 as soon as the gap allows, which the thesis found to be wrong.
     """
     gap = command - angle
     size = abs(gap)
@@ -32,7 +34,7 @@ def steering_step(
         return angle, HOLD
     if size >= switch:
         stage = SLEW
-    elif stage != SLEW:
+    elif stage != SLEW or latch == 0.0:
         stage = TRACK
     if stage == SLEW:
         return angle + math.copysign(min(rate * dt, size), gap), stage

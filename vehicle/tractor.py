@@ -30,6 +30,7 @@ class Steering(_Frozen):
     rate_deg_per_s: Positive = 16.0
     lag_s: Positive = 0.1
     gain: Positive = 1.0
+    latch: bool = True
 
 
 class Guidance(_Frozen):
@@ -65,7 +66,7 @@ class PowerLaw(_Frozen):
         if steering_deg == 0:
             return math.inf
         factor, power = self.right if steering_deg > 0 else self.left
-        return POWER_LAW_M / (factor * abs(steering_deg) ** power)
+        return float(POWER_LAW_M / (factor * abs(steering_deg) ** power))
 
 
 class Tractor(_Frozen):

@@ -36,7 +36,9 @@ class Circle:
     radius_m: float
 
 
-def make_body(space: pymunk.Space, tractor: Tractor, implement: Implement, pose: tuple[float, float, float]) -> pymunk.Body:
+def make_body(
+    space: pymunk.Space, tractor: Tractor, implement: Implement, pose: tuple[float, float, float]
+) -> pymunk.Body:
     """A tractor body at its centre of mass, with contact boxes for tractor and implement."""
     body = pymunk.Body(tractor.mass_kg, tractor.inertia_kg_m2)
     body.position, body.angle = pose[:2], pose[2]
@@ -128,7 +130,7 @@ class World:
         return Run(
             plan=self.plan,
             outcome=names[outcome],
-            time_s=np.arange(len(record)) * (DT_S * self.every),
+            time_s=np.arange(len(record), dtype=np.float64) * (DT_S * self.every),
             record=record,
             finish_s=finish,
             contacts=self._first_touches(),
@@ -140,7 +142,8 @@ class World:
         states, pair = self.program.states, self.pair
         legs = [int(states["leg"][i] - states["first_leg"][i]) for i in pair]
         ends = self.program.legs["end"]
-        done = [float(states["progress"][i] - (ends[states["leg"][i] - 1] if legs[k] else 0.0)) for k, i in enumerate(pair)]
+        starts = [float(ends[states["leg"][i] - 1]) if leg else 0.0 for i, leg in zip(pair, legs, strict=True)]
+        done = [float(states["progress"][i]) - start for i, start in zip(pair, starts, strict=True)]
         return Conflict(float(self.clock[0] * DT_S), int(pair[0]), int(pair[1]), *legs, *done)
 
     def _first_touches(self) -> tuple[tuple[float, int, int], ...]:

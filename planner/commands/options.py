@@ -12,8 +12,10 @@ from planner.errors import ScenarioError
 
 FieldArgument = Annotated[
     str,
-    typer.Argument(help="A GeoJSON file (file.geojson#ID picks one of several parcels) or a sample: iwamizawa, denmark, "
-                        "netherlands, sweden.", show_default=True),  # fmt: skip
+    typer.Argument(
+        help="A GeoJSON file (file.geojson#ID picks one of several parcels) or a sample: iwamizawa, denmark, "
+        "netherlands, sweden."
+    ),
 ]
 Local = Annotated[bool, typer.Option("--local", help="The file holds local metres, not longitude and latitude.")]
 Width = Annotated[float, typer.Option("--width", help="Working width of the implement, metres.")]
@@ -25,7 +27,9 @@ Bearing = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--bearing", help="Direction of the tracks, degrees clockwise from north. By default the best one."),
 ]
-TractorOption = Annotated[str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")]
+TractorOption = Annotated[
+    str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
 
 
