@@ -53,8 +53,8 @@ class Site:
         )
         if anywhere is None:
             raise ScenarioError(
-                f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: half the implement on either side "
-                "leaves nothing; use a narrower implement."
+                f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: half the implement on either "
+                "side leaves nothing; use a narrower implement."
             )
         return Job(self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout))
 

@@ -143,12 +143,12 @@ def _assumptions(site: Site) -> tuple[str, ...]:
         f"{site.tractor.speed.max_acceleration_mps2} m/s2, {site.tractor.speed.shift_time_s} s to shift; planned "
         f"turning radius {manner.radius_m:.2f} m ({RADIUS_MARGIN:g} times that of full lock on soil).",
         f"Triangle of rows {manner.gap_m:g} m apart; followers keep the distance by Eq. 6.1.",
-        f"The implement works {manner.tool_m:.1f} m behind the antenna: lifted and lowered exactly at the headland line.",
+        f"The implement works {manner.tool_m:.1f} m behind the antenna: lifted and lowered at the headland line.",
         "Rows queue inside their tracks, the first 10 m before the headland line, and move up when the place in front "
         "is free. Row by row: released when the row before is at its place in formation. Col by col: released when the "
         "tractor before has finished its turn; the side the turn leads to goes before the other.",
-        "Optimised: releases by constraint programming over the time each simulated turn occupies a stretch of headland, "
-        "then simulated again; accepted without contact only.",
+        "Optimised: releases by constraint programming over the time each simulated turn occupies a stretch of "
+        "headland, then simulated again; accepted without contact only.",
         "Separately: a block of 8 neighbouring tracks each, one after another with switch-backs, as the thesis says.",
         "Time runs from standstill on the headland until the last tractor has left its last track; nobody drives in "
         "from the road. No GNSS error.",

@@ -13,8 +13,3 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(function: Function) -> Function:
     """Compile on first call and keep the result on disk; IEEE arithmetic, so that runs repeat bit for bit."""
     return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
-
-
-def inlined(function: Function) -> Function:
-    """As `compiled`, for small functions that the loop should swallow whole."""
-    return cast(Function, numba.njit(cache=True, error_model="numpy", inline="never")(function))

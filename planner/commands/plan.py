@@ -30,8 +30,11 @@ def plan(
     width: Width = 3.0,
     tractors: Annotated[str, typer.Option(help="Tractor counts to try: 3, 1-6 or 1,3,5.")] = "1-6",
     strategies: Annotated[
-        str, typer.Option(help="Strategies to try, separated by commas: row-by-row, row-by-row-optimised, col-by-col, "
-                               "split-field, interleaved; or all.")  # fmt: skip
+        str,
+        typer.Option(
+            help="Strategies to try, separated by commas: row-by-row, row-by-row-optimised, col-by-col, split-field, "
+            "interleaved; or all."
+        ),
     ] = "all",
     turn: Annotated[str, typer.Option(help="auto, u, omega or switch-back.")] = "auto",
     start: Annotated[Optional[str], typer.Option(help="Start of work, hh:mm.")] = None,  # noqa: UP045
