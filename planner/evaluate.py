@@ -67,8 +67,8 @@ def _patience_s(plan: Plan) -> float:
 
 
 def _turns(job: Job) -> str:
-    """The kinds of turn driven, the commonest first."""
-    return "+".join(sorted(job.used, key=lambda kind: (-job.used[kind], kind))) or "none"
+    """The two kinds of turn driven most, the commonest first."""
+    return "+".join(sorted(job.used, key=lambda kind: (-job.used[kind], kind))[:2]) or "none"
 
 
 def _measured(site: Site, candidate: Candidate, run: Run, reason: str | None, turn: str) -> PlanResult:

@@ -123,16 +123,20 @@ class TurnClock:
     manner: Manner
     ground: str
 
+    def mission(self, path: Path) -> Mission:
+        """Some way of straight track, the turn, some way of straight track."""
+        speed = self.manner.reverse_speed_mps if path.reverse_m else self.manner.turn_speed_mps
+        turn = [Leg(points, speed, gear, ground=self.ground, kind="turn") for gear, points in path.sample(STEP_M)]
+        return Mission((self._straight(path.start, -LEAD_M, 0.0), *turn, self._straight(path.end, 0.0, LEAD_M)))
+
     def seconds(self, path: Path) -> float:
         """Simulated seconds from the end of one track to the start of the next."""
-        legs = [self._straight(path.start, -LEAD_M, 0.0)]
-        speed = self.manner.reverse_speed_mps if path.reverse_m else self.manner.turn_speed_mps
-        legs += [Leg(points, speed, gear, ground=self.ground, kind="turn") for gear, points in path.sample(STEP_M)]
-        legs.append(self._straight(path.end, 0.0, LEAD_M))
-        plan = Plan((Mission(tuple(legs)),))
-        run = simulate(plan, self.tractor, self.implement, max_time_s=600.0)
-        straight = Plan((Mission((self._straight(path.start, -LEAD_M, LEAD_M),)),))
-        return run.duration_s - simulate(straight, self.tractor, self.implement).duration_s
+        straight = Mission((self._straight(path.start, -LEAD_M, LEAD_M),))
+        with_turn, without = (
+            simulate(Plan((mission,)), self.tractor, self.implement, max_time_s=600.0)
+            for mission in (self.mission(path), straight)
+        )
+        return with_turn.duration_s - without.duration_s
 
     def _straight(self, pose: Pose, start: float, end: float) -> Leg:
         ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
