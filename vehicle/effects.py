@@ -1,0 +1,270 @@
+"""The catalogue of effects a tractor file can carry and a diagnosis can name: one entry per effect, here only.
+
+An entry says which values describe the effect, what is neutral, how large it usually is, which block of the chain it
+sits in, what a farmer would call it, what its residual depends on, and which drive shows it. The formulas are in
+vehicle.terms; `fields` says which of their parameters an effect sets.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from vehicle.errors import VehicleError
+
+STEERING, PATH, SPEED, POSITION = "command to wheel", "wheel to path", "speed", "position to antenna"
+BLOCKS = (STEERING, PATH, SPEED, POSITION)
+STEP_HZ = 60.0  # steps of the simulation, in which delays are counted
+MOST_DELAY_S = 1.5
+
+Values = Mapping[str, float]
+Fields = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Param:
+    """A number of an effect. `neutral` None stands for the value in the tractor file; `place` tells where, not how much.
+
+    `typical` is the size of a usual fault, `finest` the smallest that the base model's own simplifications allow to be
+    claimed, `low` and `high` what a tractor can have.
+    """
+
+    name: str
+    unit: str
+    neutral: float | None
+    typical: float
+    finest: float
+    low: float
+    high: float
+    place: bool = False
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One entry. `fields` turns values into fields of MODEL; `words` is filled with the values for the verdict."""
+
+    id: str
+    block: str
+    params: tuple[Param, ...]
+    fields: Callable[[Values], Fields]
+    words: Callable[[Values], str]
+    regressor: str
+    drive: str
+
+    @property
+    def size(self) -> Param:
+        """The parameter that says how large the effect is."""
+        return self.params[0]
+
+
+def _side(value: float) -> str:
+    return "right" if value > 0 else "left"
+
+
+def _more(value: float) -> str:
+    return f"{100 * abs(value - 1):.0f} % {'tighter' if value > 1 else 'wider'}"
+
+
+def _angle(name: str, typical: float, finest: float, limit: float, neutral: float | None = 0.0) -> Param:
+    return Param(name, "deg", neutral, typical, finest, -limit if neutral == 0.0 else 0.0, limit)
+
+
+def _compass(bearing: float) -> str:
+    names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+    return names[round(bearing / 45.0) % 8]
+
+
+def _slope_fields(v: Values) -> Fields:
+    bearing = math.radians(v["bearing_deg"])
+    return {"slope_east": v["ratio"] * math.sin(bearing), "slope_north": v["ratio"] * math.cos(bearing)}
+
+
+def _patch_fields(v: Values) -> Fields:
+    place = {"patch_east": v["east_m"], "patch_north": v["north_m"], "patch_radius": v["radius_m"]}
+    return {"patch": v["ratio"], **place}
+
+
+CATALOGUE: tuple[Effect, ...] = (
+    Effect(
+        "steering_offset", PATH, (_angle("angle_deg", 1.0, 0.12, 8.0),),
+        lambda v: {"offset": math.radians(v["angle_deg"])},
+        lambda v: f"The wheels stand {abs(v['angle_deg']):.1f} degrees to the {_side(v['angle_deg'])} when the sensor "
+                  "says straight ahead.",
+        "always, the same in both directions", "straight ahead, there and back, implement up",
+    ),
+    Effect(
+        "steering_gain", PATH, (Param("ratio", "", 1.0, 0.08, 0.02, 0.5, 2.0),),
+        lambda v: {"bend": v["ratio"]},
+        lambda v: f"The tractor turns {_more(v['ratio'])} than the file says, on both sides.",
+        "wheel angle", "circles to the right and to the left at several angles",
+    ),
+    Effect(
+        "steering_asymmetry", PATH, (Param("ratio", "", 1.0, 0.10, 0.02, 0.5, 2.0),),
+        lambda v: {"bend_left": v["ratio"]},
+        lambda v: f"Left turns are {_more(v['ratio'])} than the file says, right turns are as it says.",
+        "wheel angle to the left", "the same circles to the right and to the left",
+    ),
+    Effect(
+        "steering_dead_time", STEERING, (Param("time_s", "s", 0.0, 0.2, 0.05, 0.0, 1.2),),
+        lambda v: {"dead_steps": v["time_s"] * STEP_HZ},
+        lambda v: f"The steering starts to move {v['time_s']:.2f} s after the command.",
+        "changes of the command", "steps of the steering",
+    ),
+    Effect(
+        "steering_lag", STEERING, (Param("time_s", "s", None, 0.2, 0.04, 0.02, 1.5),),
+        lambda v: {"lag": v["time_s"]},
+        lambda v: f"The steering follows small commands with a time constant of {v['time_s']:.2f} s.",
+        "changes of the command", "small steps and quick small waves of the steering",
+    ),
+    Effect(
+        "steering_rate", STEERING, (Param("rate_deg_per_s", "deg/s", None, 6.0, 1.2, 1.0, 90.0),),
+        lambda v: {"rate": math.radians(v["rate_deg_per_s"])},
+        lambda v: f"The steering cannot move faster than {v['rate_deg_per_s']:.1f} degrees a second.",
+        "large changes of the command", "steps from lock to lock",
+    ),
+    Effect(
+        "steering_deadband", STEERING, (Param("angle_deg", "deg", None, 0.8, 0.15, 0.0, 6.0),),
+        lambda v: {"dead_band": math.radians(v["angle_deg"])},
+        lambda v: f"The steering ignores commands closer than {v['angle_deg']:.1f} degrees to where the wheels stand.",
+        "small commands", "small steps of the steering, 0.3 to 2 degrees",
+    ),
+    Effect(
+        "steering_backlash", PATH, (Param("angle_deg", "deg", 0.0, 1.5, 0.25, 0.0, 8.0),),
+        lambda v: {"half_play": math.radians(0.5 * v["angle_deg"])},
+        lambda v: f"There are {v['angle_deg']:.1f} degrees of play between the steering sensor and the wheels.",
+        "direction of the last steering movement", "slow waves of the steering, 3 degrees each way",
+    ),
+    Effect(
+        "side_slip", PATH, (Param("limit_g", "g", math.inf, 0.1, 0.0, 0.02, math.inf),),
+        lambda v: {"slide": 0.0 if math.isinf(v["limit_g"]) else 1.0 / v["limit_g"]},
+        lambda v: f"The tyres slide sideways above {v['limit_g']:.2f} g of lateral acceleration.",
+        "lateral acceleration, above a limit", "the same circle slowly and fast",
+    ),
+    Effect(
+        "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.35, -10.0, 30.0),),
+        lambda v: {"understeer": math.radians(v["deg_per_mps2"])},
+        lambda v: f"The tractor loses {v['deg_per_mps2']:.1f} degrees of steering per m/s2 of lateral acceleration.",
+        "lateral acceleration", "the same circle slowly and fast",
+    ),
+    Effect(
+        "cross_slope_drift", PATH,
+        (Param("ratio", "m/m", 0.0, 0.03, 0.005, 0.0, 0.5), Param("bearing_deg", "deg", 0.0, 90.0, 0.0, 0.0, 360.0, True)),
+        _slope_fields,
+        lambda v: f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {_compass(v['bearing_deg'])} per metre "
+                  "driven across it.",
+        "direction of travel", "the same line there and back, and one across it",
+    ),
+    Effect(
+        "implement_side_draft", PATH, (Param("curvature_per_m", "1/m", 0.0, 0.006, 0.0008, -0.1, 0.1),),
+        lambda v: {"draft": v["curvature_per_m"]},
+        lambda v: f"The working implement pulls the tractor to the {_side(v['curvature_per_m'])}, as if on a curve of "
+                  f"{1 / max(abs(v['curvature_per_m']), 1e-9):.0f} m.",
+        "implement working", "straight ahead, implement down and up in turn",
+    ),
+    Effect(
+        "wheel_slip", SPEED, (Param("ratio", "", 0.0, 0.08, 0.015, -0.5, 0.9),),
+        lambda v: {"slip": v["ratio"]},
+        lambda v: f"The tractor drives {100 * abs(v['ratio']):.0f} % {'slower' if v['ratio'] > 0 else 'faster'} over "
+                  "ground than commanded.",
+        "commanded speed", "straight ahead at a steady speed, implement up",
+    ),
+    Effect(
+        "implement_slip", SPEED, (Param("ratio", "", 0.0, 0.10, 0.015, -0.5, 0.9),),
+        lambda v: {"tool_slip": v["ratio"]},
+        lambda v: f"With the implement working the tractor loses {100 * v['ratio']:.0f} % of its speed.",
+        "implement working", "straight ahead, implement down and up in turn",
+    ),
+    Effect(
+        "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0),),
+        lambda v: {"shift_forward": v["distance_m"]},
+        lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further {'forward' if v['distance_m'] > 0 else 'back'} "
+                  "than the tractor file says.",
+        "turning rate", "tight turns to both sides",
+    ),
+    Effect(
+        "antenna_right", POSITION, (Param("distance_m", "m", 0.0, 0.15, 0.03, -5.0, 5.0),),
+        lambda v: {"shift_right": v["distance_m"]},
+        lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further {_side(v['distance_m'])} than the tractor "
+                  "file says.",
+        "turning rate", "tight turns to both sides",
+    ),
+    Effect(
+        "gnss_latency", POSITION, (Param("time_s", "s", 0.0, 0.15, 0.04, 0.0, 1.2),),
+        lambda v: {"latency": v["time_s"] * STEP_HZ},
+        lambda v: f"Position and heading reach the log {v['time_s']:.2f} s late.",
+        "changes of speed and turning rate", "turns at several speeds, stops and starts",
+    ),
+    Effect(
+        "heading_bias", POSITION, (_angle("angle_deg", 1.5, 0.25, 20.0),),
+        lambda v: {"heading_bias": -math.radians(v["angle_deg"])},
+        lambda v: f"The measured heading is {abs(v['angle_deg']):.1f} degrees too far to the {_side(v['angle_deg'])}.",
+        "always, in every direction", "straight ahead, there and back",
+    ),
+    Effect(
+        "grip_patch", PATH,
+        (
+            Param("ratio", "", 1.0, 0.3, 0.06, 0.1, 3.0),
+            Param("east_m", "m", 0.0, 5.0, 0.0, -math.inf, math.inf, True),
+            Param("north_m", "m", 0.0, 5.0, 0.0, -math.inf, math.inf, True),
+            Param("radius_m", "m", 0.0, 5.0, 0.0, 0.0, 500.0, True),
+        ),
+        _patch_fields,
+        lambda v: f"Within {v['radius_m']:.0f} m of east {v['east_m']:.0f}, north {v['north_m']:.0f} the tractor turns "
+                  f"{_more(v['ratio'])} than elsewhere.",
+        "place in the field", "the same bends over the whole field",
+    ),
+    Effect(
+        "grip_drift", PATH, (Param("per_minute", "per minute", 0.0, 0.08, 0.02, -1.0, 1.0),),
+        lambda v: {"drift": v["per_minute"] / 60.0},
+        lambda v: f"Turns become {100 * abs(v['per_minute']):.0f} % {'tighter' if v['per_minute'] > 0 else 'wider'} per "
+                  "minute since the start of the run.",
+        "time since the start", "a long circle",
+    ),
+)  # fmt: skip
+BY_ID = {effect.id: effect for effect in CATALOGUE}
+_FROM_FILE = {"steering_lag": "lag_s", "steering_rate": "rate_deg_per_s", "steering_deadband": "dead_band_deg"}
+
+
+def effect(name: str) -> Effect:
+    """The entry of an effect. Raises VehicleError for an unknown id."""
+    try:
+        return BY_ID[name]
+    except KeyError:
+        raise VehicleError(f"The effect {name!r} is unknown; use one of: {', '.join(BY_ID)}.") from None
+
+
+def neutral(name: str, steering: object) -> dict[str, float]:
+    """Neutral values of an effect; `steering` is the section of the tractor file that holds its nominal times."""
+    values = {}
+    for param in effect(name).params:
+        values[param.name] = getattr(steering, _FROM_FILE[name]) if param.neutral is None else param.neutral
+    return values
+
+
+def check(name: str, values: Values) -> None:
+    """Raise VehicleError unless the values are those of the effect and possible."""
+    known = {param.name: param for param in effect(name).params}
+    if set(values) != set(known):
+        raise VehicleError(f"The effect {name} has the values {', '.join(values) or 'none'}; give: {', '.join(known)}.")
+    for key, value in values.items():
+        low, high = known[key].low, known[key].high
+        if math.isnan(value) or not low <= value <= high or (value == 0.0 and low == 0.0 and name == "steering_lag"):
+            raise VehicleError(f"The effect {name} has {key} = {value:g}; use a value from {low:g} to {high:g}.")
+
+
+def effect_fields(settings: Mapping[str, Values]) -> Fields:
+    """Fields of MODEL for the given effects over neutral ones; `affected` is 1 when any is given."""
+    fields: Fields = dict(NEUTRAL_FIELDS)
+    for name, values in settings.items():
+        fields |= effect(name).fields(values)
+    fields["affected"] = float(bool(settings))
+    return fields
+
+
+NEUTRAL_FIELDS: Fields = {
+    "affected": 0.0, "offset": 0.0, "bend": 1.0, "bend_left": 1.0, "dead_steps": 0.0, "half_play": 0.0, "slide": 0.0,
+    "understeer": 0.0, "slope_east": 0.0, "slope_north": 0.0, "draft": 0.0, "slip": 0.0, "tool_slip": 0.0,
+    "shift_forward": 0.0, "shift_right": 0.0, "latency": 0.0, "heading_bias": 0.0, "patch": 1.0, "patch_east": 0.0,
+    "patch_north": 0.0, "patch_radius": 0.0, "drift": 0.0,
+}  # fmt: skip
