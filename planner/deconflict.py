@@ -17,7 +17,7 @@ from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 ARRIVED_M = 0.2  # a leg counts as driven this far before its end
-MOST_REPAIRS = 80
+MOST_REPAIRS = 40
 
 Simulate = Callable[[Plan], Run]
 Key = tuple[int, int, int]
@@ -54,24 +54,31 @@ class Repairs:
 def without_conflicts(plan: Plan, simulate: Simulate) -> tuple[Run, str | None]:
     """Simulate and repair until the plan is done; the last run, and why it is not feasible when it is not."""
     repairs = Repairs()
+    first: Conflict | None = None
     for _ in range(MOST_REPAIRS):
         run = simulate(repairs.applied(plan))
         if run.outcome == DONE:
             return run, None
         if run.outcome == CONFLICT and run.conflict is not None:
+            first = first or run.conflict
             mended = _mend(plan, run, run.conflict, repairs)
         else:
             mended = run.outcome == STALL and repairs.swap_last()
         if not mended:
             break
-    return run, _why(run)
+    return run, _why(run, first)
 
 
-def _why(run: Run) -> str:
-    clash = run.conflict
-    if clash is None:
+def _why(run: Run, clash: Conflict | None) -> str:
+    """What first went wrong, in words."""
+    if clash is not None:
+        return (
+            f"tractors {clash.first + 1} and {clash.second + 1} meet after {clash.time_s:.0f} s, "
+            "and no way of giving way that was tried avoids it"
+        )
+    if run.outcome == STALL:
         return "tractors wait for each other and none moves any more"
-    return f"tractors {clash.first + 1} and {clash.second + 1} come into contact after {clash.time_s:.0f} s"
+    return f"a tractor loses its way: not done after {run.time_s[-1]:.0f} s"
 
 
 def _mend(plan: Plan, run: Run, clash: Conflict, repairs: Repairs) -> bool:

@@ -20,7 +20,6 @@ from vehicle.world import World
 
 SAFE_M = 0.05
 FARTHEST_OUTSIDE_M = 0.5
-SLOWEST = 6.0  # a plan may take this many times its path at the slowest speed before it is given up
 
 
 @dataclass(frozen=True)
@@ -61,9 +60,9 @@ def drive(site: Site, candidate: Candidate) -> tuple[Run, str | None, str]:
 
 
 def _patience_s(plan: Plan) -> float:
-    """More than any sensible plan takes."""
-    driven = [sum(leg.length_m / leg.speed_mps for leg in mission.legs) for mission in plan.missions]
-    return 600.0 + SLOWEST * max(driven)
+    """More than the plan takes with only one tractor moving at a time: whoever is not done by then never will be."""
+    driven = sum(leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
+    return 600.0 + 2.0 * driven
 
 
 def _turns(job: Job) -> str:
