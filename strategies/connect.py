@@ -126,16 +126,32 @@ class Connector:
 
         Equal times (to the microsecond) go to the word that comes first in a fixed order.
         """
-        ends = shapely.multipoints([a[:2], b[:2]])
-        if not shapely.covers(self._parts, ends).any():
+        if not self._joined(a, b):
             return None
-        direct = self._ranked(self._words(a, b))
-        best = next((path for path in direct if self.fits(path)), None)
-        near = math.dist(a[:2], b[:2]) <= _NEAR * self.radius_m
-        if near and (best is None or best is not direct[0]):
-            best = self._with_straights(a, b, best)
+        best = self._best_word(a, b)
         if best is None or self._roundabout(best, a, b):
             best = self._quicker(best, self._route(a, b))
+        return best
+
+    def direct(self, a: Pose, b: Pose) -> Path | None:
+        """As `connect`, without the search for routes: None where only a route would do."""
+        if not self._joined(a, b):
+            return None
+        best = self._best_word(a, b)
+        return None if best is None or self._roundabout(best, a, b) else best
+
+    def _joined(self, a: Pose, b: Pose) -> bool:
+        """Whether both ends lie in one piece of the region."""
+        ends = shapely.multipoints([a[:2], b[:2]])
+        return bool(shapely.covers(self._parts, ends).any())
+
+    def _best_word(self, a: Pose, b: Pose) -> Path | None:
+        """The best word that fits, with straights at its ends where that helps."""
+        words = self._ranked(self._words(a, b))
+        best = next((path for path in words if self.fits(path)), None)
+        near = math.dist(a[:2], b[:2]) <= _NEAR * self.radius_m
+        if near and (best is None or best is not words[0]):
+            best = self._with_straights(a, b, best)
         return best
 
     def fits(self, path: Path) -> bool:

@@ -64,14 +64,31 @@ class Job:
         It keeps to the headland, where it tramples nothing, unless a way across tracks is much quicker.
         """
         if (a, b) not in self.ways:
-            beside = self.headland.connect(a, b) if self.headland else None
-            time_s = self.connector.costs.time_s
-            if beside is None or beside.kind == "route" or time_s(beside) > PLAIN_TURN_S:
-                across = self.connector.connect(a, b)
-                if across and (beside is None or time_s(beside) > DETOUR * time_s(across) + DETOUR_S):
-                    beside = across
-            self.ways[a, b] = beside
+            self.ways[a, b] = self._direct(a, b) or self._route(a, b)
         return self.ways[a, b]
+
+    def _direct(self, a: Pose, b: Pose) -> Path | None:
+        """A turn beside the tracks, or one across them that is much quicker."""
+        time_s = self.connector.costs.time_s
+        beside = self.headland.direct(a, b) if self.headland else None
+        if beside and time_s(beside) <= PLAIN_TURN_S:
+            return beside
+        across = self.connector.direct(a, b)
+        if across and (beside is None or time_s(beside) > DETOUR * time_s(across) + DETOUR_S):
+            return across
+        return beside
+
+    def _route(self, a: Pose, b: Pose) -> Path | None:
+        """A route along the headland if it is hardly longer than the crow flies, else the quickest one."""
+        beside = self.headland.connect(a, b) if self.headland else None
+        flight_s = math.dist(a[:2], b[:2]) / self.manner.turn_speed_mps
+        time_s = self.connector.costs.time_s
+        if beside and time_s(beside) <= DETOUR * flight_s + PLAIN_TURN_S:
+            return beside
+        across = self.connector.connect(a, b)
+        if across and (beside is None or time_s(beside) > DETOUR * time_s(across) + DETOUR_S):
+            return across
+        return beside
 
     def entry(self, this: Pass) -> Pose:
         """Pose of the guided point where a pass begins: on the headland line, facing along the track."""
