@@ -1,0 +1,82 @@
+"""The command as a user runs it: in this process where that is enough, in its own where the system matters."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Ring = list[list[float]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left behind."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def sentences(self) -> list[str]:
+        """Lines on standard error."""
+        return [line for line in self.err.splitlines() if line.strip()]
+
+
+def polygon(*corners: tuple[float, float]) -> dict[str, Any]:
+    """GeoJSON of a closed ring."""
+    return {"type": "Polygon", "coordinates": [[list(c) for c in (*corners, corners[0])]]}
+
+
+@pytest.fixture
+def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    """Run the command in this process, through the same entry as the installed script."""
+
+    def run(*arguments: str | Path) -> Outcome:
+        from planner.main import main
+
+        monkeypatch.setattr(sys, "argv", ["headland", *map(str, arguments)])
+        capfd.readouterr()
+        status = 0
+        try:
+            main()
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else 1 if end.code else 0
+        captured = capfd.readouterr()
+        return Outcome(status, captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture
+def headland_process(tmp_path: Path) -> Callable[..., Outcome]:
+    """Run the command in a process of its own, in an empty folder."""
+
+    def run(*arguments: str | Path) -> Outcome:
+        done = subprocess.run(
+            [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=60, cwd=tmp_path, check=False
+        )
+        return Outcome(done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+COMMAND = [sys.executable, "-W", "error", "-c", "from planner.main import main; main()"]
+
+
+@pytest.fixture(scope="session")
+def command() -> list[str]:
+    """The words that start the command."""
+    return COMMAND
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A field file in local metres, 45 m by 80 m."""
+    place = tmp_path_factory.mktemp("fields") / "small.geojson"
+    place.write_text(json.dumps(polygon((0, 0), (45, 0), (45, 80), (0, 80))))
+    return place

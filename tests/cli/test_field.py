@@ -1,0 +1,55 @@
+"""`headland field`: figures of a field before any plan."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def facts(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
+    outcome = headland("field", small, "--local", "--json")
+    assert outcome.status == 0, outcome.err
+    found: dict[str, Any] = json.loads(outcome.out)
+    return found
+
+
+def test_figures_of_a_rectangle(facts: dict[str, Any]) -> None:
+    # 45 m by 80 m, worked along the long side: 15 lines of 3 m, shortened by the headland at both ends.
+    assert (facts["name"], facts["area_ha"], facts["holes"]) == ("small", 0.36, 0)
+    assert facts["tracks"] == facts["most_tractors"] == 15
+    assert facts["interrupted_tracks"] == 0
+    assert math.isclose(math.sin(math.radians(facts["bearing_deg"])), 0, abs_tol=1e-6)
+    length = 80 - 2 * facts["headland_m"]
+    assert facts["longest_track_m"] == facts["shortest_track_m"] == pytest.approx(length, abs=0.1)
+    assert facts["track_length_m"] == pytest.approx(15 * length, abs=0.5)
+
+
+def test_turns_over_more_tracks_are_no_slower_once_a_u_turn_fits(facts: dict[str, Any]) -> None:
+    seconds = {int(lines): value for lines, value in facts["turns"]["seconds_over_tracks"].items()}
+    fitting = math.ceil(2 * facts["turning_radius_m"] / 3)
+    assert seconds[fitting] < seconds[1]
+    assert all(0 < value < 120 for value in seconds.values())
+
+
+@pytest.mark.parametrize("name", ["iwamizawa", "denmark", "netherlands", "sweden"])
+def test_samples_are_described(headland: Callable[..., Any], name: str) -> None:
+    outcome = headland("field", name)
+    assert outcome.status == 0 and outcome.err == ""
+    assert name in outcome.out and "Area (ha)" in outcome.out
+
+
+def test_a_wider_headland_shortens_tracks_and_lets_an_omega_fit(headland: Callable[..., Any], small: Path) -> None:
+    wide = json.loads(headland("field", small, "--local", "--json", "--headland", "16").out)
+    assert wide["longest_track_m"] == pytest.approx(48, abs=0.1)
+    assert wide["turns"]["omega_fits"] is True
+
+
+def test_the_map_is_a_picture(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+    outcome = headland("field", small, "--local", "--png", tmp_path / "map.png")
+    assert outcome.status == 0
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["map.png"]

@@ -1,0 +1,37 @@
+"""Help is quick and shows how to use each command."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+HEAVY = ("numba", "pymunk", "matplotlib", "pandas", "ortools", "jinja2", "pyproj")
+
+
+def test_the_command_line_loads_nothing_heavy() -> None:
+    code = f"import planner.main, sys; print([m for m in {HEAVY!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=30)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("words", [(), ("plan",), ("field",), ("study",)])
+def test_help_shows_an_example(headland: Callable[..., Any], words: tuple[str, ...]) -> None:
+    outcome = headland(*words, "--help")
+    assert outcome.status == 0 and outcome.err == ""
+    text = " ".join(outcome.out.replace("│", " ").split())
+    assert f"Example: headland {' '.join(words)}".strip() in text
+
+
+def test_every_option_of_plan_is_explained(headland: Callable[..., Any]) -> None:
+    text = headland("plan", "--help").out
+    for option in ("--width", "--tractors", "--strategies", "--turn", "--start", "--before", "--price-per-hour",
+                   "--html", "--png", "--save", "--json", "--csv", "--seed", "--processes", "--local"):  # fmt: skip
+        assert option in text
+
+
+def test_no_words_at_all_show_the_help(headland: Callable[..., Any]) -> None:
+    outcome = headland()
+    assert "plan" in outcome.out + outcome.err and "study" in outcome.out + outcome.err
+    assert outcome.status in (0, 2)

@@ -1,0 +1,188 @@
+"""`headland plan` from the outside: what it prints, writes and returns."""
+
+import csv
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CONTRACT = [
+    "rank", "strategy", "tractors", "turn", "time_s", "tractor_time_s", "cost", "meets_deadline", "feasible",
+    "worked_pct", "overlap_pct", "outside_m", "turning_s", "waiting_s", "reversals", "min_clearance_m", "collisions",
+]  # fmt: skip
+QUICK = ("--tractors", "1-2", "--strategies", "split-field,interleaved", "--processes", "1")
+
+
+@pytest.fixture
+def answer(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
+    outcome = headland("plan", small, "--local", *QUICK, "--json", "--start", "8:00", "--before", "8:20", "--seed", "5")
+    assert outcome.status == 0, outcome.err
+    found: dict[str, Any] = json.loads(outcome.out)
+    return found
+
+
+def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
+    assert list(answer) == ["field", "seed", "plans", "best"]
+    assert answer["field"] == {"name": "small", "area_ha": 0.36}
+    assert answer["seed"] == 5
+    assert len(answer["plans"]) == 4
+    for plan in (*answer["plans"], answer["best"]):
+        assert set(CONTRACT) <= set(plan)
+    assert answer["best"] in answer["plans"]
+    assert [plan["rank"] for plan in answer["plans"]] == [1, 2, 3, 4]
+    times = [plan["time_s"] for plan in answer["plans"]]
+    assert times == sorted(times)
+
+
+def test_json_types(answer: dict[str, Any]) -> None:
+    for plan in answer["plans"]:
+        assert type(plan["feasible"]) is bool and type(plan["meets_deadline"]) is bool
+        assert plan["meets_deadline"] == (plan["time_s"] <= 1200)
+        assert type(plan["rank"]) is type(plan["tractors"]) is type(plan["reversals"]) is int
+        assert plan["collisions"] == 0
+        assert (plan["min_clearance_m"] is None) == (plan["tractors"] == 1)
+
+
+def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], small: Path) -> None:
+    outcome = headland("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--json")
+    (plan,) = json.loads(outcome.out)["plans"]
+    assert plan["meets_deadline"] is None
+    assert plan["cost"] == pytest.approx(plan["time_s"] / 3600 * 40, abs=1e-5)
+
+
+def test_csv_says_what_json_says(headland: Callable[..., Any], small: Path) -> None:
+    plans = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["plans"]
+    rows = list(csv.DictReader(io.StringIO(headland("plan", small, "--local", *QUICK, "--csv").out)))
+    assert len(rows) == len(plans)
+    for row, plan in zip(rows, plans, strict=True):
+        assert set(CONTRACT) <= set(row)
+        assert row["strategy"] == plan["strategy"] and int(row["tractors"]) == plan["tractors"]
+        assert float(row["time_s"]) == plan["time_s"] and row["feasible"] == "true"
+        assert row["meets_deadline"] == ""
+
+
+def test_the_table_names_the_best_and_the_cheapest(headland: Callable[..., Any], small: Path) -> None:
+    outcome = headland("plan", small, "--local", *QUICK)
+    best = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["best"]
+    assert outcome.status == 0 and outcome.err == ""
+    assert "Best plan" in outcome.out and best["strategy"] in outcome.out
+    minutes, seconds = divmod(round(best["time_s"]), 60)
+    assert f"{minutes}:{seconds:02d}" in outcome.out
+    assert max(len(line) for line in outcome.out.splitlines()) <= 100
+
+
+def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+    page, picture, plan_file = tmp_path / "p.html", tmp_path / "p.png", tmp_path / "p.json"
+    page.write_text("older")
+    outcome = headland("plan", small, "--local", *QUICK, "--html", page, "--png", picture, "--save", plan_file)
+    assert outcome.status == 0, outcome.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "p.png"]
+    text = page.read_text()
+    assert text.lstrip().lower().startswith("<!doctype html>") and text.rstrip().endswith("</html>")
+    assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", text), "the page loads something"
+    assert all(word in text for word in ("split-field", "interleaved", "small"))
+    assert picture.read_bytes().startswith(b"\x89PNG\r\n\x1a\n") and picture.stat().st_size > 5000
+    from vehicle.missions import read_plan
+
+    best = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["best"]
+    plan = read_plan(plan_file)
+    assert plan.tractors == best["tractors"] and plan.notes["strategy"] == best["strategy"]
+
+
+def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
+    headland: Callable[..., Any], small: Path, tmp_path: Path
+) -> None:
+    from vehicle.missions import read_plan
+    from vehicle.tractor import Implement, load_tractor
+    from vehicle.world import simulate
+
+    saved = tmp_path / "plan.json"
+    only = ("--tractors", "2", "--strategies", "interleaved", "--processes", "1")
+    best = json.loads(headland("plan", small, "--local", *only, "--json", "--save", saved).out)["best"]
+    run = simulate(read_plan(saved), load_tractor("eg105"), Implement(width_m=3.0))
+    assert run.duration_s == pytest.approx(best["time_s"], abs=1e-5)
+
+
+def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path) -> None:
+    def best(*options: str) -> dict[str, Any]:
+        base = (
+            "plan",
+            small,
+            "--local",
+            "--tractors",
+            "1",
+            "--strategies",
+            "split-field",
+            "--json",
+            "--processes",
+            "1",
+        )
+        found: dict[str, Any] = json.loads(headland(*base, *options).out)["best"]
+        return found
+
+    plain = best()
+    assert best("--speed-kmh", "8", "--turn-speed-kmh", "5")["time_s"] < plain["time_s"]
+    assert best("--width", "4")["time_s"] < plain["time_s"]
+    assert best("--headland", "14")["worked_pct"] < plain["worked_pct"]
+    assert best("--bearing", "90")["time_s"] != plain["time_s"]
+    assert best("--turn", "omega", "--headland", "14")["turn"].split("+")[0] in ("omega", "u")
+    assert best("--tractor", "mr1000a")["time_s"] != plain["time_s"]
+    assert best("--price-per-hour", "80", "--price-per-tractor", "3")["cost"] == pytest.approx(2 * plain["cost"] + 3)
+
+
+def test_the_order_of_tractors_and_processes_change_no_byte(headland: Callable[..., Any], small: Path) -> None:
+    base = ("plan", small, "--local", "--strategies", "split-field,row-by-row", "--json")
+    first = headland(*base, "--tractors", "1,2,3", "--processes", "1").out
+    assert headland(*base, "--tractors", "3,1-2", "--processes", "3").out == first
+    assert headland(*base, "--tractors", "2-3,1", "--processes", "2").out == first
+
+
+def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_path: Path) -> None:
+    def block(name: str, x: float) -> dict[str, Any]:
+        ring = [[x, 0], [x + 40, 0], [x + 40, 70], [x, 70], [x, 0]]
+        geometry = {"type": "Polygon", "coordinates": [ring]}
+        return {"type": "Feature", "properties": {"name": name}, "geometry": geometry}
+
+    place = tmp_path / "farm.geojson"
+    place.write_text(json.dumps({"type": "FeatureCollection", "features": [block("west", 0), block("east", 100)]}))
+    outcome = headland("plan", f"{place}#east", "--local", "--tractors", "1", "--json")
+    assert outcome.status == 0, outcome.err
+    assert json.loads(outcome.out)["field"]["name"] == "east"
+
+
+class TestProcess:
+    def test_the_default_field_with_warnings_as_errors(self, headland_process: Callable[..., Any]) -> None:
+        outcome = headland_process("plan", "--tractors", "1", "--strategies", "split-field", "--json")
+        assert outcome.status == 0, outcome.err
+        assert json.loads(outcome.out)["field"] == {"name": "iwamizawa", "area_ha": 1.89}
+
+    def test_a_reader_that_leaves_early_hears_no_complaint(self, command: list[str], small: Path) -> None:
+        words = [*command, "plan", str(small), "--local", "--tractors", "1-2", "--json"]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None and process.stderr is not None
+            process.stdout.readline()
+            process.stdout.close()
+            complaint = process.stderr.read()
+        assert complaint == ""
+
+    @pytest.mark.skipif(os.name != "posix", reason="needs a signal")
+    def test_interrupting_ends_with_130_and_leaves_the_old_file(self, command: list[str], tmp_path: Path) -> None:
+        page = tmp_path / "page.html"
+        page.write_text("older")
+        words = [*command, "plan", "denmark", "--tractors", "1-6", "--html", str(page), "--processes", "1"]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            time.sleep(1.5)
+            process.send_signal(signal.SIGINT)
+            out, complaint = process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert out == "" and "Traceback" not in complaint and len(complaint.splitlines()) <= 1
+        assert page.read_text() == "older"
+        assert [path.name for path in tmp_path.iterdir()] == ["page.html"]

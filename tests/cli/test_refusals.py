@@ -1,0 +1,264 @@
+"""Bad input: one clear sentence, exit status 2, and nothing touched."""
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+def ring(*corners: tuple[float, float]) -> dict[str, Any]:
+    return {"type": "Polygon", "coordinates": [[list(c) for c in (*corners, corners[0])]]}
+
+
+SQUARE = ring((0, 0), (100, 0), (100, 60), (0, 60))
+
+
+def feature(geometry: Any, **properties: Any) -> dict[str, Any]:
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+FILES: dict[str, Any] = {
+    "good": SQUARE,
+    "text": "this is no field",
+    "empty": "",
+    "list": [1, 2, 3],
+    "null": None,
+    "deep": "[" * 50_000,
+    "bow": ring((0, 0), (100, 100), (100, 0), (0, 100)),
+    "two": ring((0, 0), (100, 0)),
+    "flat": ring((0, 0), (50, 0), (100, 0)),
+    "nan": '{"type": "Polygon", "coordinates": [[[0, 0], [NaN, 0], [100, 100], [0, 0]]]}',
+    "infinite": '{"type": "Polygon", "coordinates": [[[0, 0], [1e999, 0], [100, 100], [0, 0]]]}',
+    "collection": {"type": "FeatureCollection", "features": []},
+    "point": {"type": "Point", "coordinates": [0, 0]},
+    "words": {"type": "Polygon", "coordinates": [[["a", "b"], [1, 2], [3, 4], ["a", "b"]]]},
+    "degrees": ring((10, 50), (10.002, 50), (10.002, 50.001), (10, 50.001)),
+    "tiny": ring((0, 0), (12, 0), (12, 12), (0, 12)),
+    "narrow": ring((0, 0), (200, 0), (200, 2), (0, 2)),
+    "huge": ring((0, 0), (1e6, 0), (1e6, 1e6), (0, 1e6)),
+    "several": {"type": "FeatureCollection", "features": [feature(SQUARE), feature(SQUARE)]},
+    "ground": feature(SQUARE, default_ground="lava"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of field files to work in; at the end every file must be as it was, and none added."""
+    for name, content in FILES.items():
+        text = content if isinstance(content, str) else json.dumps(content)
+        (tmp_path / f"{name}.geojson").write_text(text)
+    (tmp_path / "binary.geojson").write_bytes(b"\xff\xfe\x00\x81")
+    (tmp_path / "broken.toml").write_text("nonsense = [")
+    (tmp_path / "partial.toml").write_text('name = "half a tractor"')
+    (tmp_path / "old.html").write_text("an earlier result")
+    (tmp_path / "inner").mkdir()
+    monkeypatch.chdir(tmp_path)
+    before = contents(tmp_path)
+    yield tmp_path
+    assert contents(tmp_path) == before
+
+
+def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
+    return {
+        str(path.relative_to(folder)): (path.read_bytes(), path.stat().st_mtime_ns)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def assert_refused(outcome: Any, *words: str) -> None:
+    assert outcome.status == 2, outcome
+    assert outcome.out == ""
+    assert len(outcome.sentences) == 1, outcome.err
+    (sentence,) = outcome.sentences
+    assert sentence.startswith("Error: ") and "Traceback" not in sentence
+    assert sentence.endswith(".") and len(sentence) < 400
+    for word in words:
+        assert word in sentence, sentence
+
+
+FIELD_FILES = [
+    ("text", "is not JSON"),
+    ("empty", "is not JSON"),
+    ("list", "not GeoJSON"),
+    ("null", "not GeoJSON"),
+    ("deep", "is not JSON"),
+    ("bow", "crosses itself"),
+    ("two", "at least 3"),
+    ("flat", "'flat'"),
+    ("nan", "nan"),
+    ("infinite", "inf"),
+    ("collection", "empty collection"),
+    ("point", "1 Point"),
+    ("words", "is not a number"),
+    ("degrees", "look like degrees; leave out --local"),
+    ("tiny", "headland"),
+    ("narrow", "working width 3 m"),
+    ("huge", "100 km2"),
+    ("several", "holds 2 fields; choose one"),
+    ("ground", "'lava'"),
+    ("binary", "UTF-8"),
+    ("missing", "no field file"),
+]
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+@pytest.mark.parametrize(("name", "words"), FIELD_FILES)
+def test_field_files(headland: Callable[..., Any], folder: Path, command: str, name: str, words: str) -> None:
+    assert_refused(headland(command, f"{name}.geojson", "--local"), words)
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+def test_metres_passed_as_degrees(headland: Callable[..., Any], folder: Path, command: str) -> None:
+    assert_refused(headland(command, "good.geojson"), "add --local")
+
+
+def test_a_folder_is_no_field(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "inner"), "'inner' is a folder")
+
+
+def test_a_sample_misspelt_names_the_nearest(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "iwamisawa"), "nearest", "'iwamizawa'")
+
+
+def test_a_part_that_is_not_there_lists_those_that_are(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "several.geojson#7", "--local"), "'7'", "0.60 ha")
+
+
+OPTIONS: list[tuple[str, tuple[str, ...]]] = [
+    ("--width 0", ("--width", "0", "above 0")),
+    ("--width -3", ("-3",)),
+    ("--width nan", ("nan",)),
+    ("--width inf", ("inf",)),
+    ("--width 500", ("500 m", "narrower")),
+    ("--width 1e-9", ("20000 lines",)),
+    ("--headland 0", ("--headland",)),
+    ("--headland -2", ("-2",)),
+    ("--headland nan", ("nan",)),
+    ("--headland 1000", ("1000 m", "smaller headland")),
+    ("--bearing nan", ("bearing", "nan")),
+    ("--bearing inf", ("inf",)),
+    ("--tractor nope", ("'nope'", "eg105")),
+    ("--tractor broken.toml", ("broken.toml", "not TOML")),
+    ("--tractor partial.toml", ("partial.toml", "mass_kg")),
+    ("--tractor inner", ("'inner'",)),
+    ("--png nowhere/x.png", ("nowhere", "does not exist")),
+    ("--png inner", ("inner is a folder",)),
+]
+PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
+    ("--tractors 0", ("0 tractors", "1 to 50")),
+    ("--tractors 51", ("51 tractors", "1 to 50")),
+    ("--tractors 1-99999999999", ("1 to 50",)),
+    ("--tractors x", ("'x' is not a count",)),
+    ("--tractors 3-1", ("write 1-3",)),
+    ("--tractors 1,,2", ("'1,,2'",)),
+    ("--tractors -1", ("'-1'",)),
+    ("--tractors=", ("is not a count",)),
+    ("--strategies row-by-rov", ("'row-by-rov'", "did you mean 'row-by-row'")),
+    ("--strategies split", ("did you mean 'split-field'",)),
+    ("--strategies=", ("is unknown",)),
+    ("--strategies split-field,", ("is unknown",)),
+    ("--turn omegga", ("did you mean 'omega'",)),
+    ("--start 13:00 --before 12:00", ("12:00 is not after the start 13:00",)),
+    ("--start 13:00 --before 13:00", ("not after",)),
+    ("--before 12:00", ("needs a start",)),
+    ("--start 25:00", ("'25:00' is not a time of day",)),
+    ("--start noon", ("hh:mm",)),
+    ("--start 13:00 --before 7pm", ("--before '7pm'",)),
+    ("--price-per-hour -1", ("-1", "0 or more")),
+    ("--price-per-hour nan", ("nan",)),
+    ("--price-per-tractor -0.5", ("--price-per-tractor is -0.5",)),
+    ("--speed-kmh 500", ("500 km/h", "30 km/h or less")),
+    ("--speed-kmh 0", ("--speed-kmh",)),
+    ("--turn-speed-kmh 0", ("--turn-speed-kmh",)),
+    ("--turn-speed-kmh inf", ("inf",)),
+    ("--radius 1", ("tighter", "EG105")),
+    ("--radius 0", ("--radius",)),
+    ("--radius 1000", ("headland",)),
+    ("--json --csv", ("choose one",)),
+    ("--processes 0", ("--processes is 0",)),
+    ("--html nowhere/x.html", ("nowhere", "does not exist")),
+    ("--html good.geojson/x.html", ("cannot be written",)),
+    ("--save inner", ("is a folder",)),
+    ("--html old.html --tractors 0", ("0 tractors",)),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), OPTIONS)
+@pytest.mark.parametrize("command", ["plan", "field"])
+def test_options_of_both(headland: Callable[..., Any], folder: Path, command: str, options: str, words: Any) -> None:
+    assert_refused(headland(command, "good.geojson", "--local", *options.split(" ")), *words)
+
+
+@pytest.mark.parametrize(("options", "words"), PLAN_OPTIONS)
+def test_options_of_plan(headland: Callable[..., Any], folder: Path, options: str, words: Any) -> None:
+    assert_refused(headland("plan", "good.geojson", "--local", *options.split(" ")), *words)
+
+
+@pytest.mark.parametrize("option", ["--html", "--png", "--save"])
+def test_an_unwritable_place_is_found_before_anything_is_simulated(
+    headland: Callable[..., Any], folder: Path, option: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import planner.warmup
+    import vehicle.world
+
+    def never(*_: Any, **__: Any) -> None:
+        raise AssertionError("something was simulated")
+
+    monkeypatch.setattr(planner.warmup, "run_once", never)
+    monkeypatch.setattr(vehicle.world.World, "run", never)
+    began = time.monotonic()
+    assert_refused(headland("plan", option, folder / "nowhere" / "x"), "nowhere")
+    assert time.monotonic() - began < 2.0
+
+
+@pytest.mark.skipif(os.name != "posix" or not Path("/proc/self").exists(), reason="needs a place that takes no files")
+def test_a_place_that_takes_no_files(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "--save", "/proc/plan.json"), "/proc/plan.json cannot be written")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="the superuser may write anywhere")
+def test_a_folder_without_permission(headland: Callable[..., Any], folder: Path) -> None:
+    (folder / "inner").chmod(0o500)
+    assert_refused(headland("plan", "--save", "inner/x.json"), "cannot be written")
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--width", "abc"), ("--seed", "x"), ("--processes", "1.5"), ("--unknown",), ("--width",), ("extra",)]
+)
+def test_misuse_ends_with_2_and_names_the_word(
+    headland: Callable[..., Any], folder: Path, arguments: tuple[str, ...]
+) -> None:
+    outcome = headland("plan", "good.geojson", "--local", *arguments)
+    assert outcome.status == 2 and outcome.out == ""
+    assert arguments[0] in outcome.err and "Traceback" not in outcome.err
+
+
+def test_an_unknown_command(headland: Callable[..., Any], folder: Path) -> None:
+    outcome = headland("plant")
+    assert outcome.status == 2 and "plant" in outcome.err and "Traceback" not in outcome.err
+
+
+def test_in_a_process_of_its_own(headland_process: Callable[..., Any]) -> None:
+    assert_refused(headland_process("plan", "--tractors", "51"), "51 tractors")
+    assert_refused(headland_process("field", "nowhere.geojson"), "no field file")
+
+
+def test_an_earlier_result_stays_when_the_run_fails(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "bow.geojson", "--local", "--html", "old.html"), "crosses itself")
+    assert (folder / "old.html").read_text() == "an earlier result"
+
+
+def test_no_plan_that_works_is_told_apart_from_bad_input(headland: Callable[..., Any], folder: Path) -> None:
+    outcome = headland("plan", "good.geojson", "--local", "--tractors", "40", "--html", "none.html", "--json")
+    page = folder / "none.html"
+    page.unlink(missing_ok=True)
+    assert outcome.status == 3
+    answer = json.loads(outcome.out)
+    assert answer["best"] is None
+    assert answer["plans"] and not any(plan["feasible"] for plan in answer["plans"])
+    assert all("40 tractors are more than" in plan["reason"] for plan in answer["plans"])

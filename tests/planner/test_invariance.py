@@ -1,0 +1,70 @@
+"""A field rotated, shifted or mirrored takes as long as before, within half a percent."""
+
+from typing import Any
+
+import pytest
+from shapely import Polygon, affinity
+
+from fields import Field, read_field
+from planner.evaluate import Candidate, evaluate
+from planner.scenario import Scenario
+from planner.site import prepare
+
+MOST_PCT = 0.5
+IRREGULAR = Field("irregular", Polygon([(0, 0), (160, 25), (140, 120), (10, 80)]), entrance=(0.0, 0.0))
+MOVES: dict[str, Any] = {
+    "rotated by 133 degrees": lambda shape: affinity.rotate(shape, 133, origin=(0, 0)),
+    "upside down": lambda shape: affinity.rotate(shape, 180, origin=(0, 0)),
+    "shifted": lambda shape: affinity.translate(shape, 1234.567, -987.654),
+    "mirrored": lambda shape: affinity.scale(shape, -1, 1, origin=(0, 0)),
+}
+APART = ("split-field", "interleaved")
+CASES = {
+    "iwamizawa": (read_field("iwamizawa"), (*APART, "row-by-row"), (1, 2, 5)),
+    "irregular": (IRREGULAR, (*APART, "row-by-row"), (3,)),
+    "netherlands": (read_field("netherlands"), APART, (4,)),
+    "denmark": (read_field("denmark"), ("split-field",), (3,)),
+}
+
+
+def times(name: str, field: Field) -> dict[tuple[str, int], float | None]:
+    _, strategies, counts = CASES[name]
+    site = prepare(Scenario(field=name), field)
+    found = {}
+    for strategy in strategies:
+        for count in counts:
+            result = evaluate(site, Candidate(strategy, count))
+            found[strategy, count] = result.time_s if result.feasible else None
+    return found
+
+
+@pytest.fixture(scope="module")
+def still() -> dict[str, dict[tuple[str, int], float | None]]:
+    return {name: times(name, field) for name, (field, _, _) in CASES.items()}
+
+
+def assert_same(before: dict[Any, float | None], after: dict[Any, float | None]) -> None:
+    assert {key: time is None for key, time in before.items()} == {key: time is None for key, time in after.items()}
+    change = {key: 100.0 * (after[key] / time - 1.0) for key, time in before.items() if time}  # type: ignore[operator]
+    assert change
+    assert {key: pct for key, pct in change.items() if abs(pct) > MOST_PCT} == {}
+
+
+@pytest.mark.parametrize("how", MOVES)
+@pytest.mark.parametrize("name", ["iwamizawa", "irregular", "netherlands"])
+def test_times_stay(name: str, how: str, still: Any, move: Any) -> None:
+    assert_same(still[name], times(name, move(CASES[name][0], MOVES[how])))
+
+
+@pytest.mark.parametrize("how", ["shifted"])
+def test_times_stay_on_a_large_field_with_notches(how: str, still: Any, move: Any) -> None:
+    assert_same(still["denmark"], times("denmark", move(CASES["denmark"][0], MOVES[how])))
+
+
+@pytest.mark.parametrize("how", MOVES)
+def test_area_and_tracks_stay(how: str, move: Any) -> None:
+    for name, (field, _, _) in CASES.items():
+        before, after = (prepare(Scenario(field=name), f).layout for f in (field, move(field, MOVES[how])))
+        assert after.field.area_ha == pytest.approx(before.field.area_ha, rel=1e-9)
+        assert after.lines == before.lines
+        assert after.total_m == pytest.approx(before.total_m, rel=1e-6)

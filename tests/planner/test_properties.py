@@ -1,0 +1,149 @@
+"""What holds for every plan on every field: random convex fields, all strategies, small fleets."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from fields import Field, FieldError
+from planner.evaluate import Candidate, drive, evaluate
+from planner.results import PlanResult
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from strategies.errors import StrategyError
+from strategies.registry import STRATEGIES
+from vehicle.missions import check_plan, plan_from_json, plan_to_json
+from vehicle.run import DONE, Run
+
+FEW = settings(deadline=None, max_examples=8, derandomize=True, database=None)
+
+
+@st.composite
+def sites(draw: Any) -> Site:
+    """A convex field of 0.3 to 1.5 ha, somewhere, turned somehow."""
+    count = draw(st.integers(3, 7))
+    angles = sorted(draw(st.lists(st.floats(0, 2 * math.pi), min_size=count, max_size=count)))
+    across, along = draw(st.floats(20, 50)), draw(st.floats(50, 90))
+    corners = [(across * math.cos(a), along * math.sin(a)) for a in angles]
+    hull = shapely.convex_hull(shapely.MultiPoint(corners))
+    assume(hull.geom_type == "Polygon" and hull.area > 3000)
+    turned = shapely.affinity.rotate(hull, draw(st.floats(0, 360)), origin=(0, 0))
+    try:
+        return prepare(Scenario(field="random"), Field("random", turned))
+    except FieldError:
+        assume(False)
+        raise
+
+
+def worked_lengths(site: Site, run: Run) -> dict[int, float]:
+    """Metres of working legs per line, wherever the plan has them."""
+    layout, found = site.layout, dict.fromkeys(range(site.layout.lines), 0.0)
+    aside = np.array([-math.sin(layout.bearing_rad), math.cos(layout.bearing_rad)])
+    offsets = {track.line: float(np.dot(track.start, aside)) for track in layout.tracks}
+    for mission in run.plan.missions:
+        for leg in mission.legs:
+            if leg.implement:
+                place = float(leg.points.mean(axis=0) @ aside)
+                line = min(offsets, key=lambda k: abs(offsets[k] - place))
+                assert abs(offsets[line] - place) < 1e-6
+                found[line] += leg.length_m
+    return found
+
+
+def assert_sound(site: Site, result: PlanResult) -> None:
+    """What must be true of the figures of a plan that was driven to the end."""
+    assert result.time_s is not None and result.tractor_time_s is not None and result.cost is not None
+    assert result.worked_pct is not None and result.overlap_pct is not None
+    assert 0 < result.time_s <= result.tractor_time_s + 1e-9 <= result.tractors * result.time_s + 1e-6
+    assert result.cost == pytest.approx(result.tractors * result.time_s / 3600 * 40)
+    assert 0 < result.worked_pct <= 100 and 0 <= result.overlap_pct < 60
+    swaths = [shapely.LineString([t.start, t.end]).buffer(1.5, cap_style="flat") for t in site.layout.tracks]
+    planned = 100 * shapely.union_all(swaths, grid_size=1e-6).intersection(site.layout.field.boundary).area
+    assert result.worked_pct == pytest.approx(planned / site.layout.field.area_m2, abs=3.0)
+    assert result.turning_s is not None and result.waiting_s is not None
+    assert result.turning_s + result.waiting_s < result.tractor_time_s + 1.0
+
+
+@FEW
+@given(site=sites(), name=st.sampled_from(sorted(STRATEGIES)), tractors=st.integers(1, 4))
+def test_every_plan_is_sound_or_refused_with_a_reason(site: Site, name: str, tractors: int) -> None:
+    try:
+        run, reason, turns = drive(site, Candidate(name, tractors))
+    except StrategyError as refusal:
+        assert str(refusal).endswith(".") and "\n" not in str(refusal)
+        result = evaluate(site, Candidate(name, tractors))
+        assert (result.feasible, result.reason) == (False, str(refusal))
+        return
+    check_plan(run.plan)
+    for mission in run.plan.missions:
+        assert all(math.dist(a.points[-1], b.points[0]) < 0.02 for a, b in pairwise(mission.legs))
+    lengths = dict.fromkeys(range(site.layout.lines), 0.0)
+    for track in site.layout.tracks:
+        lengths[track.line] += track.length
+    assert worked_lengths(site, run) == pytest.approx(lengths, abs=1e-6)
+    again = plan_from_json(plan_to_json(run.plan))
+    assert plan_to_json(again) == plan_to_json(run.plan)
+    result = evaluate(site, Candidate(name, tractors))
+    assert result.turn == turns
+    if not result.feasible:
+        assert result.reason
+        return
+    assert reason is None and result.reason is None and run.outcome == DONE
+    assert run.contacts == () and result.collisions == 0
+    assert result.excursion_m is not None and result.excursion_m < 0.5
+    assert (result.min_clearance_m is None) == (tractors == 1)
+    assert result.min_clearance_m is None or result.min_clearance_m > 0
+    longest = max(sum(leg.length_m / leg.speed_mps for leg in m.legs) for m in run.plan.missions)
+    # Guidance cuts corners by a little, so the path may be a trace shorter than planned.
+    assert run.duration_s >= 0.98 * longest
+    assert_sound(site, result)
+
+
+def test_more_tractors_than_tracks_are_refused_with_a_reason(small_site: Site) -> None:
+    for name in STRATEGIES:
+        result = evaluate(small_site, Candidate(name, 30))
+        assert not result.feasible and result.time_s is None and result.rank is None
+        assert "30 tractors are more than the 12 tracks" in (result.reason or "")
+
+
+def test_two_tractors_take_half_as_long_on_blocks(small_site: Site, evaluate_once: Any) -> None:
+    one, two = (evaluate_once(small_site, "split-field", count).time_s for count in (1, 2))
+    assert 0.4 * one < two < 0.65 * one
+
+
+def test_worked_share_is_that_of_the_tracks(small_site: Site, evaluate_once: Any) -> None:
+    # 12 tracks of 3 m cover the whole width of 36 m; both headlands are left.
+    expected = 100 * (80 - 2 * small_site.layout.headland_m) / 80
+    for name in ("split-field", "interleaved"):
+        result = evaluate_once(small_site, name, 2)
+        assert result.worked_pct == pytest.approx(expected, abs=1.0)
+
+
+def test_a_plan_read_back_drives_the_same(small_site: Site) -> None:
+    from vehicle.world import simulate
+
+    run, _, _ = drive(small_site, Candidate("interleaved", 2))
+    again = simulate(plan_from_json(plan_to_json(run.plan)), small_site.tractor, small_site.implement)
+    assert again.duration_s == run.duration_s
+    assert np.array_equal(again.record, run.record)
+
+
+@pytest.mark.parametrize("turn", ["omega", "switch-back", "u"])
+def test_a_forced_turn_is_the_one_driven(place: Any, turn: str) -> None:
+    site = place(shapely.box(0, 0, 45, 90), turn=turn)
+    result = evaluate(site, Candidate("interleaved" if turn == "u" else "split-field", 3 if turn == "u" else 1))
+    assert result.feasible, result.reason
+    assert turn in result.turn.split("+")
+    assert set(result.turn.split("+")) <= {"u", turn}
+
+
+def test_a_forced_headland_and_bearing_are_used(place: Any) -> None:
+    site = place(shapely.box(0, 0, 60, 90), headland_m=12.0, bearing_deg=90.0)
+    assert site.layout.headland_m == 12.0
+    assert site.layout.bearing_deg == pytest.approx(90.0)
+    assert max(track.length for track in site.layout.tracks) == pytest.approx(60 - 24, abs=1e-3)

@@ -1,0 +1,155 @@
+"""Order, Pareto front, deadline and cost of plans, by hand."""
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.evaluate import Candidate
+from planner.plan import candidates, plan, rank
+from planner.results import PlanResult, Ranking
+from planner.scenario import Scenario
+
+QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+Row = tuple[int, float]
+
+
+def result(tractors: int, time_s: float, **more: Any) -> PlanResult:
+    values: dict[str, Any] = {
+        "strategy": "split-field",
+        "turn": "u",
+        "feasible": True,
+        "cost": tractors * time_s / 90.0,
+    }
+    return PlanResult(tractors=tractors, time_s=time_s, **values | more)
+
+
+def refused(strategy: str, tractors: int) -> PlanResult:
+    return PlanResult(strategy, tractors, "auto", False, "no room")
+
+
+class TestOrder:
+    def test_by_time_then_count_then_name_and_infeasible_last(self, small_site: Any) -> None:
+        plans = [
+            result(3, 500.0, strategy="b"), refused("y", 1), result(2, 400.0), result(2, 500.0),
+            result(3, 500.0, strategy="a"), refused("x", 1),
+        ]  # fmt: skip
+        ranked = rank(small_site, plans).plans
+        assert [(p.rank, p.tractors, p.strategy) for p in ranked] == [
+            (1, 2, "split-field"), (2, 2, "split-field"), (3, 3, "a"), (4, 3, "b"), (None, 1, "x"), (None, 1, "y"),
+        ]  # fmt: skip
+
+    @QUICK
+    @given(st.lists(st.tuples(st.integers(1, 6), st.floats(10, 1000)), min_size=1, max_size=12), st.randoms())
+    def test_does_not_depend_on_the_order_of_simulation(self, small_site: Any, rows: list[Row], random: Any) -> None:
+        plans = [result(count, time, strategy=f"s{number}") for number, (count, time) in enumerate(rows)]
+        first = rank(small_site, plans)
+        random.shuffle(plans)
+        assert rank(small_site, plans) == first
+
+
+class TestFront:
+    def test_by_hand(self, small_site: Any) -> None:
+        rows = [(1, 900.0), (1, 950.0), (2, 500.0), (2, 480.0), (3, 490.0), (4, 480.0), (5, 300.0), (6, 310.0)]
+        ranked = rank(small_site, [result(*row, strategy=str(row)) for row in rows]).plans
+        front = sorted((p.tractors, p.time_s) for p in ranked if p.on_pareto_front)
+        assert front == [(1, 900.0), (2, 480.0), (5, 300.0)]
+
+    def test_infeasible_plans_are_not_on_it(self, small_site: Any) -> None:
+        quick = result(1, 10.0, feasible=False, reason="touches")
+        ranked = rank(small_site, [quick, result(2, 400.0)])
+        assert [p.on_pareto_front for p in ranked.plans] == [True, False]
+        assert ranked.best is not None and ranked.best.tractors == 2
+
+    @QUICK
+    @given(st.lists(st.tuples(st.integers(1, 6), st.integers(10, 99)), min_size=1, max_size=15))
+    def test_nothing_beats_it_and_it_beats_or_equals_everything(self, small_site: Any, rows: list[Row]) -> None:
+        plans = rank(small_site, [result(n, float(t), strategy=str(i)) for i, (n, t) in enumerate(rows)]).plans
+        front = [(p.tractors, p.time_s or 0.0) for p in plans if p.on_pareto_front]
+        assert front
+        for count, time in front:
+            assert not any(n <= count and t <= time and (n, t) != (count, time) for n, t in rows)
+        for count, time in rows:
+            assert any(n <= count and t <= time for n, t in front)
+        assert all(a[0] < b[0] and a[1] > b[1] for a, b in pairwise(sorted(front)))
+
+
+class TestBest:
+    PLANS = (
+        result(6, 300.0, rank=1, cost=50.0, meets_deadline=True),
+        result(4, 400.0, rank=2, cost=44.0, meets_deadline=True),
+        result(3, 500.0, rank=3, cost=44.0, meets_deadline=True),
+        result(1, 900.0, rank=4, cost=20.0, meets_deadline=False),
+    )
+
+    def ranking(self, *plans: PlanResult) -> Ranking:
+        return Ranking("f", 1.0, 1, plans)
+
+    def test_with_a_deadline_it_is_the_cheapest_that_meets_it(self) -> None:
+        assert self.ranking(*self.PLANS).best == self.PLANS[1]
+
+    def test_when_none_meets_it_it_is_the_quickest(self) -> None:
+        late = [result(2, 500.0 + i, rank=i + 1, cost=9.0 - i, meets_deadline=False) for i in range(3)]
+        assert self.ranking(*late).best == late[0]
+
+    def test_without_a_deadline_it_is_the_quickest(self) -> None:
+        plain = [result(6, 300.0, rank=1, cost=50.0), result(1, 900.0, rank=2, cost=20.0)]
+        assert self.ranking(*plain).best == plain[0]
+
+    def test_an_infeasible_plan_is_never_best(self) -> None:
+        assert self.ranking(refused("x", 1)).best is None
+        touches = result(2, 1.0, feasible=False, cost=0.0, meets_deadline=True)
+        assert self.ranking(self.PLANS[3], touches).best == self.PLANS[3]
+
+
+class TestCandidates:
+    def test_every_combination_once(self) -> None:
+        scenario = Scenario("f", tractors=(2, 5), strategies=("row-by-row", "split-field"))
+        assert candidates(scenario) == [
+            Candidate(name, count) for count in (2, 5) for name in ("row-by-row", "split-field")
+        ]
+
+    def test_one_tractor_needs_no_formation(self) -> None:
+        assert [c.strategy for c in candidates(Scenario("f", tractors=(1,)))] == ["split-field", "interleaved"]
+        alone = Scenario("f", tractors=(1,), strategies=("col-by-col", "row-by-row"))
+        assert candidates(alone) == [Candidate("col-by-col", 1)]
+
+
+class TestMoney:
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def ranking(tmp_path_factory: pytest.TempPathFactory) -> Ranking:
+        import json
+
+        place = tmp_path_factory.mktemp("field") / "small.geojson"
+        ring = [[0, 0], [36, 0], [36, 80], [0, 80], [0, 0]]
+        place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+        scenario = Scenario(
+            str(place), local=True, tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0,
+            price_per_tractor=7.0, start_s=36000, before_s=36000 + 600,
+        )  # fmt: skip
+        return plan(scenario, processes=1)[1]
+
+    def test_every_tractor_is_paid_until_the_last_is_done(self, ranking: Ranking) -> None:
+        for one in ranking.plans:
+            assert one.time_s is not None
+            assert one.cost == pytest.approx(one.tractors * (one.time_s * 0.01 + 7.0))
+
+    def test_tractor_time_is_at_most_the_time_hired(self, ranking: Ranking) -> None:
+        for one in ranking.plans:
+            assert one.time_s is not None and one.tractor_time_s is not None
+            assert one.time_s <= one.tractor_time_s <= one.tractors * one.time_s + 1e-9
+
+    def test_deadline_divides_the_plans_and_the_cheapest_in_time_is_best(self, ranking: Ranking) -> None:
+        verdicts = {p.tractors: p.meets_deadline for p in ranking.plans}
+        assert verdicts == {p.tractors: (p.time_s or 0.0) <= 600.0 for p in ranking.plans}
+        assert set(verdicts.values()) == {True, False}
+        best = ranking.best
+        in_time = [p for p in ranking.plans if p.meets_deadline]
+        assert best is not None and best.cost == min(p.cost or 0.0 for p in in_time)
+
+    def test_the_assumptions_name_both_prices(self, ranking: Ranking) -> None:
+        assert any("36 an hour and 7 a tractor" in sentence for sentence in ranking.assumptions)
+        assert (ranking.start, ranking.before) == ("10:00", "10:10")

@@ -1,0 +1,100 @@
+"""What a scenario accepts, and how it refuses: value, rule and fix in one sentence."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.errors import ScenarioError
+from planner.scenario import Scenario, clock, nearest, parse_clock, parse_counts
+
+QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+
+
+class TestCounts:
+    @pytest.mark.parametrize(
+        ("text", "counts"),
+        [("3", (3,)), ("1-6", (1, 2, 3, 4, 5, 6)), ("1,3,5-7", (1, 3, 5, 6, 7)), (" 2 , 2-3", (2, 3)), ("50", (50,))],
+    )
+    def test_are_read_sorted_and_once_each(self, text: str, counts: tuple[int, ...]) -> None:
+        assert parse_counts(text) == counts
+
+    @pytest.mark.parametrize("text", ["", "x", "1,,2", "-1", "1.5", "1-", "3;4", "two", "1 2", "\u0663\u066b"])
+    def test_garbled_text_is_quoted(self, text: str) -> None:
+        with pytest.raises(ScenarioError, match="is not a count; write for instance"):
+            parse_counts(text)
+
+    def test_backwards_and_beyond(self) -> None:
+        with pytest.raises(ScenarioError, match=r"'6-1' runs backwards; write 1-6"):
+            parse_counts("6-1")
+        with pytest.raises(ScenarioError, match="99999999999999 tractors cannot be planned; use 1 to 50"):
+            parse_counts("1-99999999999999")
+
+    @QUICK
+    @given(st.sets(st.integers(1, 50), min_size=1))
+    def test_round_trip(self, counts: set[int]) -> None:
+        assert parse_counts(",".join(map(str, counts))) == tuple(sorted(counts))
+
+
+class TestClock:
+    @QUICK
+    @given(st.integers(0, 23), st.integers(0, 59))
+    def test_round_trip(self, hour: int, minute: int) -> None:
+        assert clock(parse_clock(f"{hour:02d}:{minute:02d}", "--start")) == f"{hour:02d}:{minute:02d}"
+
+    @pytest.mark.parametrize("text", ["24:00", "12:60", "noon", "13", "1:2", "-1:00", "13:00:00", "", "13.00"])
+    def test_refuses_what_is_no_time(self, text: str) -> None:
+        with pytest.raises(ScenarioError, match=r"--before .* is not a time of day; write hh:mm"):
+            parse_clock(text, "--before")
+
+    def test_allowed_time_by_hand(self) -> None:
+        assert Scenario("f", start_s=13 * 3600, before_s=17 * 3600 + 60).allowed_s == 4 * 3600 + 60
+        assert Scenario("f", start_s=13 * 3600).allowed_s is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"tractors": (0,)}, "0 tractors cannot be planned; use 1 to 50"),
+        ({"tractors": (1, 51)}, "51 tractors cannot be planned"),
+        ({"tractors": ()}, "No tractor count is given"),
+        ({"strategies": ()}, "No strategy is given"),
+        ({"strategies": ("row-by-rov",)}, "did you mean 'row-by-row'"),
+        ({"strategies": ("split",)}, "did you mean 'split-field'"),
+        ({"strategies": ("columns",)}, "'columns' is unknown"),
+        ({"turn": "omga"}, "did you mean 'omega'"),
+        ({"width_m": 0.0}, "--width.* must be above 0"),
+        ({"width_m": -1.0}, "--width.* must be above 0"),
+        ({"width_m": math.nan}, "--width"),
+        ({"width_m": math.inf}, "--width"),
+        ({"speed_mps": 0.0}, "--speed-kmh"),
+        ({"speed_mps": 100.0}, "360 km/h is beyond field work; use 30 km/h or less"),
+        ({"turn_speed_mps": math.nan}, "--turn-speed-kmh"),
+        ({"headland_m": 0.0}, "--headland"),
+        ({"headland_m": math.inf}, "--headland"),
+        ({"radius_m": -4.0}, "--radius"),
+        ({"bearing_deg": math.nan}, "bearing is nan"),
+        ({"price_per_hour": -1.0}, "--price-per-hour is -1; a price must be 0 or more"),
+        ({"price_per_tractor": math.inf}, "--price-per-tractor"),
+        ({"before_s": 3600}, "needs a start"),
+        ({"start_s": 7200, "before_s": 3600}, "01:00 is not after the start 02:00"),
+        ({"start_s": 7200, "before_s": 7200}, "not after the start"),
+    ],
+)
+def test_refusals_name_value_rule_and_fix(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ScenarioError, match=words) as refusal:
+        Scenario("f", **options)
+    sentence = str(refusal.value)
+    assert "\n" not in sentence and sentence.endswith(".") and len(sentence) < 200
+
+
+def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
+    assert nearest("zzzz", ("split-field",)) == ""
+
+
+def test_defaults_are_those_of_the_thesis() -> None:
+    scenario = Scenario("f")
+    assert scenario.width_m == 3.0
+    assert scenario.speed_mps == scenario.turn_speed_mps == pytest.approx(5 / 3.6)

@@ -1,0 +1,137 @@
+"""Optimised waiting and giving way: never slower, no contact, the same every time."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.deconflict import hold_leg, without_conflicts
+from planner.evaluate import Candidate, drive
+from planner.waiting import optimised
+from strategies.formation import row_by_row
+from vehicle.missions import Gate, Leg, Mission, Plan, plan_to_json
+from vehicle.run import CONFLICT, DONE, STALL, Run
+from vehicle.world import World
+
+SPEED = 5 / 3.6
+
+
+def simulate(site: Any, plan: Plan) -> Run:
+    return World(plan, site.tractor, site.implement).run(stop_clearance_m=0.05, max_time_s=8000.0)
+
+
+class TestOptimised:
+    @pytest.mark.parametrize("tractors", [2, 3, 5])
+    def test_is_never_slower_than_row_by_row_and_touches_nothing(
+        self, wide_site: Any, evaluate_once: Any, tractors: int
+    ) -> None:
+        plain, timed = (evaluate_once(wide_site, n, tractors) for n in ("row-by-row", "row-by-row-optimised"))
+        assert plain.feasible and timed.feasible, (plain.reason, timed.reason)
+        assert timed.time_s <= plain.time_s
+        assert timed.collisions == 0 and timed.min_clearance_m > 0
+        assert timed.waiting_s <= plain.waiting_s
+
+    def test_gains_where_rows_queue(self, wide_site: Any, evaluate_once: Any) -> None:
+        plain, timed = (evaluate_once(wide_site, n, 5).time_s for n in ("row-by-row", "row-by-row-optimised"))
+        assert timed < 0.95 * plain
+
+    def test_works_what_row_by_row_works(self, wide_site: Any, evaluate_once: Any) -> None:
+        plain, timed = (evaluate_once(wide_site, n, 5) for n in ("row-by-row", "row-by-row-optimised"))
+        assert timed.worked_pct == pytest.approx(plain.worked_pct, abs=0.5)
+
+    def test_is_the_same_every_time(self, wide_site: Any) -> None:
+        found = []
+        for _ in range(2):
+            job = wide_site.job(3)
+            plan, run = optimised(job, lambda p: simulate(wide_site, p), wide_site.tractor, wide_site.implement)
+            found.append((plan_to_json(plan), run.duration_s))
+        assert found[0] == found[1]
+
+    def test_one_tractor_has_nothing_to_optimise(self, wide_site: Any, evaluate_once: Any) -> None:
+        times = {evaluate_once(wide_site, n, 1).time_s for n in ("row-by-row", "row-by-row-optimised", "col-by-col")}
+        assert len(times) == 1
+
+    def test_a_conflict_on_every_try_falls_back_to_the_plain_queue(self, wide_site: Any) -> None:
+        from dataclasses import replace
+
+        def clumsy(plan: Plan) -> Run:
+            run = simulate(wide_site, plan)
+            timed = plan.notes["strategy"] == "row-by-row-optimised"
+            return replace(run, outcome=CONFLICT) if timed else run
+
+        job = wide_site.job(3)
+        plan, run = optimised(job, clumsy, wide_site.tractor, wide_site.implement)
+        assert plan.notes["strategy"] == "row-by-row" and run.outcome == DONE
+
+
+def leg(*points: tuple[float, float], work: bool = True, gates: tuple[Gate, ...] = ()) -> Leg:
+    return Leg(np.array(points, float), SPEED, implement=work, kind="work" if work else "turn", gates=gates)
+
+
+def crossing(second_start: float = -40.0) -> Plan:
+    """Two tractors whose paths cross at right angles at (0, 0), the second from `second_start` on the y axis."""
+    along_x = Mission((leg((-40, 0), (-12, 0)), leg((-12, 0), (-9, 0)), leg((-9, 0), (40, 0), work=False)))
+    along_y = Mission(
+        (leg((0, second_start), (0, -12)), leg((0, -12), (0, -9)), leg((0, -9), (0, 40), work=False))
+    )  # fmt: skip
+    return Plan((along_x, along_y))
+
+
+class TestGivingWay:
+    def test_without_orders_the_crossing_is_a_conflict(self, small_site: Any) -> None:
+        assert simulate(small_site, crossing()).outcome == CONFLICT
+
+    def test_one_waits_for_the_other_and_neither_touches(self, small_site: Any) -> None:
+        run, why = without_conflicts(crossing(), lambda plan: simulate(small_site, plan))
+        assert (run.outcome, why) == (DONE, None)
+        assert run.contacts == () and run.min_clearance_m > 0.05
+        added = [len(leg.gates) for mission in run.plan.missions for leg in mission.legs]
+        assert sum(added) >= 1
+
+    def test_whoever_comes_later_gives_way(self, small_site: Any) -> None:
+        run, why = without_conflicts(crossing(-43.0), lambda plan: simulate(small_site, plan))
+        assert why is None
+        waits = [sum(len(leg.gates) for leg in mission.legs) for mission in run.plan.missions]
+        assert waits[0] == 0 and waits[1] >= 1
+        assert run.finish_s[1] > run.finish_s[0]
+
+    def test_a_plan_without_conflict_is_left_alone(self, small_site: Any) -> None:
+        plan = Plan((Mission((leg((0, 0), (40, 0)),)), Mission((leg((0, 12), (40, 12)),))))
+        run, why = without_conflicts(plan, lambda p: simulate(small_site, p))
+        assert why is None and plan_to_json(run.plan) == plan_to_json(plan)
+
+    def test_head_on_is_refused_naming_both_and_the_time(self, small_site: Any) -> None:
+        plan = Plan((Mission((leg((-40, 0), (40, 0)),)), Mission((leg((40, 0), (-40, 0)),))))
+        run, why = without_conflicts(plan, lambda p: simulate(small_site, p))
+        assert run.outcome != DONE
+        assert why is not None and ("tractors 1 and 2" in why or "wait for each other" in why)
+
+    def test_waiting_for_each_other_is_refused(self, small_site: Any) -> None:
+        first = Mission((leg((0, 0), (10, 0)), leg((10, 0), (20, 0), gates=(Gate(1, 1, 5.0),))))
+        second = Mission((leg((0, 20), (10, 20)), leg((10, 20), (20, 20), gates=(Gate(0, 1, 5.0),))))
+        run, why = without_conflicts(Plan((first, second)), lambda p: simulate(small_site, p))
+        assert run.outcome == STALL
+        assert why is not None and "wait for each other" in why
+
+    def test_the_place_to_wait_is_inside_the_track(self, small_site: Any) -> None:
+        job = small_site.job(1)
+        plan = row_by_row(job).plan
+        for number, one in enumerate(plan.missions[0].legs):
+            hold = hold_leg(plan, 0, number)
+            assert hold <= number
+            held = plan.missions[0].legs[hold]
+            assert hold == 0 or (held.implement and one is not None)
+
+    def test_repairing_is_repeatable(self, small_site: Any) -> None:
+        plans = [without_conflicts(crossing(), lambda p: simulate(small_site, p))[0].plan for _ in range(2)]
+        assert plan_to_json(plans[0]) == plan_to_json(plans[1])
+
+
+def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
+    from planner.scenario import Scenario
+    from planner.site import prepare
+
+    site = prepare(Scenario(field="netherlands"))
+    for name in ("interleaved", "split-field"):
+        run, why, _ = drive(site, Candidate(name, 4))
+        assert why is None and run.contacts == () and run.min_clearance_m > 0

@@ -1,0 +1,113 @@
+"""What a job tells a strategy: poses of passes, estimated turn times, ways, the starting corner."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import box
+
+from fields import Field
+from strategies.connect import Connector
+from strategies.job import Job, Pass, starting_corner
+
+QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+WHOLE = [(0.0, 100.0)]
+
+
+class TestPoses:
+    def test_entry_and_exit_by_hand(self, jobs: Any, same_pose: Any) -> None:
+        job = jobs.drawn([WHOLE] * 3)
+        track = job.layout.tracks[2]
+        assert same_pose(job.entry(Pass(track, 1)), (0.0, 6.0, 0.0))
+        assert same_pose(job.exit(Pass(track, 1)), (102.3, 6.0, 0.0))
+        assert same_pose(job.entry(Pass(track, -1)), (100.0, 6.0, math.pi))
+        assert same_pose(job.exit(Pass(track, -1)), (-2.3, 6.0, math.pi))
+
+    @QUICK
+    @given(bearing=st.floats(-1.57, 1.57), direction=st.sampled_from([1, -1]))
+    def test_the_exit_lies_a_tool_length_past_the_far_end(self, jobs: Any, bearing: float, direction: int) -> None:
+        job = jobs.drawn([WHOLE] * 2, bearing_rad=bearing)
+        this = Pass(job.layout.tracks[1], direction)
+        (ax, ay, heading), (bx, by, _) = job.entry(this), job.exit(this)
+        ahead = (bx - ax) * math.cos(heading) + (by - ay) * math.sin(heading)
+        aside = (by - ay) * math.cos(heading) - (bx - ax) * math.sin(heading)
+        assert ahead == pytest.approx(100.0 + jobs.tool_m, abs=1e-6)
+        assert aside == pytest.approx(0.0, abs=1e-6)
+        assert -math.pi <= heading <= math.pi
+
+
+class TestTurnTime:
+    @pytest.mark.parametrize(
+        ("lines", "seconds"), [(1, 30.0), (2, 26.0), (3, 14.0), (4, 16.0), (6, 16.0 + 2 * 3.0 / 1.5)]
+    )
+    def test_comes_from_the_table_and_grows_by_driving_across(self, jobs: Any, lines: int, seconds: float) -> None:
+        job = jobs.drawn([WHOLE] * 7)
+        a, b = Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[lines], -1)
+        assert job.turn_time(a, b) == pytest.approx(seconds + jobs.tool_m / 1.5)
+
+    def test_to_the_same_direction_is_a_drive_round(self, jobs: Any) -> None:
+        job = jobs.drawn([WHOLE] * 4)
+        a, b = Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[3], 1)
+        expected = (100.0 + jobs.tool_m + 9.0 + 2 * math.pi * jobs.radius_m) / 1.5
+        assert job.turn_time(a, b) == pytest.approx(expected)
+
+    @QUICK
+    @given(bearing=st.floats(-1.5, 1.5), a=st.integers(0, 6), b=st.integers(0, 6), way=st.sampled_from([1, -1]))
+    def test_does_not_change_when_the_field_is_rotated(
+        self, jobs: Any, bearing: float, a: int, b: int, way: int
+    ) -> None:
+        def seconds(job: Job) -> float:
+            return job.turn_time(Pass(job.layout.tracks[a], 1), Pass(job.layout.tracks[b], way))
+
+        still, turned = jobs.drawn([WHOLE] * 7), jobs.drawn([WHOLE] * 7, bearing_rad=bearing)
+        assert seconds(turned) == pytest.approx(seconds(still), abs=1e-6)
+
+
+class TestWay:
+    def test_is_found_once_and_remembered(self, jobs: Any) -> None:
+        job = jobs.rectangle(8)
+        a, b = job.exit(Pass(job.layout.tracks[0], 1)), job.entry(Pass(job.layout.tracks[4], -1))
+        first = job.way(a, b)
+        assert first is not None and job.way(a, b) is first
+        assert list(job.ways) == [(a, b)]
+
+    def test_keeps_to_the_headland_although_across_is_as_quick(self, jobs: Any) -> None:
+        job = jobs.rectangle(8, 60.0)
+        top = box(1.5, 60.0 + 9.0, 22.5, 76.5)  # beyond the ends of the tracks only
+        beside = Connector(top, 4.3, job.connector.costs)
+        job = replace(job, headland=beside, ways={})
+        up = 1 if job.layout.tracks[0].end[1] > 40 else -1
+        path = job.way(job.exit(Pass(job.layout.tracks[0], up)), job.entry(Pass(job.layout.tracks[4], -up)))
+        assert path is not None
+        assert all(y >= 69.0 - 0.02 for _, points in path.sample(0.25) for _, y in points)
+
+    def test_goes_across_when_the_headland_offers_nothing(self, jobs: Any) -> None:
+        job = jobs.rectangle(8, 60.0)
+        far = Connector(box(500, 500, 560, 560), 4.3, job.connector.costs)
+        both = replace(job, headland=far, ways={})
+        a, b = job.exit(Pass(job.layout.tracks[0], 1)), job.entry(Pass(job.layout.tracks[4], -1))
+        assert both.way(a, b) == job.way(a, b) is not None
+
+    def test_is_none_where_nothing_fits(self, jobs: Any) -> None:
+        job = replace(jobs.rectangle(3), connector=Connector(box(0, 0, 2, 2), 4.3, jobs.rectangle(3).connector.costs))
+        assert job.way((1.0, 1.0, 0.0), (50.0, 1.0, 0.0)) is None
+
+
+class TestStartingCorner:
+    @pytest.mark.parametrize("x", [0.0, 30.0])
+    @pytest.mark.parametrize("y", [0.0, 98.0])
+    def test_is_the_end_of_track_nearest_the_entrance(self, jobs: Any, x: float, y: float) -> None:
+        job = jobs.rectangle(10, 80.0, entrance=(x, y))
+        assert job.corner is not None
+        from_last, direction = job.corner
+        track = job.layout.tracks[-1 if from_last else 0]
+        start = track.start if direction > 0 else track.end
+        ends = [end for t in job.layout.tracks for end in (t.start, t.end)]
+        assert math.dist(start, (x, y)) == min(math.dist(end, (x, y)) for end in ends)
+
+    def test_is_open_without_an_entrance(self, jobs: Any) -> None:
+        job = jobs.on_field(Field("f", box(0, 0, 50, 100)))
+        assert starting_corner(job.layout) is None

@@ -1,0 +1,131 @@
+"""Tracks and turns as legs: geometry by hand, and what refuses."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import box
+
+from fields import Field
+from fields.field import GroundZone
+from strategies.errors import StrategyError
+from strategies.job import Job, Pass
+from strategies.legs import mission_of, pass_legs, straight_leg, turn_legs, way_legs
+from strategies.paths import Path, Segment
+from vehicle.missions import Plan, check_plan
+
+QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+
+
+class TestStraightLeg:
+    @QUICK
+    @given(angle=st.floats(-math.pi, math.pi), start=st.floats(-20, 20), length=st.floats(0.1, 300), work=st.booleans())
+    def test_lies_ahead_of_the_pose(self, jobs: Any, angle: float, start: float, length: float, work: bool) -> None:
+        leg = straight_leg(jobs.rectangle(4), (7.0, -3.0, angle), start, start + length, implement=work)
+        offset = leg.points - (7.0, -3.0)
+        assert np.allclose(offset @ (math.cos(angle), math.sin(angle)), [start, start + length], atol=1e-9)
+        assert np.allclose(offset @ (-math.sin(angle), math.cos(angle)), 0.0, atol=1e-9)
+        assert leg.length_m == pytest.approx(length, abs=1e-9)
+        assert (leg.kind, leg.implement) == (("work", True) if work else ("turn", False))
+
+    def test_work_and_driving_in_have_their_own_speeds(self, jobs: Any) -> None:
+        job = jobs.rectangle(4, work_speed_mps=2.0, turn_speed_mps=1.1)
+        speeds = [straight_leg(job, (0, 0, 0), 0, 5, implement=work).speed_mps for work in (True, False)]
+        assert speeds == [2.0, 1.1]
+
+    def test_takes_the_ground_under_its_middle(self, jobs: Any) -> None:
+        yard = GroundZone("asphalt", box(0, 0, 30, 30))
+        job = jobs.on_field(Field("f", box(0, 0, 60, 100), grounds=(yard,)))
+        grounds = [straight_leg(job, (10.0, y, math.pi / 2), 0, 10, implement=True).ground for y in (5.0, 50.0)]
+        assert grounds == ["asphalt", "soil"]
+
+
+class TestPass:
+    @pytest.mark.parametrize("direction", [1, -1])
+    def test_drives_in_then_works_the_whole_track(self, jobs: Any, direction: int) -> None:
+        job = jobs.rectangle(4, 80.0)
+        track = job.layout.tracks[1]
+        drive_in, main, last = pass_legs(job, Pass(track, direction))
+        assert drive_in.length_m == pytest.approx(jobs.tool_m)
+        assert main.length_m + last.length_m == pytest.approx(track.length)
+        assert last.length_m == pytest.approx(job.manner.hold_back_m)
+        assert (drive_in.implement, main.implement, last.implement) == (False, True, True)
+        ends = (track.start, track.end)[::direction]
+        assert np.allclose(drive_in.points[0], ends[0])
+        beyond = np.array(ends[1]) + jobs.tool_m * (np.array(ends[1]) - ends[0]) / track.length
+        assert np.allclose(last.points[-1], beyond)
+
+    def test_a_short_track_is_halved(self, jobs: Any) -> None:
+        job = jobs.rectangle(4, 10.0)
+        _, main, last = pass_legs(job, Pass(job.layout.tracks[0], 1))
+        assert main.length_m == pytest.approx(5.0) and last.length_m == pytest.approx(5.0)
+
+
+class TestWay:
+    def test_one_leg_per_gear_at_manoeuvring_speed(self, jobs: Any) -> None:
+        job = jobs.rectangle(4, reverse_speed_mps=0.8)
+        path = Path((0, 0, 0), (Segment(6, 0.0, 1), Segment(4, 0.1, -1), Segment(5, 0.0, 1)), "switch-back")
+        legs = way_legs(job, path)
+        assert [leg.gear for leg in legs] == [1, -1, 1]
+        assert [leg.speed_mps for leg in legs] == [0.8] * 3
+        assert [leg.length_m for leg in legs] == pytest.approx([6, 4, 5], abs=1e-3)
+        assert all(np.allclose(a.points[-1], b.points[0]) for a, b in pairwise(legs))
+
+    def test_forward_only_at_turning_speed(self, jobs: Any) -> None:
+        job = jobs.rectangle(4, turn_speed_mps=1.2, reverse_speed_mps=0.8)
+        (leg,) = way_legs(job, Path((0, 0, 0), (Segment(6, 0.1, 1),), "u"))
+        assert leg.speed_mps == 1.2 and leg.gear == 1 and leg.kind == "turn" and not leg.implement
+
+    def test_joins_the_passes_it_leads_between_and_is_counted(self, jobs: Any) -> None:
+        job = jobs.rectangle(8)
+        a, b = Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[4], -1)
+        legs = turn_legs(job, a, b)
+        assert np.allclose(legs[0].points[0], job.exit(a)[:2], atol=1e-6)
+        assert np.allclose(legs[-1].points[-1], job.entry(b)[:2], atol=1e-6)
+        # Two arcs of 4.3 m, half a circle together, and the straight between their centres, 12 - 8.6 m and 2.3 m apart.
+        assert sum(leg.length_m for leg in legs) == pytest.approx(math.pi * 4.3 + math.hypot(3.4, 2.3), abs=0.02)
+        assert job.used == {"u": 1}
+
+    def test_no_way_is_refused_with_radius_tracks_and_place(self, jobs: Any) -> None:
+        job: Job = jobs.rectangle(4, 60.0)
+        job.ways.update(dict.fromkeys(
+            [(job.exit(Pass(job.layout.tracks[0], 1)), job.entry(Pass(job.layout.tracks[1], -1)))]
+        ))  # fmt: skip
+        with pytest.raises(StrategyError, match=r"radius 4\.3 m leads from track 0 to track 1 \(at .* m\) inside"):
+            turn_legs(job, Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[1], -1))
+
+    def test_a_field_as_narrow_as_its_tracks_is_refused(self, jobs: Any) -> None:
+        from dataclasses import replace
+
+        from strategies.connect import Connector
+
+        job = jobs.rectangle(6, 60.0)
+        tight = replace(job, connector=Connector(box(1.5, 6, 16.5, 72), 4.3, job.connector.costs, ("u",)))
+        with pytest.raises(StrategyError, match="No way of turning radius"):
+            mission_of(tight, [Pass(job.layout.tracks[i], 1) for i in range(2)])
+
+
+class TestMission:
+    @QUICK
+    @given(lines=st.permutations(range(6)), first=st.sampled_from([1, -1]), data=st.data())
+    def test_any_order_of_passes_joins_up(self, jobs: Any, lines: list[int], first: int, data: Any) -> None:
+        job = jobs.rectangle(6, 60.0)
+        ways = data.draw(st.lists(st.sampled_from([1, -1]), min_size=6, max_size=6))
+        order = [Pass(job.layout.tracks[line], way) for line, way in zip(lines, ways, strict=True)]
+        plan = Plan((mission_of(job, order),))
+        check_plan(plan)
+        jobs.assert_all_once(job, plan)
+        for a, b in pairwise(plan.missions[0].legs):
+            assert math.dist(a.points[-1], b.points[0]) < 1e-2
+
+    def test_one_pass_is_a_mission(self, jobs: Any) -> None:
+        job = jobs.rectangle(3)
+        mission = mission_of(job, [Pass(job.layout.tracks[2], -1)])
+        assert len(mission.legs) == 3
+        x, y, heading = mission.start
+        assert math.isclose(heading, job.heading(Pass(job.layout.tracks[2], -1)), abs_tol=1e-9)
+        assert (x, y) == pytest.approx(job.layout.tracks[2].end)

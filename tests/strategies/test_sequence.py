@@ -1,0 +1,169 @@
+"""The order of tracks for one tractor: cells, patterns, corners."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fields import Track
+from strategies.job import Job, Pass
+from strategies.sequence import best_orders, cells_of, jumps, order_time, order_tracks, skip_pattern
+
+QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+WHOLE = [(0.0, 100.0)]
+SPLIT = [(0.0, 40.0), (60.0, 100.0)]
+AROUND_HOLE = [WHOLE] * 3 + [SPLIT] * 4 + [WHOLE] * 3
+CORNERS = [(last, way) for last in (False, True) for way in (1, -1)]
+
+
+@st.composite
+def spans(draw: Any) -> list[list[tuple[float, float]]]:
+    """Up to 16 lines of one to three pieces each, cut by holes that come and go."""
+    lines = []
+    for _ in range(draw(st.integers(1, 16))):
+        cuts = sorted(draw(st.lists(st.integers(0, 30), min_size=2, max_size=6, unique=True)))
+        cuts = cuts[: len(cuts) // 2 * 2]
+        lines.append([(10.0 * a, 10.0 * b - 2.0) for a, b in zip(cuts[::2], cuts[1::2], strict=True)])
+    return lines
+
+
+def keys(tracks: list[Track]) -> list[tuple[int, int]]:
+    return [(track.line, track.piece) for track in tracks]
+
+
+def taken(order: list[Pass]) -> list[tuple[int, int]]:
+    return [(this.track.line, this.track.piece) for this in order]
+
+
+class TestCells:
+    def test_a_hole_makes_four_cells(self, jobs: Any) -> None:
+        cells = cells_of(list(jobs.drawn(AROUND_HOLE).layout.tracks), 0.0)
+        assert sorted(keys(cell) for cell in cells) == sorted(
+            [
+                [(0, 0), (1, 0), (2, 0)],
+                [(3, 0), (4, 0), (5, 0), (6, 0)],
+                [(3, 1), (4, 1), (5, 1), (6, 1)],
+                [(7, 0), (8, 0), (9, 0)],
+            ]
+        )
+
+    def test_lines_without_interruption_are_one_cell(self, jobs: Any) -> None:
+        assert len(cells_of(list(jobs.drawn([WHOLE] * 12).layout.tracks), 0.0)) == 1
+
+    def test_a_hole_laid_in_a_real_field_is_worked_around(self, jobs: Any) -> None:
+        from shapely import box
+
+        job = jobs.rectangle(20, 100.0, hole=box(24, 50, 36, 65))
+        cells = cells_of(list(job.layout.tracks), job.layout.bearing_rad)
+        split = sum(track.piece for track in job.layout.tracks)
+        assert split > 0
+        sizes = sorted(len(cell) for cell in cells)
+        assert len(cells) == 4 and sizes.count(split) >= 2 and sum(sizes) == len(job.layout.tracks)
+
+    @QUICK
+    @given(spans=spans(), bearing=st.floats(-1.5, 1.5))
+    def test_cells_share_out_all_tracks_and_climb(self, jobs: Any, spans: Any, bearing: float) -> None:
+        tracks = list(jobs.drawn(spans, bearing_rad=bearing).layout.tracks)
+        cells = cells_of(tracks, bearing)
+        assert sorted(keys([track for cell in cells for track in cell])) == sorted(keys(tracks))
+        for cell in cells:
+            assert all(b.line == a.line + 1 for a, b in pairwise(cell))
+
+    @QUICK
+    @given(spans=spans(), bearing=st.floats(-1.5, 1.5))
+    def test_neighbours_in_a_cell_lie_side_by_side(self, jobs: Any, spans: Any, bearing: float) -> None:
+        for cell in cells_of(list(jobs.drawn(spans, bearing_rad=bearing).layout.tracks), bearing):
+            for a, b in pairwise(cell):
+                (a0, a1), (b0, b1) = spans[a.line][a.piece], spans[b.line][b.piece]
+                assert max(a0, b0) < min(a1, b1)
+
+
+class TestSkipPattern:
+    @QUICK
+    @given(st.integers(1, 200), st.integers(1, 12))
+    def test_every_index_once(self, count: int, jump: int) -> None:
+        assert sorted(skip_pattern(count, jump)) == list(range(count))
+
+    @QUICK
+    @given(st.integers(1, 8), st.integers(2, 9))
+    def test_whole_blocks_jump_as_said(self, blocks: int, jump: int) -> None:
+        order = skip_pattern(blocks * 2 * jump, jump)
+        for block in range(blocks):
+            steps = [b - a for a, b in pairwise(order[block * 2 * jump : (block + 1) * 2 * jump])]
+            assert steps == [jump, -(jump - 1)] * (jump - 1) + [jump]
+
+    def test_by_hand(self) -> None:
+        assert skip_pattern(6, 3) == [0, 3, 1, 4, 2, 5]
+        assert skip_pattern(9, 3) == [0, 3, 1, 4, 2, 5, 6, 8, 7]
+        assert skip_pattern(1, 4) == [0]
+
+    def test_jumps_leave_room_for_a_u_turn(self, jobs: Any) -> None:
+        assert jumps(jobs.drawn([WHOLE], radius_m=4.3)) == [1, 3, 4]  # 2 x 4.3 m over lines 3 m apart
+        assert jumps(jobs.drawn([WHOLE], radius_m=1.4)) == [1]
+
+
+class TestOrder:
+    @QUICK
+    @given(spans=spans(), jump=st.integers(1, 5), corner=st.sampled_from(CORNERS))
+    def test_every_track_exactly_once(self, jobs: Any, spans: Any, jump: int, corner: tuple[bool, int]) -> None:
+        job = jobs.drawn(spans)
+        order = order_tracks(list(job.layout.tracks), job, jump, corner)
+        assert sorted(taken(order)) == sorted(keys(list(job.layout.tracks)))
+        assert {this.direction for this in order} <= {1, -1}
+
+    @pytest.mark.parametrize("corner", CORNERS)
+    @pytest.mark.parametrize("jump", [1, 3, 4])
+    def test_begins_in_the_corner_asked_for_and_alternates(self, jobs: Any, jump: int, corner: Any) -> None:
+        job = jobs.drawn([WHOLE] * 14)
+        order = order_tracks(list(job.layout.tracks), job, jump, corner)
+        assert order[0] == Pass(job.layout.tracks[-1 if corner[0] else 0], corner[1])
+        assert all(a.direction == -b.direction for a, b in pairwise(order))
+
+    def test_one_after_another_is_in_line_order(self, jobs: Any) -> None:
+        job = jobs.drawn([WHOLE] * 7)
+        order = order_tracks(list(job.layout.tracks), job, 1, (True, 1))
+        assert [line for line, _ in taken(order)] == [6, 5, 4, 3, 2, 1, 0]
+
+    def test_a_cell_is_finished_before_the_next_is_begun(self, jobs: Any) -> None:
+        job = jobs.drawn(AROUND_HOLE)
+        order = order_tracks(list(job.layout.tracks), job, 1, (False, 1))
+        cell = {key: number for number, c in enumerate(cells_of(list(job.layout.tracks), 0.0)) for key in keys(c)}
+        visits = [cell[key] for key in taken(order)]
+        assert sum(a != b for a, b in pairwise(visits)) == 3
+
+    def test_time_of_an_order_by_hand(self, jobs: Any) -> None:
+        job = jobs.drawn([WHOLE] * 3)
+        order = order_tracks(list(job.layout.tracks), job, 1, (False, 1))
+        # Three tracks of 100 m at 1.5 m/s; two turns of 30 s; the guided point leaves 2.3 m past the line.
+        assert order_time(order, job) == pytest.approx(300 / 1.5 + 2 * (30.0 + jobs.tool_m / 1.5))
+
+
+class TestBestOrders:
+    def test_skips_tracks_when_turns_over_several_are_much_quicker(self, jobs: Any) -> None:
+        job = jobs.drawn([WHOLE] * 12, turn_s=(0.0, 60.0, 55.0, 10.0, 10.0))
+        (order,) = best_orders([list(job.layout.tracks)], job)
+        steps = {abs(b.track.line - a.track.line) for a, b in pairwise(order)}
+        assert steps & {3, 4}
+
+    def test_goes_track_by_track_when_all_turns_cost_the_same(self, jobs: Any) -> None:
+        job = jobs.drawn([WHOLE] * 12, turn_s=(0.0, 10.0, 10.0, 10.0, 60.0))
+        for only in (1, None):
+            (order,) = best_orders([list(job.layout.tracks)], job, only)
+            assert order_time(order, job) <= 1200 / 1.5 + 11 * (10.0 + jobs.tool_m / 1.5) + 1e-6
+
+    def test_no_order_with_another_corner_or_pattern_is_estimated_quicker(self, jobs: Any) -> None:
+        job = jobs.drawn(AROUND_HOLE)
+        tracks = list(job.layout.tracks)
+        (best,) = best_orders([tracks], job)
+        others = [order_tracks(tracks, job, jump, corner) for jump in jumps(job) for corner in CORNERS]
+        assert order_time(best, job) <= min(order_time(order, job) for order in others) + 2e-3
+
+    def test_an_entrance_fixes_the_corner(self, jobs: Any) -> None:
+        for x, y in ((0, 0), (30, 0), (0, 98), (30, 98)):
+            job: Job = jobs.rectangle(10, 80.0, entrance=(x, y))
+            (order,) = best_orders([list(job.layout.tracks)], job)
+            start = job.entry(order[0])
+            assert math.dist(start[:2], (x, y)) < 10.0
