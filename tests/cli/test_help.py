@@ -16,7 +16,14 @@ def test_the_command_line_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("words", [(), ("plan",), ("field",), ("study",)])
+def commands() -> list[str]:
+    """Names of all commands."""
+    from planner.main import app
+
+    return [command.name or getattr(command.callback, "__name__", "") for command in app.registered_commands]
+
+
+@pytest.mark.parametrize("words", [(), *((name,) for name in commands())])
 def test_help_shows_an_example(headland: Callable[..., Any], words: tuple[str, ...]) -> None:
     outcome = headland(*words, "--help")
     assert outcome.status == 0 and outcome.err == ""
