@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,14 +12,17 @@ from planner.results import PlanResult
 from planner.site import Site
 from planner.waiting import optimised
 from strategies.errors import StrategyError
+from strategies.formation import corners_by_promise
 from strategies.job import Job
-from strategies.registry import ROW_BY_ROW_OPTIMISED, build
+from strategies.registry import FORMATIONS, ROW_BY_ROW_OPTIMISED, build
+from vehicle.gnss import NO_ERROR, default_table
 from vehicle.missions import Plan
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
 SAFE_M = 0.05
 FARTHEST_OUTSIDE_M = 0.5
+Driven = tuple[Run, str | None, str]
 
 
 @dataclass(frozen=True)
@@ -40,12 +43,38 @@ def evaluate(site: Site, candidate: Candidate) -> PlanResult:
     return _measured(site, candidate, run, reason, turn)
 
 
-def drive(site: Site, candidate: Candidate) -> tuple[Run, str | None, str]:
+def drive(site: Site, candidate: Candidate) -> Driven:
     """The run of a candidate, why it is not feasible (None when it is), and the turns it uses."""
     job = site.job(candidate.tractors)
+    if job.corner is not None or candidate.strategy not in FORMATIONS:
+        return _drive(site, candidate, job)
+    return _from_some_corner(site, candidate, job)
+
+
+def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
+    """A formation on a field without an entrance: from the corner that promises most and can be driven."""
+    driven: Driven | None = None
+    refusal: StrategyError | None = None
+    for corner in corners_by_promise(job):
+        try:
+            latest = _drive(site, candidate, replace(job, corner=corner, used={}))
+        except StrategyError as error:
+            refusal = refusal or error
+            continue
+        if latest[1] is None:
+            return latest
+        driven = driven or latest
+    if driven is None:
+        raise refusal or StrategyError("No corner to begin at; the field has no tracks.")
+    return driven
+
+
+def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
+    fixes = default_table() if site.scenario.gnss else NO_ERROR
 
     def simulate(plan: Plan) -> Run:
-        return World(plan, site.tractor, site.implement).run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
+        world = World(plan, site.tractor, site.implement, fixes=fixes, seed=site.scenario.seed)
+        return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
 
     if candidate.strategy == ROW_BY_ROW_OPTIMISED and candidate.tractors > 1:
         plan, run = optimised(job, simulate, site.tractor, site.implement)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Iterator, Sequence
 
 from planner.evaluate import Candidate, evaluate
@@ -21,8 +22,13 @@ def evaluated(work: Sequence[tuple[Site, Candidate]], processes: int | None = No
         yield from (evaluate(site, candidate) for site, candidate in work)
         return
     method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
-    with multiprocessing.get_context(method).Pool(count) as pool:
+    with multiprocessing.get_context(method).Pool(count, _leave_interrupts) as pool:
         yield from pool.imap(_evaluate, work)
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C reaches every process of a terminal; only the one that collects the results answers it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _evaluate(pair: tuple[Site, Candidate]) -> PlanResult:

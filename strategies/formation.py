@@ -22,6 +22,8 @@ from vehicle.missions import Follow, Gate, Leg, Mission, Plan
 ARRIVED_M = 0.2  # a tractor counts as in place this far before the end of its leg
 SHORTEST_M = 0.1
 MOVED_ON = 0.8  # share of the gap after which the place in front counts as free
+Corner = tuple[bool, int]
+"""Begin at the last line? and the first direction."""
 Releases = Mapping[tuple[int, int], tuple[tuple[int, float], ...]]
 """For (round, tractor): it may leave the queue when each named tractor is so many metres past its own release."""
 
@@ -83,6 +85,23 @@ def row_by_row_timed(job: Job, releases: Releases) -> Formation:
     return _form(job, "row-by-row-optimised", releases, False)
 
 
+def corners_by_promise(job: Job) -> list[Corner]:
+    """The four corners to begin at, the one first whose rounds and turns are estimated to take least.
+
+    The estimate depends on the shape of the field only, not on its place or heading.
+    """
+    corners: list[Corner] = [(last, way) for last in (False, True) for way in (1, -1)]
+
+    def seconds(corner: Corner) -> float:
+        rounds = _passes(replace(job, corner=corner))
+        work = sum(max(this.track.length for this in passes) for passes in rounds) / job.manner.work_speed_mps
+        return work + sum(
+            max(job.turn_time(a, b) for a, b in zip(before, after, strict=False)) for before, after in pairwise(rounds)
+        )
+
+    return sorted(corners, key=lambda corner: round(seconds(corner), 3))
+
+
 def _form(job: Job, queue: str, releases: Releases | None, move_up: bool) -> Formation:
     rounds = _rounds(job)
     legs: list[list[Leg]] = [[] for _ in range(job.tractors)]
@@ -105,17 +124,20 @@ def _form(job: Job, queue: str, releases: Releases | None, move_up: bool) -> For
 
 def _rounds(job: Job) -> list[list[Slot]]:
     """Who works which track in which round."""
+    return [_slots(job, passes, (job.tractors - len(passes)) // 2) for passes in _passes(job)]
+
+
+def _passes(job: Job) -> list[list[Pass]]:
+    """Tracks of each round, from one side of the field to the other, in alternating directions."""
     tracks = _whole_lines(job)
     from_last, direction = job.corner or (False, 1)
     if from_last:
         tracks = tracks[::-1]
-    rounds = []
-    for number, first in enumerate(range(0, len(tracks), job.tractors)):
-        members = tracks[first : first + job.tractors]
-        offset = (job.tractors - len(members)) // 2
-        passes = [Pass(track, direction if number % 2 == 0 else -direction) for track in members]
-        rounds.append(_slots(job, passes, offset))
-    return rounds
+    starts = range(0, len(tracks), job.tractors)
+    return [
+        [Pass(track, direction if number % 2 == 0 else -direction) for track in tracks[first : first + job.tractors]]
+        for number, first in enumerate(starts)
+    ]
 
 
 def _whole_lines(job: Job) -> list[Track]:

@@ -8,7 +8,7 @@ skips lines and comes back so that turns are wide.
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 from fields.layout import Track
 from strategies.job import Job, Pass
@@ -68,12 +68,22 @@ def jumps(job: Job) -> list[int]:
     return [1] if fitting <= 1 else [1, fitting, fitting + 1]
 
 
-def order_tracks(tracks: list[Track], job: Job, jump: int, corner: tuple[bool, int]) -> Order:
-    """One order through all tracks, starting at a corner (from the last line?, first direction)."""
+def order_tracks(
+    tracks: list[Track], job: Job, jump: int, corner: tuple[bool, int], last_piece: bool = False
+) -> Order:
+    """One order through all tracks, starting at a corner (from the last line?, first direction).
+
+    Where the line of that corner is interrupted, it starts with its first piece or its last.
+    """
     cells = cells_of(tracks, job.layout.bearing_rad)
     from_last, direction = corner
-    cells.sort(key=lambda cell: (cell[0].line, cell[0].piece), reverse=from_last)
-    order = _through(cells.pop(0), jump, from_last, direction)
+    outer = -1 if from_last else 0
+    edge = (max if from_last else min)(cell[outer].line for cell in cells)
+    start = (max if last_piece else min)(
+        (cell for cell in cells if cell[outer].line == edge), key=lambda cell: cell[outer].piece
+    )
+    cells.remove(start)
+    order = _through(start, jump, from_last, direction)
     while cells:
         cell, option = _nearest(order[-1], cells, job)
         cells.remove(cell)
@@ -113,8 +123,8 @@ def best_orders(shares: list[list[Track]], job: Job, only_jump: int | None = Non
     patterns = jumps(job) if only_jump is None else [only_jump]
     best: tuple[float, list[Order]] | None = None
     for jump in patterns:
-        for corner in corners:
-            orders = [order_tracks(share, job, jump, corner) for share in shares]
+        for corner, last_piece in product(corners, (False, True)):
+            orders = [order_tracks(share, job, jump, corner, last_piece) for share in shares]
             time = max(order_time(order, job) for order in orders)
             if best is None or time < best[0] - 1e-3:
                 best = time, orders

@@ -8,8 +8,6 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.errors import ScenarioError
-
 FieldArgument = Annotated[
     str,
     typer.Argument(
@@ -35,6 +33,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs in
 
 def check_output(path: Path | None) -> None:
     """Raise ScenarioError when a result could not be written to `path` later; leaves the file system as it was."""
+    from planner.errors import ScenarioError
+
     if path is None:
         return
     parent = path.parent
@@ -50,6 +50,19 @@ def check_output(path: Path | None) -> None:
         probe.unlink()
     except OSError as error:
         raise ScenarioError(f"{path} cannot be written: {error.strerror}; choose another place.") from None
+
+
+def check_distinct(field: str, *outputs: Path | None) -> None:
+    """Raise ScenarioError when two results would go to one file, or a result would replace the field file."""
+    from planner.errors import ScenarioError
+
+    taken = {Path(field.rpartition("#")[0] or field).resolve(): "the field"}
+    for path in outputs:
+        if path is None:
+            continue
+        if path.resolve() in taken:
+            raise ScenarioError(f"{path} would overwrite {taken[path.resolve()]}; choose another file.")
+        taken[path.resolve()] = "another result"
 
 
 def write_text(path: Path, text: str) -> None:

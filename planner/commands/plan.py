@@ -15,6 +15,7 @@ from planner.commands.options import (
     Local,
     TractorOption,
     Width,
+    check_distinct,
     check_output,
     write_text,
 )
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from planner.results import Ranking
     from planner.scenario import Scenario
     from planner.site import Site
+
+TURN_KMH = 5.0  # faster, the wheels cannot be turned over in time for arcs near full lock
 
 
 def plan(
@@ -42,7 +45,7 @@ def plan(
     price_per_hour: Annotated[float, typer.Option(help="Price of one tractor for one hour.")] = 40.0,
     price_per_tractor: Annotated[float, typer.Option(help="Price of bringing one tractor.")] = 0.0,
     speed_kmh: Annotated[float, typer.Option(help="Working speed, km/h.")] = 5.0,
-    turn_speed_kmh: Annotated[Optional[float], typer.Option(help="Speed in turns, km/h; as --speed-kmh.")] = None,  # noqa: UP045
+    turn_speed_kmh: Annotated[Optional[float], typer.Option(help="Turn speed, km/h; --speed-kmh, at most 5.")] = None,  # noqa: UP045
     headland: Headland = None,
     bearing: Bearing = None,
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
@@ -54,6 +57,7 @@ def plan(
     json: AsJson = False,
     csv: Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.")] = False,
     seed: Annotated[int, typer.Option(help="Seed; the same seed gives the same bytes.")] = 1,
+    gnss: Annotated[bool, typer.Option("--gnss", help="Let positions err as an RTK receiver's do.")] = False,
     processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,  # noqa: UP045
     full: Annotated[bool, typer.Option("--all", help="Show every plan in the table.")] = False,
 ) -> None:
@@ -69,9 +73,10 @@ def plan(
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
     for path in (html, png, save):
         check_output(path)
+    check_distinct(field, html, png, save)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
-        turn_speed_kmh, headland, bearing, radius, tractor, seed,
+        turn_speed_kmh, headland, bearing, radius, tractor, seed, gnss,
     )  # fmt: skip
     site, ranking = _rank(scenario, processes)
     _print(ranking, json, csv, full)
@@ -85,12 +90,13 @@ def _scenario(
     field: str, local: bool, width: float, tractors: str, strategies: str, turn: str, start: str | None,
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None, tractor: str,
-    seed: int,
+    seed: int, gnss: bool,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_clock, parse_counts
     from strategies.registry import STRATEGIES
 
-    names = tuple(STRATEGIES) if strategies.strip() == "all" else tuple(n.strip() for n in strategies.split(","))
+    asked = tuple(dict.fromkeys(name.strip() for name in strategies.split(",")))
+    names = tuple(STRATEGIES) if strategies.strip() == "all" else asked
     return Scenario(
         field=field,
         local=local,
@@ -103,12 +109,13 @@ def _scenario(
         strategies=names,
         turn=turn,
         speed_mps=speed_kmh * KMH,
-        turn_speed_mps=(speed_kmh if turn_speed_kmh is None else turn_speed_kmh) * KMH,
+        turn_speed_mps=(min(speed_kmh, TURN_KMH) if turn_speed_kmh is None else turn_speed_kmh) * KMH,
         price_per_hour=price_per_hour,
         price_per_tractor=price_per_tractor,
         start_s=None if start is None else parse_clock(start, "--start"),
         before_s=None if before is None else parse_clock(before, "--before"),
         seed=seed,
+        gnss=gnss,
     )
 
 

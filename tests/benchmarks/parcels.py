@@ -58,9 +58,10 @@ def main() -> None:
     evaluate(prepare(Scenario(field="iwamizawa")), Candidate("split-field", 1))
     tasks = [(where, counts, options.width) for path in options.files for where in parcels(path)]
     with Pool() as pool:
-        rows = list(pool.imap(work, tasks, chunksize=1))
-    for row in rows:
-        print_row(row, counts)
+        rows = []
+        for row in pool.imap(work, tasks, chunksize=1):
+            print_row(row, counts)
+            rows.append(row)
     summary(rows)
 
 

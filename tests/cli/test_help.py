@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-HEAVY = ("numba", "pymunk", "matplotlib", "pandas", "ortools", "jinja2", "pyproj")
+HEAVY = ("numba", "numpy", "pymunk", "shapely", "matplotlib", "pandas", "ortools", "jinja2", "pyproj")
 
 
 def test_the_command_line_loads_nothing_heavy() -> None:

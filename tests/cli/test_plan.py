@@ -129,7 +129,7 @@ def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path)
         return found
 
     plain = best()
-    assert best("--speed-kmh", "8", "--turn-speed-kmh", "5")["time_s"] < plain["time_s"]
+    assert best("--speed-kmh", "8")["time_s"] < plain["time_s"]
     assert best("--width", "4")["time_s"] < plain["time_s"]
     assert best("--headland", "14")["worked_pct"] < plain["worked_pct"]
     assert best("--bearing", "90")["time_s"] != plain["time_s"]
@@ -164,14 +164,14 @@ class TestProcess:
         assert outcome.status == 0, outcome.err
         assert json.loads(outcome.out)["field"] == {"name": "iwamizawa", "area_ha": 1.89}
 
-    def test_a_reader_that_leaves_early_hears_no_complaint(self, command: list[str], small: Path) -> None:
+    def test_a_reader_that_leaves_early_is_no_fault(self, command: list[str], small: Path) -> None:
         words = [*command, "plan", str(small), "--local", "--tractors", "1-2", "--json"]
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None and process.stderr is not None
-            process.stdout.readline()
             process.stdout.close()
             complaint = process.stderr.read()
-        assert complaint == ""
+            status = process.wait(60)
+        assert status == 0 and complaint == ""
 
     @pytest.mark.skipif(os.name != "posix", reason="needs a signal")
     def test_interrupting_ends_with_130_and_leaves_the_old_file(self, command: list[str], tmp_path: Path) -> None:
@@ -186,3 +186,20 @@ class TestProcess:
         assert out == "" and "Traceback" not in complaint and len(complaint.splitlines()) <= 1
         assert page.read_text() == "older"
         assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+
+    @pytest.mark.skipif(os.name != "posix", reason="needs a group of processes")
+    def test_interrupting_all_processes_is_one_sentence(self, command: list[str], tmp_path: Path) -> None:
+        words = [*command, "plan", "denmark", "--tractors", "1-6", "--processes", "2"]
+        with subprocess.Popen(
+            words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        ) as process:
+            time.sleep(2.0)
+            os.killpg(process.pid, signal.SIGINT)
+            out, complaint = process.communicate(timeout=30)
+        assert process.returncode == 130 and out == ""
+        assert complaint.strip() == "Error: Interrupted; nothing was written."
+
+
+def test_a_strategy_named_twice_is_tried_once(headland: Callable[..., Any], small: Path) -> None:
+    outcome = headland("plan", small, "--local", "--tractors", "1", "--strategies", "split-field,split-field", "--json")
+    assert len(json.loads(outcome.out)["plans"]) == 1

@@ -185,6 +185,8 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--html good.geojson/x.html", ("cannot be written",)),
     ("--save inner", ("is a folder",)),
     ("--html old.html --tractors 0", ("0 tractors",)),
+    ("--save good.geojson", ("would overwrite the field",)),
+    ("--html new.html --save ./new.html", ("would overwrite another result",)),
 ]
 
 

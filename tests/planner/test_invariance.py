@@ -68,3 +68,14 @@ def test_area_and_tracks_stay(how: str, move: Any) -> None:
         assert after.field.area_ha == pytest.approx(before.field.area_ha, rel=1e-9)
         assert after.lines == before.lines
         assert after.total_m == pytest.approx(before.total_m, rel=1e-6)
+
+
+@pytest.mark.parametrize("how", ["upside down", "mirrored"])
+def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str, move: Any) -> None:
+    field = read_field("netherlands")
+    before, after = (
+        evaluate(prepare(Scenario(field="netherlands"), f), Candidate("row-by-row", 3))
+        for f in (field, move(field, MOVES[how]))
+    )
+    assert before.feasible and after.feasible
+    assert after.time_s == pytest.approx(before.time_s, rel=0.005)

@@ -17,7 +17,7 @@ from planner.scenario import Scenario
 from planner.site import Site, prepare
 from strategies.errors import StrategyError
 from strategies.registry import STRATEGIES
-from vehicle.missions import check_plan, plan_from_json, plan_to_json
+from vehicle.missions import JOINT_M, check_plan, plan_from_json, plan_to_json
 from vehicle.run import DONE, Run
 
 FEW = settings(deadline=None, max_examples=8, derandomize=True, database=None)
@@ -81,7 +81,7 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: Site, name: str, tra
         return
     check_plan(run.plan)
     for mission in run.plan.missions:
-        assert all(math.dist(a.points[-1], b.points[0]) < 0.02 for a, b in pairwise(mission.legs))
+        assert all(math.dist(a.points[-1], b.points[0]) <= JOINT_M for a, b in pairwise(mission.legs))
     lengths = dict.fromkeys(range(site.layout.lines), 0.0)
     for track in site.layout.tracks:
         lengths[track.line] += track.length

@@ -140,6 +140,18 @@ class TestOrder:
         # Three tracks of 100 m at 1.5 m/s; two turns of 30 s; the guided point leaves 2.3 m past the line.
         assert order_time(order, job) == pytest.approx(300 / 1.5 + 2 * (30.0 + jobs.tool_m / 1.5))
 
+    def test_begins_on_the_outermost_line_where_a_notch_makes_a_late_cell(self, jobs: Any) -> None:
+        job = jobs.drawn([[(0.0, 40.0)]] * 5 + [SPLIT] * 2 + [[(0.0, 40.0)]] * 3)
+        tracks = list(job.layout.tracks)
+        assert order_tracks(tracks, job, 1, (True, 1))[0].track.line == 9
+        assert order_tracks(tracks, job, 1, (False, 1))[0].track.line == 0
+
+    def test_an_interrupted_first_line_is_begun_at_either_piece(self, jobs: Any) -> None:
+        job = jobs.drawn([SPLIT] * 4)
+        for last_piece in (False, True):
+            order = order_tracks(list(job.layout.tracks), job, 1, (True, 1), last_piece)
+            assert (order[0].track.line, order[0].track.piece) == (3, int(last_piece))
+
 
 class TestBestOrders:
     def test_skips_tracks_when_turns_over_several_are_much_quicker(self, jobs: Any) -> None:
