@@ -256,7 +256,9 @@ def _weights(pairs: list[tuple[Array, Array] | None], least: float) -> tuple[Cha
     clipped = [np.clip(part, -4.0, 4.0) for part in (before, after)]
     memory = float(clipped[0] @ clipped[1] / max(clipped[0] @ clipped[0], 1e-9))
     memory = min(max(memory, 0.0), MOST_MEMORY)
-    return tuple(None if pair is None else Channel(np.hypot(spread, pair[1]), memory) for pair in pairs)
+    fresh = huber((np.concatenate([s[1:] - memory * s[:-1] for s in scaled])) / np.sqrt(1.0 - memory * memory))
+    size = max(float(np.sqrt(np.mean(fresh * fresh))), 0.3)
+    return tuple(None if pair is None else Channel(size * np.hypot(spread, pair[1]), memory) for pair in pairs)
 
 
 def blocks_of(names: Mapping[str, str]) -> frozenset[str]:
