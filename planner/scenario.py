@@ -37,6 +37,7 @@ class Scenario:
     start_s: int | None = None
     before_s: int | None = None
     seed: int = 1
+    gnss: bool = False
 
     def __post_init__(self) -> None:
         _check_fleet(self)

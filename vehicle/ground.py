@@ -45,3 +45,85 @@ def ground_index(name: str) -> int:
     if name not in ground_names():
         raise VehicleError(f"The ground {name!r} is unknown; use one of: {', '.join(ground_names())}.")
     return ground_names().index(name)
+
+
+MODELS = ("kinematic", "linear", "nonlinear")
+WHOLE_DEG = 90.0
+
+
+class Curve(BaseModel):
+    """Friction curve of a game engine's wheel: straight to the peak, straight to the slide, constant beyond.
+
+    The slip it is read at is atan(sideways / (forward + ease)); some engines ease it by 1 m/s.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    peak_slip_rad: float = Field(default=0.2, gt=0)
+    peak: float = Field(default=1.0, gt=0)
+    slide_slip_rad: float = Field(default=0.5, gt=0)
+    slide: float = Field(default=0.75, ge=0)
+    ease_mps: float = Field(default=0.0, ge=0)
+
+
+ENGINE_CURVE = Curve()
+
+
+class Tyres(BaseModel):
+    """Side friction of front and rear tyres on one ground (Eq. 4.3, 4.4), for drives without correction.
+
+    `curve`, if any, multiplies the side friction; `grip`, if any, is what the driven rear wheels can push over
+    their load, and what they push is missing from their side force (friction circle).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    front_slope_per_deg: float = Field(gt=0)
+    front_limit_deg: float = Field(gt=0, le=WHOLE_DEG)
+    rear_slope_per_deg: float = Field(gt=0)
+    rear_limit_deg: float = Field(gt=0, le=WHOLE_DEG)
+    rolling_resistance: float = Field(default=0.0, ge=0, lt=1)
+    grip: float | None = Field(default=None, gt=0)
+    curve: Curve | None = None
+
+
+# Slope and limit per degree, front and rear, of the non-linear model, and slopes of the linear one; rolling
+# resistance and grip are assumed. The thesis gives no tyres for soil: those of section 4.3, which names no ground
+# and which chapter 6 takes up, stand for it.
+_TYRES = {
+    "asphalt": ((0.15, 5.0, 0.2, 5.0), (0.15, 0.2), 0.02, 0.8),
+    "soil": ((0.005, 5.0, 0.01, 5.0), (0.005, 0.01), 0.06, 0.2),
+    "mud": ((0.03, 2.0, 0.04, 2.0), (0.0225, 0.03), 0.10, 0.4),
+}
+TYRE_GROUNDS = tuple(_TYRES)
+
+
+def tyres_on(ground: str, model: str, *, curve: Curve | None = ENGINE_CURVE) -> Tyres:
+    """Tyres of the thesis on a ground (section 4.3 and 4.4); the kinematic model has no curve and no circle.
+
+    Raises VehicleError for an unknown ground or model.
+    """
+    if ground not in _TYRES:
+        raise VehicleError(f"The ground {ground!r} is unknown; use one of: {', '.join(TYRE_GROUNDS)}.")
+    if model not in MODELS:
+        raise VehicleError(f"The tyre model {model!r} is unknown; use one of: {', '.join(MODELS)}.")
+    (front, front_limit, rear, rear_limit), (front_line, rear_line), rolling, grip = _TYRES[ground]
+    if model == "kinematic":
+        front = rear = STIFF_PER_DEG
+        return _tyres(front, WHOLE_DEG, rear, WHOLE_DEG, rolling, None, None)
+    if model == "linear":
+        return _tyres(front_line, WHOLE_DEG, rear_line, WHOLE_DEG, rolling, grip, curve)
+    return _tyres(front, front_limit, rear, rear_limit, rolling, grip, curve)
+
+
+STIFF_PER_DEG = 50.0  # "a very large constant value" (section 4.3): 0.01 degrees of slip carry half the load
+
+
+def _tyres(
+    front: float, front_limit: float, rear: float, rear_limit: float, rolling: float, grip: float | None,
+    curve: Curve | None,
+) -> Tyres:  # fmt: skip
+    return Tyres(
+        front_slope_per_deg=front, front_limit_deg=front_limit, rear_slope_per_deg=rear, rear_limit_deg=rear_limit,
+        rolling_resistance=rolling, grip=grip, curve=curve,
+    )  # fmt: skip

@@ -33,12 +33,16 @@ def project(
     """Advance along a polyline to the segment abreast of (x, y).
 
     `points` (n, 2) and `cumulative` (n,) describe the path; the search starts at `segment`, never goes back and
-    never beyond `last`. Returns the segment, the progress along the path (m) and the lateral error (m, positive
-    when the path lies to the right of the point in the direction of travel).
+    never beyond `last`. A segment without length is a jump to another path and passed at once. Returns the segment,
+    the progress along the path (m) and the lateral error (m, positive when the path lies to the right of the point
+    in the direction of travel).
     """
     while True:
         ax, ay = points[segment, 0], points[segment, 1]  # type: ignore[index]
         length = cumulative[segment + 1] - cumulative[segment]  # type: ignore[index]
+        if length == 0.0 and segment < last:
+            segment += 1
+            continue
         ux = (points[segment + 1, 0] - ax) / length  # type: ignore[index]
         uy = (points[segment + 1, 1] - ay) / length  # type: ignore[index]
         along = (x - ax) * ux + (y - ay) * uy

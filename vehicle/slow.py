@@ -13,6 +13,7 @@ import pymunk
 
 from vehicle.clearance import closest_pair
 from vehicle.control import control_tick
+from vehicle.gnss import draw_error
 from vehicle.loop import ALL_DONE, RUNNING, STALLED, TOO_CLOSE, drive_tractor, note
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ def run_slow(
         time = step * dt
         if step % world.every == 0:
             _read_poses(world)
+            if len(world.fixes):
+                for state in states:
+                    draw_error(state, world.fixes)
             for me in range(len(states)):
                 control_tick(
                     me, states, models, legs, gates, program.points, program.cumulative, time, world.every * dt

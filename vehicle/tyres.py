@@ -31,3 +31,30 @@ def side_damping(forward: float, sideways: float, slip: float, slope: float, lim
     if sideways == 0.0:
         return slope / max(abs(forward), CREEP_MPS)
     return slope * min(abs(slip), limit) / abs(sideways)
+
+
+@compiled
+def friction_curve(slip: float, peak_slip: float, peak: float, slide_slip: float, slide: float) -> float:
+    """Share of the side friction a game engine's wheel passes on: straight up to (peak_slip, peak), then straight
+    down to (slide_slip, slide), constant beyond. A `peak_slip` of 0 stands for no curve and gives 1.
+
+    The side stiffness of Eq. 4.3 and 4.4 was written into the engine of the thesis, where it multiplies this curve.
+    """
+    if peak_slip == 0.0:
+        return 1.0
+    size = abs(slip)
+    if size < peak_slip:
+        return peak * size / peak_slip
+    if size < slide_slip:
+        return peak + (slide - peak) * (size - peak_slip) / (slide_slip - peak_slip)
+    return slide
+
+
+@compiled
+def side_share(drive: float, grip: float) -> float:
+    """Share of its side force a wheel keeps while it drives: the friction circle, with `grip` the most it can push.
+
+    At the limit of the grip a twentieth stays, so that a spinning wheel still resists a little.
+    """
+    used = min(abs(drive) / grip, 1.0)
+    return max(math.sqrt(1.0 - used * used), 0.05)

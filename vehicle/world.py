@@ -15,6 +15,7 @@ import pymunk
 from vehicle.calibration import BASE_LOCK_DEG, CIRCLE_SPEED_MPS, identity_table, steering_tables
 from vehicle.compile import Program, compile_grounds, compile_model, compile_plan, outline
 from vehicle.engine import Engine, EngineUnavailable
+from vehicle.gnss import NO_ERROR, error_keys
 from vehicle.ground import GROUNDS, ground_index
 from vehicle.layout import STATE
 from vehicle.loop import ALL_DONE, RUNNING, STALLED, TOO_CLOSE, run_fixed, run_loop
@@ -58,15 +59,23 @@ def _box(body: pymunk.Body, rear: float, front: float, half: float) -> pymunk.Po
 
 
 class World:
-    """Executes one plan. Every tractor is of the same kind and carries the same implement."""
+    """Executes one plan. Every tractor is of the same kind and carries the same implement.
 
-    def __init__(self, plan: Plan, tractor: Tractor, implement: Implement, *, tables: Array | None = None) -> None:
+    `fixes` is a GNSS table of vehicle.gnss, from which each tractor draws errors of its own by the `seed`.
+    """
+
+    def __init__(
+        self, plan: Plan, tractor: Tractor, implement: Implement, *, tables: Array | None = None,
+        fixes: Array | None = None, seed: int = 1,
+    ) -> None:  # fmt: skip
         check_plan(plan)
         self.plan = plan
         self.program: Program = compile_plan(plan, tractor)
         self.models = np.array([compile_model(tractor, implement)])
         self.grounds = compile_grounds()
         self.tables = (steering_tables(tractor) if tables is None else tables)[None]
+        self.fixes = NO_ERROR if fixes is None else fixes
+        self.program.states["error_key"] = error_keys(seed, plan.tractors)
         self.every = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))
         self.space = pymunk.Space()
         poses = [(float(s["x"]), float(s["y"]), float(s["angle"])) for s in self.program.states]
@@ -116,6 +125,7 @@ class World:
                     engine.read_count, engine.write_count, engine.touch_count,
                     program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
                     program.points, program.cumulative, record, self.clearances, self.contacts, stop, STALL_S,
+                    self.fixes,
                 )  # fmt: skip
         from vehicle.slow import run_slow
 

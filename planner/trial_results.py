@@ -1,0 +1,100 @@
+"""What an experiment hands to a report: numbers beside the thesis, pictures as plain arrays, tables as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One number of the thesis beside ours; None where there is none, with the reason in `note`."""
+
+    experiment: str
+    quantity: str
+    unit: str
+    thesis: float | None
+    ours: float | None
+    note: str = ""
+
+    @property
+    def difference_pct(self) -> float | None:
+        """Ours less the thesis over the thesis, in percent."""
+        if self.thesis is None or self.ours is None or self.thesis == 0.0:
+            return None
+        return 100.0 * (self.ours / self.thesis - 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A line of a panel: x and y (t,), a colour by number, and per point the stage of the steering simulator if any."""
+
+    label: str
+    x: Array
+    y: Array
+    colour: int = 0
+    dashed: bool = False
+    stages: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Lines over two axes; `equal` draws both to one scale."""
+
+    title: str
+    x_label: str
+    y_label: str
+    lines: tuple[Line, ...]
+    equal: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class HeatMap:
+    """Values (rows, columns) over two axes; nan is what `missing` names."""
+
+    title: str
+    x_label: str
+    y_label: str
+    value_label: str
+    x: Array
+    y: Array
+    values: Array
+    missing: str
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A small table of words and numbers."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """One experiment: what it is, what came out, and what to look at."""
+
+    name: str
+    title: str
+    words: tuple[str, ...]
+    comparisons: tuple[Comparison, ...] = ()
+    panels: tuple[Panel | HeatMap, ...] = ()
+    tables: tuple[TextTable, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """What came out. `radius_m` is that of the antenna's circle, None without one; slips at the end, in degrees;
+    `track` rows are time, x, y, heading (clockwise from north, degrees) and wheel angle (degrees), ten a second.
+    """
+
+    radius_m: float | None
+    stable: bool
+    slip_front_deg: float
+    slip_rear_deg: float
+    track: Array

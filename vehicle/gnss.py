@@ -1,0 +1,217 @@
+"""The GNSS error simulator of section 2.3.1: a table of static fixes, and errors drawn from it.
+
+A table (n, 4) of int64 holds one grid cell a row: the cell's distance from the mean of all fixes (east and north,
+mm) and the interval (a, b] of the draw sigma that belongs to it (Eq. 2.6, 2.7). The cells are sorted by number of
+fixes, then by place, so that the same fixes always give the same table.
+
+Algorithm 1 of the thesis is read with three slips mended. Its fourth case (sigma = a) steps back one row without
+having searched there; as the intervals are (a, b], sigma = a belongs to the row before, and the search simply goes
+on to the left. The middle of the search is rounded down. The last row is `n - 1`, so the right end starts at `n`.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.errors import VehicleError
+from vehicle.jit import compiled
+
+GRID, CENTRE, FEWEST = 32, 16, 100
+DEFAULT_SEED, DEFAULT_FIXES = 20240, 8000
+Table = npt.NDArray[np.int64]
+NO_ERROR: Table = np.zeros((0, 4), dtype=np.int64)
+_ODD, _MIX_1, _MIX_2 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_S27, _S30, _S31, _S11 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(11)
+
+
+@compiled
+def mixed(key: int, count: int) -> float:
+    """A number in [0, 1) that depends on the key and the count alone: splitmix64 (Steele, Lea and Flood, 2014)."""
+    z = np.uint64(key) + _ODD * np.uint64(count)
+    z = (z ^ (z >> _S30)) * _MIX_1
+    z = (z ^ (z >> _S27)) * _MIX_2
+    z = z ^ (z >> _S31)
+    return float(z >> _S11) * 1.1102230246251565e-16
+
+
+@compiled
+def find_row(table: Table, sigma: int) -> int:
+    """Row whose interval (a, b] holds sigma: Algorithm 1, mended as said above."""
+    left, right = -1, len(table)
+    while left + 1 < right:
+        middle = (left + right) // 2
+        if sigma <= table[middle, 2]:
+            right = middle
+        elif sigma > table[middle, 3]:
+            left = middle
+        else:
+            return middle
+    return min(max(left, 0), len(table) - 1)
+
+
+@compiled
+def draw_error(state, table) -> None:  # type: ignore[no-untyped-def]
+    """Draw the next error of one tractor (m, east and north) into its state."""
+    sigma = 1 + int(mixed(state.error_key, state.error_count) * table[-1, 3])
+    row = find_row(table, sigma)
+    state.error_count += 1
+    state.error_x, state.error_y = table[row, 0] * 0.001, table[row, 1] * 0.001
+
+
+@compiled
+def draw_many(key: int, count: int, table: Table) -> Table:
+    """The first `count` errors of a key, (count, 2) in mm: what a tractor with this key meets."""
+    drawn = np.empty((count, 2), dtype=np.int64)
+    for i in range(count):
+        row = find_row(table, 1 + int(mixed(key, i) * table[-1, 3]))
+        drawn[i, 0], drawn[i, 1] = table[row, 0], table[row, 1]
+    return drawn
+
+
+def error_keys(seed: int, tractors: int) -> npt.NDArray[np.int64]:
+    """One key per tractor, so that each draws errors of its own."""
+    spread = np.random.SeedSequence(seed).generate_state(tractors, dtype=np.uint64)
+    return spread.view(np.int64)
+
+
+def make_table(east_mm: npt.NDArray[np.float64], north_mm: npt.NDArray[np.float64]) -> Table:
+    """Count fixes (n,) on the 1 mm grid about their mean, which lies in cell (16, 16) of 32.
+
+    Raises VehicleError for fewer than 100 fixes or fixes that do not fit the grid.
+    """
+    if len(east_mm) < FEWEST:
+        raise VehicleError(f"{len(east_mm)} fixes are too few for a table of errors; give {FEWEST} or more.")
+    cells = np.stack([_cells(east_mm), _cells(north_mm)], axis=1)
+    if cells.min() < 0 or cells.max() >= GRID:
+        worst = float(np.abs(cells - CENTRE).max())
+        raise VehicleError(
+            f"The fixes reach {worst:.0f} mm from their mean, beyond the {GRID} mm grid; remove what was recorded "
+            "before the receiver had a fixed solution."
+        )
+    places, counts = np.unique(cells, axis=0, return_counts=True)
+    order = np.lexsort((places[:, 1], places[:, 0], counts))
+    places, counts = places[order], counts[order]
+    ends = np.cumsum(counts)
+    return np.column_stack([places - CENTRE, ends - counts, ends]).astype(np.int64)
+
+
+def _cells(values: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """Grid cell of each value; whole millimetres stay apart whatever the fraction of their mean."""
+    return (np.round(values) - math.floor(float(np.mean(values)) + 0.5) + CENTRE).astype(np.int64)
+
+
+def default_fixes() -> npt.NDArray[np.float64]:
+    """8000 synthetic static fixes of an RTK receiver, (8000, 2) in mm east and north.
+
+    Made, not measured: a slow wander of the solution (a first-order Gauss-Markov process, 60 s at 10 Hz) and white
+    noise of each fix, together 3.2 mm east and 4.1 mm north, the usual size of the horizontal scatter of a fixed
+    solution over minutes (maker's figure of 8 mm + 1 ppm is an upper bound over days), cut at the edge of the grid
+    and rounded to the receiver's millimetre.
+    """
+    random = np.random.default_rng(DEFAULT_SEED)
+    keep, scale = math.exp(-0.1 / 60.0), np.array([3.2, 4.1])
+    wander = np.empty((DEFAULT_FIXES, 2))
+    value = random.normal(size=2)
+    for row in wander:
+        value = keep * value + math.sqrt(1.0 - keep * keep) * random.normal(size=2)
+        row[:] = value
+    wander = (wander - wander.mean(axis=0)) / wander.std(axis=0)
+    fixes = scale * (0.8 * wander + 0.6 * random.normal(size=wander.shape))
+    return np.asarray(np.round(np.clip(fixes, -14.0, 14.0)))
+
+
+@lru_cache(maxsize=1)
+def default_table() -> Table:
+    """The table that comes with Headland (vehicle/data/gnss_rtk.csv), made from `default_fixes`."""
+    text = (resources.files("vehicle") / "data" / "gnss_rtk.csv").read_text(encoding="utf-8")
+    return _parse_table(text, "the table of Headland")
+
+
+def table_text(table: Table) -> str:
+    """A table as CSV."""
+    rows = "\n".join(",".join(str(int(value)) for value in row) for row in table)
+    return f"east_mm,north_mm,above,up_to\n{rows}\n"
+
+
+def load_table(path: str | Path) -> Table:
+    """Read a table written by `table_text`; raises VehicleError naming the line."""
+    return _parse_table(_read(Path(path)), str(path))
+
+
+def _parse_table(text: str, where: str) -> Table:
+    rows = _numbers(text, ("east_mm", "north_mm", "above", "up_to"), where)
+    table = rows.astype(np.int64)
+    whole = len(table) > 0 and (table == rows).all() and table[0, 2] == 0
+    if not (whole and (table[1:, 2] == table[:-1, 3]).all() and (table[:, 3] > table[:, 2]).all()):
+        raise VehicleError(
+            f"{where} is no GNSS table: the intervals must be whole numbers that start at 0 and follow on each "
+            "other; make one with headland gnss fit."
+        )
+    return table
+
+
+def load_fixes(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """East and north (mm) of a file of static fixes: columns x_m, y_m or longitude, latitude in degrees.
+
+    Raises VehicleError for unreadable files, missing columns, too few rows and values that are no numbers.
+    """
+    text = _read(Path(path))
+    header = [name.strip().lower() for name in text.splitlines()[0].split(",")] if text.strip() else []
+    if {"x_m", "y_m"} <= set(header):
+        values = 1000.0 * _numbers(text, ("x_m", "y_m"), str(path))
+    elif {"longitude", "latitude"} <= set(header):
+        degrees = _numbers(text, ("longitude", "latitude"), str(path))
+        values = 1000.0 * _local_metres(degrees)
+    else:
+        found = ", ".join(header) or "none"
+        raise VehicleError(
+            f"{path} has the columns {found}; fixes need x_m, y_m (metres) or longitude, latitude (degrees)."
+        )
+    if len(values) < FEWEST:
+        raise VehicleError(f"{path} holds {len(values)} fixes; a table of errors needs {FEWEST} or more.")
+    return values[:, 0], values[:, 1]
+
+
+def _local_metres(degrees: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Metres about the first fix on the WGS 84 ellipsoid; over a few centimetres the plane is exact."""
+    phi = math.radians(float(degrees[0, 1]))
+    a, e2 = 6378137.0, 6.69437999014e-3
+    w = math.sqrt(1.0 - e2 * math.sin(phi) ** 2)
+    scale = np.radians([a / w * math.cos(phi), a * (1.0 - e2) / w**3])
+    return np.asarray((degrees - degrees[0]) * scale)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise VehicleError(f"{path} cannot be read: {error.strerror}; give a CSV file.") from None
+    except UnicodeDecodeError:
+        raise VehicleError(f"{path} is not a text file; give a CSV file.") from None
+
+
+def _numbers(text: str, columns: tuple[str, ...], where: str) -> npt.NDArray[np.float64]:
+    """The named columns of a CSV text, (n, columns); raises VehicleError for a row that is not finite numbers."""
+    reader = csv.DictReader(text.splitlines())
+    reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or ()]
+    missing = [name for name in columns if name not in reader.fieldnames]
+    if missing:
+        raise VehicleError(f"{where} lacks the column {missing[0]!r}; it needs {', '.join(columns)}.")
+    rows = []
+    for row in reader:
+        try:
+            values = [float(row[name]) for name in columns]
+        except (TypeError, ValueError):
+            values = [math.nan]
+        if not all(math.isfinite(value) for value in values):
+            shown = ", ".join(str(row[name]) for name in columns)
+            raise VehicleError(f"{where}, line {reader.line_num}: {shown!r} are not numbers; mend or remove the line.")
+        rows.append(values)
+    return np.array(rows, dtype=np.float64).reshape(-1, len(columns))
