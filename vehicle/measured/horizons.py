@@ -12,7 +12,7 @@ from vehicle.measured.bench import Bench
 from vehicle.measured.course import DT_S, Stretch
 from vehicle.measured.record import Array
 from vehicle.measured.replay import Settings, replay, seen
-from vehicle.measured.whitening import DRIFT_MEMORY_S, SOIL_MEMORY_S
+from vehicle.measured.whitening import DRIFT_MEMORY_S, SOIL_MEMORY_S, Noise
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)
 HEADING_TRUST_RAD = 0.035
@@ -127,8 +127,15 @@ def _noisy(bench: Bench, stretch: Stretch, plain: Seen, settings: Settings, rng:
         left = np.zeros(stretch.rows) if measured is None else np.roll(measured - simulated, rng.integers(stretch.rows))
         grids[name] = np.interp(grid, stretch.time, simulated + left)
     drawn = replace(stretch, grids=grids, wheel=plain[2])
-    states = _over_rough_ground(bench, replay(bench.rig, drawn, settings, True, True), rng)
-    antenna, heading, _, _ = seen(bench.rig, stretch, states, settings)
+    states = over_rough_ground(bench.noise, replay(bench.rig, drawn, settings, True, True), rng)
+    return noisy_instruments(bench, stretch, states, settings, rng)[0]
+
+
+def noisy_instruments(
+    bench: Bench, stretch: Stretch, states: Array, settings: Settings, rng: np.random.Generator
+) -> tuple[Stretch, Array, Array]:
+    """The stretch with positions and headings as noisy instruments show the states; wheel angle and speed without."""
+    antenna, heading, wheel, speed = seen(bench.rig, stretch, states, settings)
     noise, dt = bench.noise, np.diff(stretch.time, prepend=0.0)
 
     def instrument(white: float, drift: float) -> Array:
@@ -137,12 +144,12 @@ def _noisy(bench: Bench, stretch: Stretch, plain: Seen, settings: Settings, rng:
     east = antenna[:, 0] + instrument(noise.position, noise.position_drift)
     north = antenna[:, 1] + instrument(noise.position, noise.position_drift)
     seen_heading = heading + (instrument(noise.heading, noise.heading_drift) if stretch.heading_seen else 0.0)
-    return replace(stretch, east=east, north=north, heading=seen_heading)
+    return replace(stretch, east=east, north=north, heading=seen_heading), wheel, speed
 
 
-def _over_rough_ground(bench: Bench, states: Array, rng: np.random.Generator) -> Array:
+def over_rough_ground(noise: Noise, states: Array, rng: np.random.Generator) -> Array:
     """Replayed states turned, step by step, by the disturbance of the soil."""
-    pushes = bench.noise.soil * _coloured(rng, np.full(len(states), DT_S), SOIL_MEMORY_S)
+    pushes = noise.soil * _coloured(rng, np.full(len(states), DT_S), SOIL_MEMORY_S)
     extra = np.cumsum(pushes * np.abs(states[:, 4]) * DT_S)
     out = states.copy()
     dx, dy = np.diff(states[:, 0]), np.diff(states[:, 1])

@@ -137,7 +137,7 @@ def _driven(bench: Bench, program: Program, heading: float, settings: Values) ->
     pace = float(np.median(np.concatenate([one.speed for one in bench.course.stretches]))) or PACE_MPS
     made = []
     for run, (turn, pieces) in enumerate(program.passes):
-        blank = _blank(run, heading - math.radians(turn), pieces, pace)
+        blank = blank(run, heading - math.radians(turn), pieces, pace)
         states = replay(bench.rig, blank, settings, from_sensor=False, from_speed=True)
         antenna, angle, wheel, speed = seen(bench.rig, blank, states, settings)
         grid = np.arange(len(states)) * DT_S
@@ -151,9 +151,12 @@ def _driven(bench: Bench, program: Program, heading: float, settings: Values) ->
     return Course(names, tuple(made), (0.0, 0.0), sum(one.rows for one in made))
 
 
-def _blank(run: int, heading: float, pieces: tuple[tuple[float, float, float, float], ...], pace: float) -> Stretch:
+def blank(
+    run: int, heading: float, pieces: tuple[tuple[float, float, float, float], ...], pace: float, step: float = STEP_S
+) -> Stretch:
+    """A drive that has only its commands yet: pieces as in Program, `heading` in rad."""
     ends = np.cumsum([piece[0] for piece in pieces])
-    time = np.arange(0.0, ends[-1] - 1e-9, STEP_S)
+    time = np.arange(0.0, ends[-1] - 1e-9, step)
     grid = np.arange(int(math.ceil(time[-1] / DT_S)) + 1) * DT_S
 
     def at(times: Array, column: int, factor: float) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.measured.course import Stretch
 from vehicle.measured.horizons import Error
 from vehicle.measured.record import Array
 from vehicle.tractor import Tractor
@@ -117,3 +118,29 @@ class Diagnosis:
 def finite(value: float) -> float | None:
     """A number for JSON, None for one that JSON cannot hold."""
     return float(value) if np.isfinite(value) else None
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayedStretch:
+    """One stretch: the measured rows, the simulated antenna laid on the first seconds, wheel angle and speed.
+
+    `pieces` holds, per piece of 5 s, its rows and the errors after anchoring (cross, along in m; heading in rad).
+    """
+
+    measured: Stretch
+    antenna: Array
+    wheel: Array
+    speed: Array
+    pieces: tuple[tuple[slice, Array], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Replayed:
+    """A replayed run and its errors by horizon."""
+
+    name: str
+    tractor: str
+    effects: tuple[str, ...]
+    errors: Errors
+    stretches: tuple[ReplayedStretch, ...]
+    rows_gated: int

@@ -1,0 +1,47 @@
+"""`headland replay`: one measured run against its simulation, as numbers and as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from planner.commands.diagnose import Fixes, Ground
+from planner.commands.options import AsJson, TractorOption, check_output, write_text
+
+
+def replay(
+    log: Annotated[str, typer.Argument(help="A CSV or Parquet file with one run.")],
+    tractor: TractorOption = "eg105",
+    ground: Ground = "soil",
+    fix: Fixes = None,
+    png: Annotated[Optional[Path], typer.Option(help="Write the picture.")] = None,  # noqa: UP045
+    html: Annotated[Optional[Path], typer.Option(help="Write the picture and the errors as one page.")] = None,  # noqa: UP045
+    json: AsJson = False,
+) -> None:
+    """Replay the commands of a measured run, effects of the tractor file included, and compare with what was measured.
+
+    Example: headland replay run.csv --tractor my-eg105.toml --png run.png
+    """
+    from planner.commands.single import one_thread
+
+    one_thread()
+    from planner.replay import replayed
+    from reports.replay_report import replay_figure, replay_json, replay_page, replay_table
+
+    for path in (png, html):
+        check_output(path)
+    found = replayed(log, tractor, ground, tuple(fix or ()))
+    if json:
+        typer.echo(replay_json(found), nl=False)
+    else:
+        from planner.commands.show import out
+
+        out(replay_table(found))
+    if png:
+        from reports.figures import save_png
+
+        save_png(replay_figure(found), png)
+    if html:
+        write_text(html, replay_page(found))

@@ -1,0 +1,90 @@
+"""A diagnosis from files to figures: reading, diagnosing, and what the extended tractor changes in a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from planner.errors import ScenarioError
+from planner.evaluate import Candidate, drive
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from vehicle.layout import WORKING
+from vehicle.measured.demo import Hidden, demo_logs, draw_hidden
+from vehicle.measured.diagnose import Progress, diagnose
+from vehicle.measured.logs import read_logs
+from vehicle.measured.record import Log
+from vehicle.measured.verdict import Diagnosis, PlanGain
+from vehicle.run import DONE, Run
+from vehicle.tractor import Tractor, load_tractor
+
+PLAN_FIELD = "iwamizawa"
+PLAN_WIDTH_M = 3.0
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to diagnose: log files or, with none, a demonstration drawn from `seed`."""
+
+    files: tuple[str, ...]
+    tractor: str = "eg105"
+    ground: str = "soil"
+    fixes: tuple[str, ...] = ()
+    demo: bool = False
+    seed: int = 1
+    hide: str | None = None
+
+
+def diagnosed(order: Order, progress: Progress | None = None) -> tuple[Diagnosis, Hidden | None]:
+    """The diagnosis of an order, and what the demonstration had hidden.
+
+    Raises ScenarioError for an order that asks for both or neither, LogError and VehicleError for its parts.
+    """
+    if order.demo == bool(order.files):
+        raise ScenarioError("Give log files, or --demo for a demonstration; not both and not neither.")
+    tractor = load_tractor(order.tractor)
+    hidden = draw_hidden(order.seed, tractor, order.hide) if order.demo else None
+    logs = _logs(order, tractor, hidden)
+    found = diagnose(logs, tractor, order.ground, progress)
+    return replace(found, plan=plan_gain(tractor, found.tractor)), hidden
+
+
+def _logs(order: Order, tractor: Tractor, hidden: Hidden | None) -> list[Log]:
+    if order.demo:
+        return demo_logs(hidden, tractor, order.ground, order.seed)
+    return read_logs([Path(name) if Path(name).exists() else name for name in order.files], order.fixes, tractor.wheelbase_m)
+
+
+def plan_gain(before: Tractor, after: Tractor) -> PlanGain | None:
+    """Time and tracking of a small plan driven by both tractors under guidance; None when nothing was extended.
+
+    The plan is made for the tractor of the file; the extended one drives it as the real one would.
+    """
+    if not after.effects or before.length_m < 1.0:
+        return None
+    site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractors=(1,), strategies=("row-by-row",)))
+    runs = [drive(replace(site, tractor=tractor), Candidate("row-by-row", 1))[0] for tractor in (before, after)]
+    times = [float(run.duration_s) if run.outcome == DONE else None for run in runs]
+    lateral = [_lateral_cm(site, run) for run in runs]
+    return PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1])
+
+
+def _lateral_cm(site: Site, run: Run) -> float:
+    """Root mean square distance (cm) of the guided point from the track nearest to it, while working."""
+    from planner.measure import guided_point
+
+    points = guided_point(run, site, 0)[run.record[:, 0, 6] == WORKING]
+    starts = np.array([track.start for track in site.layout.tracks])
+    ends = np.array([track.end for track in site.layout.tracks])
+    along = (ends - starts) / np.linalg.norm(ends - starts, axis=1, keepdims=True)
+    off = points[:, None, :] - starts[None]
+    cross = np.abs(off[:, :, 0] * along[None, :, 1] - off[:, :, 1] * along[None, :, 0]).min(axis=1)
+    return 100.0 * float(np.sqrt(np.mean(cross**2)))
+
+
+def saved_names(order: Order) -> Sequence[str]:
+    """Names of the logs of an order, as given."""
+    return order.files

@@ -1,0 +1,65 @@
+"""A diagnosis as JSON: a contract."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from vehicle.measured.verdict import Diagnosis, Errors, Finding
+
+
+def diagnosis_json(diagnosis: Diagnosis) -> str:
+    """The diagnosis as a JSON object; numbers that JSON cannot hold are null."""
+    return json.dumps(_clean(diagnosis_dict(diagnosis)), indent=2, allow_nan=False) + "\n"
+
+
+def diagnosis_dict(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The diagnosis as plain values."""
+    drive, plan = diagnosis.next_drive, diagnosis.plan
+    return {
+        "runs": len(diagnosis.names),
+        "rows_used": diagnosis.rows_used,
+        "rows_gated": diagnosis.rows_gated,
+        "verdict": diagnosis.headline,
+        "error_before": _errors(diagnosis.before),
+        "error_after": _errors(diagnosis.after),
+        "noise_floor": _errors(diagnosis.floor),
+        "guilty_block": diagnosis.guilty_block,
+        "effects": [_effect(one) for one in diagnosis.findings],
+        "named": list(diagnosis.named),
+        "unexplained_share": diagnosis.unexplained_share,
+        "unexplained_depends_on": list(diagnosis.depends_on),
+        "next_drive": None if drive is None else {
+            "id": drive.id, "words": drive.words, "seconds": drive.seconds, "separates": list(drive.separates),
+            "score": drive.score,
+        },
+        "calibration": diagnosis.calibration,
+        "plan": None if plan is None else plan.__dict__,
+        "notes": list(diagnosis.notes),
+        "tractor": diagnosis.tractor.model_dump(mode="python"),
+    }  # fmt: skip
+
+
+def _errors(errors: Errors) -> dict[str, dict[str, float]]:
+    return {f"{horizon:g}": dict(error.__dict__) for horizon, error in errors.items()}
+
+
+def _effect(one: Finding) -> dict[str, Any]:
+    return {
+        "id": one.id, "status": one.status, "value": one.value,
+        "interval": None if one.interval is None else {key: list(pair) for key, pair in one.interval.items()},
+        "gain_pct": one.gain_pct, "gain_interval": one.gain_interval, "smallest_visible": one.smallest_visible,
+        "unit": one.unit, "block": one.block, "equivalent_to": list(one.equivalent_to), "exchange": one.exchange,
+    }  # fmt: skip
+
+
+def _clean(value: Any) -> Any:
+    """Values with infinities and NaN as None, and tuples as lists."""
+    if isinstance(value, dict):
+        return {str(key): _clean(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_clean(one) for one in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
