@@ -51,11 +51,14 @@ class Repairs:
         return False
 
 
-def without_conflicts(plan: Plan, simulate: Simulate) -> tuple[Run, str | None]:
-    """Simulate and repair until the plan is done; the last run, and why it is not feasible when it is not."""
+def without_conflicts(plan: Plan, simulate: Simulate, most: int = MOST_REPAIRS) -> tuple[Run, str | None]:
+    """Simulate and repair, at most so often, until the plan is done.
+
+    Returns the last run, and why the plan is not feasible when it is not.
+    """
     repairs = Repairs()
     first: Conflict | None = None
-    for _ in range(MOST_REPAIRS):
+    for _ in range(most):
         run = simulate(repairs.applied(plan))
         if run.outcome == DONE:
             return run, None

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.deconflict import without_conflicts
+from planner.deconflict import MOST_REPAIRS, without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
 from planner.results import PlanResult
 from planner.site import Site
@@ -22,6 +22,9 @@ from vehicle.world import World
 
 SAFE_M = 0.05
 FARTHEST_OUTSIDE_M = 0.5
+FORMATION_REPAIRS = 8  # a formation has its own queue: where that needs more mending, the field does not suit it
+LEAVES = f"a path leaves the field by {FARTHEST_OUTSIDE_M} m or more, also with slower turns"
+SLOWER = 0.6
 Driven = tuple[Run, str | None, str]
 
 
@@ -47,7 +50,7 @@ def drive(site: Site, candidate: Candidate) -> Driven:
     """The run of a candidate, why it is not feasible (None when it is), and the turns it uses."""
     job = site.job(candidate.tractors)
     if job.corner is not None or candidate.strategy not in FORMATIONS:
-        return _drive(site, candidate, job)
+        return _on_course(site, candidate, job)
     return _from_some_corner(site, candidate, job)
 
 
@@ -57,7 +60,7 @@ def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
     refusal: StrategyError | None = None
     for corner in corners_by_promise(job):
         try:
-            latest = _drive(site, candidate, replace(job, corner=corner, used={}))
+            latest = _on_course(site, candidate, replace(job, corner=corner, used={}))
         except StrategyError as error:
             refusal = refusal or error
             continue
@@ -67,6 +70,20 @@ def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
     if driven is None:
         raise refusal or StrategyError("No corner to begin at; the field has no tracks.")
     return driven
+
+
+def _on_course(site: Site, candidate: Candidate, job: Job) -> Driven:
+    """Drive; where a path leaves the field, drive the turns more slowly and see whether that keeps it in."""
+    driven = _drive(site, candidate, job)
+    if driven[1] != LEAVES:
+        return driven
+    manner = replace(
+        job.manner,
+        turn_speed_mps=SLOWER * job.manner.turn_speed_mps,
+        reverse_speed_mps=SLOWER * job.manner.reverse_speed_mps,
+    )
+    slower = _drive(site, candidate, replace(job, manner=manner, used={}))
+    return slower if slower[1] is None else driven
 
 
 def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
@@ -79,13 +96,22 @@ def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
     if candidate.strategy == ROW_BY_ROW_OPTIMISED and candidate.tractors > 1:
         plan, run = optimised(job, simulate, site.tractor, site.implement)
         if run.outcome == DONE:
-            return run, None, _turns(job)
+            return run, _fault(site, run), _turns(job)
     elif candidate.strategy == ROW_BY_ROW_OPTIMISED:
         plan = build("row-by-row", job)
     else:
         plan = build(candidate.strategy, job, candidate.jump)
-    run, reason = without_conflicts(plan, simulate)
-    return run, reason, _turns(job)
+    most = FORMATION_REPAIRS if candidate.strategy in FORMATIONS else MOST_REPAIRS
+    run, reason = without_conflicts(plan, simulate, most)
+    return run, reason or _fault(site, run), _turns(job)
+
+
+def _fault(site: Site, run: Run) -> str | None:
+    """Why a plan that was driven to the end is not feasible all the same, or None."""
+    if run.contacts:
+        time, first, second = run.contacts[0]
+        return f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
+    return LEAVES if excursion(run, site).depth_m >= FARTHEST_OUTSIDE_M else None
 
 
 def _patience_s(plan: Plan) -> float:
@@ -101,11 +127,8 @@ def _turns(job: Job) -> str:
 
 def _measured(site: Site, candidate: Candidate, run: Run, reason: str | None, turn: str) -> PlanResult:
     outside = excursion(run, site)
-    if reason is None and run.contacts:
-        time, first, second = run.contacts[0]
-        reason = f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
-    if reason is None and outside.depth_m >= FARTHEST_OUTSIDE_M:
-        reason = f"a path leaves the field by {outside.depth_m:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
+    if reason == LEAVES:
+        reason = f"{LEAVES} ({outside.depth_m:.2f} m)"
     if run.outcome != DONE:
         return PlanResult(
             candidate.strategy, candidate.tractors, turn, False, reason, collisions=len(run.contacts)
