@@ -209,7 +209,7 @@ class TestProperties:
         gap, lines = np.abs(np.diff(lateral)), np.diff(line)
         other = lines > 0
         spacing = gap[other] / lines[other]
-        assert not len(spacing) or np.ptp(spacing) < 1e-6 and spacing[0] <= 3.0 + 0.05
+        assert not len(spacing) or (np.ptp(spacing) < 1e-6 and spacing[0] <= 3.0 + 0.05)
 
     @given(shape=outlines(), bearing=st.floats(0, 180))
     @RELAXED
