@@ -10,10 +10,17 @@ import sys
 
 import typer
 
+from planner.commands.design import design
+from planner.commands.diagnose import diagnose
+from planner.commands.drive import drive
 from planner.commands.field import field
+from planner.commands.gnss import gnss
 from planner.commands.plan import plan
+from planner.commands.replay import replay
 from planner.commands.study import study
+from planner.commands.validate import validate
 
+INTERRUPTED = "Interrupted; nothing was written."
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
 
 app = typer.Typer(
@@ -28,6 +35,12 @@ app = typer.Typer(
 app.command()(plan)
 app.command()(field)
 app.command()(study)
+app.command()(diagnose)
+app.command()(replay)
+app.command()(validate)
+app.command()(drive)
+app.command()(design)
+app.add_typer(gnss, name="gnss")
 
 
 def main() -> None:
@@ -35,8 +48,13 @@ def main() -> None:
     try:
         app()
     except KeyboardInterrupt:
-        _fail("Interrupted; nothing was written.", INTERRUPTED_STATUS)
-    except BrokenPipeError:
+        _fail(INTERRUPTED, INTERRUPTED_STATUS)
+    except SystemExit as end:
+        # typer answers Ctrl-C and a closed pipe itself: without a word, and as a fault.
+        if end.code == INTERRUPTED_STATUS:
+            _fail(INTERRUPTED, INTERRUPTED_STATUS)
+        if not isinstance(end.__context__, BrokenPipeError):
+            raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except ValueError as error:

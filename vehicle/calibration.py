@@ -85,12 +85,12 @@ def _base_angle(tractor: Tractor, radius: Array, ground: int) -> Array:
 
 def _bare(tractor: Tractor) -> str:
     """The tractor without names and measured radii, as a cache key."""
-    return tractor.model_copy(update={"radius": {}, "source": {}, "name": ""}).model_dump_json()
+    return tractor.model_copy(update={"radius": {}, "source": {}, "name": "", "effects": {}}).model_dump_json()
 
 
 def steering_tables(tractor: Tractor) -> Array:
     """Tables of all grounds, shape (grounds, TABLE_STEPS)."""
-    return np.array(_tables(tractor.model_dump_json()))
+    return np.array(_tables(tractor.model_copy(update={"effects": {}}).model_dump_json()))
 
 
 @lru_cache(maxsize=16)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.effects import effect_fields
 from vehicle.ground import GROUNDS, ground_index
 from vehicle.layout import GATE, GROUND, LEG, MODEL, STATE
 from vehicle.missions import Leg, Mission, Plan
@@ -67,7 +68,8 @@ def compile_model(tractor: Tractor, implement: Implement) -> Array:
         ),
         **boxes,
     }
-    for name, value in values.items():
+    effects = effect_fields({name: setting.value for name, setting in tractor.effects.items()})
+    for name, value in (values | effects).items():
         model[name] = value
     return model
 

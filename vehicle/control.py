@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 
+from vehicle.driveline import STOPPED_MPS
 from vehicle.guidance import project, steering_command, target_point, wrapped
 from vehicle.jit import compiled
 from vehicle.layout import FINISHED, REVERSING, TURNING, WAITING, WORKING
 from vehicle.speed import approach_speed, follower_speed
+from vehicle.terms import seen_pose
 
-STOPPED_MPS = 0.03
 ARRIVED_M = 0.08
 CREEP_MPS = 0.12
 ALIGNED_RAD = math.radians(3.0)
@@ -33,12 +34,15 @@ def gates_open(leg: int, legs, gates, states) -> bool:  # type: ignore[no-untype
 def steer(state, model, leg, points, cumulative) -> None:  # type: ignore[no-untyped-def]
     """Project the guided point on the path and set the steering command (Eq. 2.5); in reverse, mirrored."""
     reach = model.guide if leg.gear > 0 else model.guide_reverse
-    x = state.x + reach * math.cos(state.angle) + state.error_x
-    y = state.y + reach * math.sin(state.angle) + state.error_y
+    x, y, angle = state.x, state.y, state.angle
+    if model.affected != 0.0:
+        x, y, angle = seen_pose(state, model)
+    x += reach * math.cos(angle) + state.error_x
+    y += reach * math.sin(angle) + state.error_y
     state.segment, progress, state.lateral = project(points, cumulative, state.segment, leg.last_segment, x, y)
     state.progress = max(progress, state.progress)
     tx, ty = target_point(points, cumulative, state.segment, leg.last_segment, progress + leg.lookahead)
-    travel = state.angle if leg.gear > 0 else state.angle + math.pi
+    travel = angle if leg.gear > 0 else angle + math.pi
     heading = wrapped(travel - math.atan2(ty - y, tx - x))
     command = steering_command(
         state.lateral, heading, model.lateral_gain, model.heading_gain, model.lateral_limit, model.lock
@@ -129,6 +133,7 @@ def control_tick(me, states, models, legs, gates, points, cumulative, time, peri
         else:
             speed = 0.0
     state.target_speed = speed * leg.gear
+    state.working = leg.implement
     if leg.gear < 0:
         state.status = REVERSING
     elif held and abs(state.forward) < 2.0 * CREEP_MPS:

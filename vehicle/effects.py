@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vehicle.errors import VehicleError
 
 STEERING, PATH, SPEED, POSITION = "command to wheel", "wheel to path", "speed", "position to antenna"
 BLOCKS = (STEERING, PATH, SPEED, POSITION)
 STEP_HZ = 60.0  # steps of the simulation, in which delays are counted
-MOST_DELAY_S = 1.5
+USUAL_WHEELBASE_M = 2.4
 
 Values = Mapping[str, float]
 Fields = dict[str, float]
@@ -38,6 +38,15 @@ class Param:
     low: float
     high: float
     place: bool = False
+    metres: int = 0
+
+    def for_wheelbase(self, wheelbase_m: float) -> Param:
+        """The same parameter for a vehicle of another size: lengths and curvatures scale with the wheelbase.
+
+        `metres` is the power of metres in the unit that scales so.
+        """
+        factor = (wheelbase_m / USUAL_WHEELBASE_M) ** self.metres
+        return replace(self, typical=self.typical * factor, finest=self.finest * factor, high=self.high * max(factor, 1.0))
 
 
 @dataclass(frozen=True)
@@ -118,7 +127,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "changes of the command", "small steps and quick small waves of the steering",
     ),
     Effect(
-        "steering_rate", STEERING, (Param("rate_deg_per_s", "deg/s", None, 6.0, 1.2, 1.0, 90.0),),
+        "steering_rate", STEERING, (Param("rate_deg_per_s", "deg/s", None, 6.0, 2.0, 1.0, 90.0),),
         lambda v: {"rate": math.radians(v["rate_deg_per_s"])},
         lambda v: f"The steering cannot move faster than {v['rate_deg_per_s']:.1f} degrees a second.",
         "large changes of the command", "steps from lock to lock",
@@ -156,7 +165,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "direction of travel", "the same line there and back, and one across it",
     ),
     Effect(
-        "implement_side_draft", PATH, (Param("curvature_per_m", "1/m", 0.0, 0.006, 0.0008, -0.1, 0.1),),
+        "implement_side_draft", PATH, (Param("curvature_per_m", "1/m", 0.0, 0.006, 0.0008, -0.1, 0.1, metres=-1),),
         lambda v: {"draft": v["curvature_per_m"]},
         lambda v: f"The working implement pulls the tractor to the {_side(v['curvature_per_m'])}, as if on a curve of "
                   f"{1 / max(abs(v['curvature_per_m']), 1e-9):.0f} m.",
@@ -176,14 +185,14 @@ CATALOGUE: tuple[Effect, ...] = (
         "implement working", "straight ahead, implement down and up in turn",
     ),
     Effect(
-        "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0),),
+        "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0, metres=1),),
         lambda v: {"shift_forward": v["distance_m"]},
         lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further {'forward' if v['distance_m'] > 0 else 'back'} "
                   "than the tractor file says.",
         "turning rate", "tight turns to both sides",
     ),
     Effect(
-        "antenna_right", POSITION, (Param("distance_m", "m", 0.0, 0.15, 0.03, -5.0, 5.0),),
+        "antenna_right", POSITION, (Param("distance_m", "m", 0.0, 0.15, 0.03, -5.0, 5.0, metres=1),),
         lambda v: {"shift_right": v["distance_m"]},
         lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further {_side(v['distance_m'])} than the tractor "
                   "file says.",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+HISTORY = 96  # steps that delays can reach back
+
 # What does not change during a run, per kind of tractor; SI and radians, distances from the centre of mass.
 MODEL = np.dtype(
     [
@@ -37,6 +39,29 @@ MODEL = np.dtype(
         ("tool_tail", "f8"),
         ("tool_half_width", "f8"),
         ("reach", "f8"),
+        # Effects of vehicle.effects; they count only where `affected` is 1.
+        ("affected", "f8"),
+        ("offset", "f8"),
+        ("bend", "f8"),
+        ("bend_left", "f8"),
+        ("dead_steps", "f8"),
+        ("half_play", "f8"),
+        ("slide", "f8"),
+        ("understeer", "f8"),
+        ("slope_east", "f8"),
+        ("slope_north", "f8"),
+        ("draft", "f8"),
+        ("slip", "f8"),
+        ("tool_slip", "f8"),
+        ("shift_forward", "f8"),
+        ("shift_right", "f8"),
+        ("latency", "f8"),
+        ("heading_bias", "f8"),
+        ("patch", "f8"),
+        ("patch_east", "f8"),
+        ("patch_north", "f8"),
+        ("patch_radius", "f8"),
+        ("drift", "f8"),
     ]
 )
 
@@ -55,6 +80,7 @@ GROUND = np.dtype(
         ("slide_slip", "f8"),
         ("slide", "f8"),
         ("grip", "f8"),
+        ("ease", "f8"),
     ]
 )
 
@@ -78,6 +104,14 @@ STATE = np.dtype(
         ("done_time", "f8"),
         ("error_x", "f8"),
         ("error_y", "f8"),
+        ("working", "f8"),
+        # What effects remember: steps since the start, wheel angle behind the play, and the last commands and poses.
+        ("clock", "i8"),
+        ("play", "f8"),
+        ("commands", "f8", (HISTORY,)),
+        ("xs", "f8", (HISTORY,)),
+        ("ys", "f8", (HISTORY,)),
+        ("angles", "f8", (HISTORY,)),
         ("stage", "i8"),
         ("segment", "i8"),
         ("leg", "i8"),

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 
-from vehicle.chassis import GRAVITY, body_step
+from vehicle.chassis import body_step
 from vehicle.clearance import closest_pair
-from vehicle.control import STOPPED_MPS, control_tick
+from vehicle.control import control_tick
+from vehicle.driveline import propel, turn_wheels
 from vehicle.engine import (
     EACH_BODY,
     EACH_CONTACT,
@@ -27,9 +28,10 @@ from vehicle.engine import (
     call_each,
     call_step,
 )
+from vehicle.gnss import draw_error
 from vehicle.jit import compiled
-from vehicle.speed import drive_force, ramp
-from vehicle.steering import corrected_angle, steering_step
+from vehicle.steering import corrected_angle
+from vehicle.terms import affected_tangent, side_drift
 
 RUNNING, ALL_DONE, TOO_CLOSE, STALLED = 0, 1, 2, 3
 
@@ -46,30 +48,23 @@ def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None
     forward = body[3] * cosine + body[4] * sine
     right = body[3] * sine - body[4] * cosine
     state.forward = forward
-    state.steering, state.stage = steering_step(
-        state.steering, state.command, state.stage, dt,
-        model.dead_band, model.switch, model.rate, model.lag, model.gain, model.latch,
-    )  # fmt: skip
-    before = state.reference_speed
-    state.reference_speed = ramp(before, state.target_speed, model.acceleration * dt)
-    error = state.reference_speed - forward
-    state.integral = min(max(state.integral + error * dt, -2.0), 2.0)
-    drive = drive_force(
-        error, state.integral, (error - state.last_error) / dt, model.kp, model.ki, model.kd, model.max_drive
-    )
-    state.last_error = error
-    # What the reference asks for goes to the wheels at once; the controller only mends the rest.
-    drive += model.mass * (state.reference_speed - before) / dt
-    share = state.reference_speed / (abs(state.reference_speed) + 0.05)
-    drive += grounds[ground].rolling * model.mass * GRAVITY * share
-    if state.target_speed == 0.0 and state.reference_speed == 0.0 and abs(forward) < STOPPED_MPS:
-        state.integral = 0.0  # the brake holds
-        drive = -model.mass * forward / dt
-    drive = min(max(drive, -model.max_drive), model.max_drive)
-    tangent = math.tan(corrected_angle(state.steering, table, model.lock))
+    turn_wheels(state, model, dt)
+    drive = propel(state, model, grounds[ground], forward, dt)
+    slide = 0.0
+    if model.affected == 0.0:
+        tangent = math.tan(corrected_angle(state.steering, table, model.lock))
+    else:
+        seconds = state.clock * dt
+        tangent = affected_tangent(state.play, forward, body[0], body[1], seconds, state.working, table, model)
+        slide = side_drift(forward, cosine, sine, model)
+        place = state.clock % len(state.xs)
+        state.xs[place], state.ys[place], state.angles[place] = body[0], body[1], body[2]
+        state.clock += 1
+    # Tyres hold on to the ground that slides down the slope with them.
     new_forward, new_right, new_spin = body_step(
-        forward, right, -body[5], tangent, drive, dt, model, grounds[ground]
+        forward, right - slide, -body[5], tangent, drive, dt, model, grounds[ground]
     )
+    new_right += slide
     turn = body[5] * dt
     turned_cos = cosine * (1.0 - 0.5 * turn * turn) - sine * (turn - turn * turn * turn / 6.0)
     turned_sin = sine * (1.0 - 0.5 * turn * turn) + cosine * (turn - turn * turn * turn / 6.0)
@@ -96,13 +91,14 @@ def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, every, clock, addresses, read, write, touching, read_count, write_count, touch_count,
     states, models, grounds, tables, legs, gates, points, cumulative, record, clearances, contacts, stop_clearance,
-    stall_s,
+    stall_s, fixes,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `every` steps.
 
     `clock` (3,) holds the step count, the best total progress and the time it was reached, and is carried on.
     `tables` (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last
-    row counts. Returns an outcome of this module, the number of record rows, and the closest pair.
+    row counts. `fixes` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. Returns an outcome of this
+    module, the number of record rows, and the closest pair.
     """
     count = len(states)
     rows = 0
@@ -116,6 +112,8 @@ def run_loop(  # type: ignore[no-untyped-def]
             for i in range(count):
                 state = states[i]
                 state.x, state.y, state.angle = read[READ_WIDTH * i], read[READ_WIDTH * i + 1], read[READ_WIDTH * i + 2]
+                if len(fixes) > 0:
+                    draw_error(state, fixes)
             for i in range(count):
                 control_tick(i, states, models, legs, gates, points, cumulative, time, every * dt)
                 total += states[i].progress

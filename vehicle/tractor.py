@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from vehicle.effects import check
 from vehicle.errors import VehicleError
 
 POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
@@ -69,6 +70,14 @@ class PowerLaw(_Frozen):
         return float(POWER_LAW_M / (factor * abs(steering_deg) ** power))
 
 
+class EffectSetting(_Frozen):
+    """An effect of vehicle.effects found in measured logs: its values, their intervals, and the logs they came from."""
+
+    value: dict[str, float]
+    interval: dict[str, tuple[float, float]] = {}
+    logs: tuple[str, ...] = ()
+
+
 class Tractor(_Frozen):
     """A tractor as the simulator needs it. Distances from the centre of mass unless the name says otherwise.
 
@@ -91,6 +100,7 @@ class Tractor(_Frozen):
     guidance: Guidance = Guidance()
     speed: SpeedControl = SpeedControl()
     radius: dict[str, PowerLaw] = {}
+    effects: dict[str, EffectSetting] = {}
     source: dict[str, str] = {}
 
     @property
@@ -125,6 +135,8 @@ class Tractor(_Frozen):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Tractor:
+        for name, setting in self.effects.items():
+            check(name, setting.value)
         if self.wheelbase_m > self.length_m:
             raise ValueError(f"wheelbase {self.wheelbase_m} m is longer than length_m {self.length_m}")
         if self.track_m > self.width_m + 0.5:

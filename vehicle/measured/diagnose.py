@@ -15,9 +15,9 @@ from vehicle.effects import BLOCKS, CATALOGUE, Effect, effect
 from vehicle.measured.bench import Bench, prepare
 from vehicle.measured.course import make_course
 from vehicle.measured.curves import best_curve
-from vehicle.measured.fitting import Fit, block_sums, empty_fit, linear_extra
+from vehicle.measured.fitting import Fit, block_sums, empty_fit, linear_extra, refined
 from vehicle.measured.horizons import Squares, errors_of, floor_squares, run_squares, total_error
-from vehicle.measured.knobs import Knobs, block_of, knobs_for, settings_of
+from vehicle.measured.knobs import Knobs, block_of, finest_of, knobs_for, settings_of
 from vehicle.measured.naming import (
     LEAST_GAIN,
     Projector,
@@ -81,16 +81,20 @@ class _Counter:
 def _answer(logs: Sequence[Log], base: Bench, selection: Selection, ground: str, count: _Counter) -> Diagnosis:
     bench, fit, tractor = selection.bench, selection.fit, base.rig.tractor
     names = _nameable(selection, tractor)
+    fit = bare_fit(bench, fit)
     rivals = {name: _look_alikes(bench, fit, tractor, name) for name in names}
     count.step()
     floor = floor_squares(bench, fit.settings)
-    held_out = held_out_settings(bench, fit)
+    held_out = {
+        run: {name: values for name, values in one.items() if name in names}
+        for run, one in held_out_settings(bench, fit).items()
+    }
     before = run_squares(bench, dict.fromkeys(range(len(base.course.names)), {}))
     after = run_squares(bench, held_out)
     count.step()
     findings = _findings(bench, fit, tractor, names, rivals, floor, held_out, count)
     named = _in_order(bench, fit, [one.id for one in findings if one.status == NAMED])
-    guilty, blocks = _blocks(base, bench, fit, named, [one for one in findings if one.status == EQUIVALENT])
+    guilty, blocks = _blocks(base, bench, fit, named, [one for one in findings if one.status == EQUIVALENT], bool(selection.unnamed))
     count.finish()
     extended = extended_tractor(tractor, findings, base.course.names)
     return Diagnosis(
@@ -114,6 +118,15 @@ def _answer(logs: Sequence[Log], base: Bench, selection: Selection, ground: str,
         curve=best_curve(bench, fit, named or list(rivals), selection.unnamed),
         notes=_notes(logs, bench),
     )
+
+
+def bare_fit(bench: Bench, fit: Fit) -> Fit:
+    """The effects alone, fitted again without the unnamed terms: what a tractor file can hold."""
+    if fit.extra is None:
+        return fit
+    surprise = bench.surprise(fit.settings)
+    bare = Fit(fit.parts, surprise, np.zeros((len(surprise), 0)))
+    return refined(bench, bare)
 
 
 def _nameable(selection: Selection, tractor: Tractor) -> list[str]:
@@ -162,7 +175,7 @@ def _look_alikes(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> dict[st
         knobs = knobs_for(tractor, entry.id)
         other = tried(bench, rest, knobs, project)
         far = deviation(tractor, knobs, other.at)
-        if other.gain > gain - LOOK_ALIKE - LOOK_ALIKE_SHARE * gain and far > entry.size.finest:
+        if other.gain > gain - LOOK_ALIKE - LOOK_ALIKE_SHARE * gain and far > finest_of(tractor, entry.id):
             found[entry.id] = knobs.values(other.at)
     return found
 
@@ -246,7 +259,7 @@ def _stand_in(entry: Effect, value: dict[str, float], same: tuple[str, ...], of:
 def _absent(bench: Bench, fit: Fit, tractor: Tractor, entry: Effect) -> Finding:
     """An effect that is not in the model: refuted when its usual size would have shown."""
     smallest = _visible(bench, fit, tractor, entry)
-    typical = entry.size.typical
+    typical = entry.size.for_wheelbase(tractor.wheelbase_m).typical
     status = REFUTED if smallest is not None and smallest <= typical * 1.001 else NOT_VISIBLE
     return Finding(entry.id, status, None, None, 0.0, None, smallest, entry.size.unit, entry.block, "")
 
@@ -265,7 +278,7 @@ def _visible(bench: Bench, fit: Fit, tractor: Tractor, entry: Effect) -> float |
         if strength > 2.0 * LEAST_GAIN:
             if entry.id == "side_slip":
                 return 1.0 / float(at[0])
-            return finite(max(entry.size.finest, _smaller(share, strength) * entry.size.typical))
+            return finite(max(finest_of(tractor, entry.id), _smaller(share, strength) * knobs.typical[0]))
     return None
 
 
@@ -299,7 +312,7 @@ def intervals(bench: Bench, fit: Fit, knobs: Knobs, at: Array) -> dict[str, tupl
     if knobs.id == "side_slip":
         wide = max(1.96 * float(sigma[0]), 0.12 * float(at[0]))
         return {"limit_g": (1.0 / (float(at[0]) + wide), 1.0 / max(float(at[0]) - wide, 0.2))}
-    wide = math.hypot(1.96 * float(np.max(sigma)), size.finest)
+    wide = math.hypot(1.96 * float(np.max(sigma)), finest_of(bench.rig.tractor, knobs.id))
     found = {size.name: (value[size.name] - wide, value[size.name] + wide)}
     if knobs.id == "cross_slope_drift":
         turn = math.degrees(min(wide / max(value["ratio"], 1e-9), math.pi))
@@ -324,7 +337,7 @@ def _in_order(bench: Bench, fit: Fit, named: list[str]) -> list[str]:
 
 
 def _blocks(
-    base: Bench, bench: Bench, fit: Fit, named: list[str], alike: list[Finding]
+    base: Bench, bench: Bench, fit: Fit, named: list[str], alike: list[Finding], unnamed: bool
 ) -> tuple[str | None, dict[str, tuple[float, float]]]:
     """The guilty block, and per channel cut at the sensors the surprise before and after (1 is noise alone)."""
     first, last = bench.surprise({}), linear_extra(bench.surprise(fit.settings), fit.extra)
@@ -339,7 +352,7 @@ def _blocks(
         return effect(named[0]).block, found
     if alike:
         return alike[0].block, found
-    return ("wheel to path" if fit.extra is not None else None), found
+    return ("wheel to path" if unnamed else None), found
 
 
 def extended_tractor(tractor: Tractor, findings: Sequence[Finding], logs: Sequence[str]) -> Tractor:

@@ -53,7 +53,7 @@ class Knobs:
 _SEARCHED = {
     "steering_dead_time": (0.1, 0.2, 0.35, 0.6),
     "steering_backlash": (0.5, 1.5, 3.0),
-    "side_slip": (4.0, 8.0, 12.0, 18.0),
+    "side_slip": (1.2, 2.0, 4.0, 8.0, 12.0, 18.0),
     "gnss_latency": (0.1, 0.25),
     "understeer": (1.0, -0.5),
 }
@@ -73,7 +73,7 @@ def knobs_for(tractor: Tractor, name: str, patch: tuple[float, float, float] | N
         return Knobs(name, (0.0, 0.0), (typical, typical), (-0.5, -0.5), (0.5, 0.5), ((0.0, 0.0),))
     if name == "side_slip":
         return Knobs(name, (0.0,), (4.0,), (0.0,), (50.0,), _singles(_SEARCHED[name]))
-    size = entry.size
+    size = entry.size.for_wheelbase(tractor.wheelbase_m)
     zero = start[size.name]
     starts = _singles(_SEARCHED[name]) if name in _SEARCHED else ((zero,),)
     if name in _SHARES:
@@ -84,6 +84,11 @@ def knobs_for(tractor: Tractor, name: str, patch: tuple[float, float, float] | N
 
 def _singles(values: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
     return tuple((value,) for value in values)
+
+
+def finest_of(tractor: Tractor, name: str) -> float:
+    """Smallest size of an effect that may be claimed on this tractor."""
+    return effect(name).size.for_wheelbase(tractor.wheelbase_m).finest
 
 
 def settings_of(parts: list[tuple[Knobs, Array]]) -> dict[str, dict[str, float]]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import CATALOGUE, effect, neutral
+from vehicle.effects import CATALOGUE
 from vehicle.measured.bench import Bench, prepare
 from vehicle.measured.dependence import Dependence, Score, columns, scores
 from vehicle.measured.fitting import (
@@ -27,7 +27,7 @@ from vehicle.measured.fitting import (
     slopes,
     solve,
 )
-from vehicle.measured.knobs import Knobs, block_of, knobs_for, settings_of
+from vehicle.measured.knobs import Knobs, block_of, finest_of, knobs_for, settings_of
 from vehicle.measured.noise import tuned
 from vehicle.measured.patches import best_patch
 from vehicle.measured.record import Array
@@ -359,10 +359,6 @@ def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
     knobs, at = next(part for part in fit.parts if part[0].id == name)
     far = deviation(tractor, knobs, at)
     spread = float(np.max(sigma[fit.columns(name)]))
-    finest = effect(name).size.finest
+    finest = finest_of(tractor, name)
     return far > finest and far > CLEAR_SIGMAS * spread
 
-
-def neutral_values(tractor: Tractor, name: str) -> dict[str, float]:
-    """Neutral values of an effect on a tractor."""
-    return neutral(name, tractor.steering)

@@ -137,15 +137,15 @@ def _driven(bench: Bench, program: Program, heading: float, settings: Values) ->
     pace = float(np.median(np.concatenate([one.speed for one in bench.course.stretches]))) or PACE_MPS
     made = []
     for run, (turn, pieces) in enumerate(program.passes):
-        blank = blank(run, heading - math.radians(turn), pieces, pace)
-        states = replay(bench.rig, blank, settings, from_sensor=False, from_speed=True)
-        antenna, angle, wheel, speed = seen(bench.rig, blank, states, settings)
+        empty = blank(run, heading - math.radians(turn), pieces, pace)
+        states = replay(bench.rig, empty, settings, from_sensor=False, from_speed=True)
+        antenna, angle, wheel, speed = seen(bench.rig, empty, states, settings)
         grid = np.arange(len(states)) * DT_S
-        grids = dict(blank.grids)
+        grids = dict(empty.grids)
         for name, values in (("east", antenna[:, 0]), ("north", antenna[:, 1]), ("heading", angle), ("wheel", wheel)):
-            grids[name] = np.interp(grid, blank.time, values)
+            grids[name] = np.interp(grid, empty.time, values)
         made.append(
-            replace(blank, east=antenna[:, 0], north=antenna[:, 1], heading=angle, wheel=wheel, speed=speed, grids=grids)
+            replace(empty, east=antenna[:, 0], north=antenna[:, 1], heading=angle, wheel=wheel, speed=speed, grids=grids)
         )
     names = tuple(f"pass {run + 1}" for run in range(len(made)))
     return Course(names, tuple(made), (0.0, 0.0), sum(one.rows for one in made))

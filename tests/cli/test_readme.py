@@ -1,0 +1,48 @@
+"""Every command of the README runs as written."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def commands() -> list[str]:
+    """Lines of the README's shell blocks that begin with the command, without their comments."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL)
+    lines = [line.split("  #")[0].strip() for block in blocks for line in block.splitlines()]
+    return [line for line in lines if line.startswith("headland ")]
+
+
+def test_the_readme_shows_every_command() -> None:
+    from planner.main import app
+
+    shown = {line.split()[1] for line in commands()}
+    assert {info.name or info.callback.__name__ for info in app.registered_commands if info.callback} <= shown
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files the README's commands name."""
+    from fields.read import read_field
+    from fields.write import write_field
+
+    place = tmp_path_factory.mktemp("readme")
+    write_field(read_field("netherlands"), place / "myfarm.geojson")
+    return place
+
+
+@pytest.mark.parametrize("line", commands())
+def test_command(line: str, folder: Path, command: list[str]) -> None:
+    words = [*command, *line.split()[1:]]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+    for option in ("--html", "--png", "--save"):
+        if option in words:
+            assert (folder / words[words.index(option) + 1]).stat().st_size > 1000
