@@ -24,7 +24,7 @@ from reports.paths import (
     swath,
     waits,
 )
-from reports.wording import duration, feasible, limit_s
+from reports.wording import duration, feasible
 
 MOST_POINTS = 60_000  # of all paths of a map
 MOST_SAMPLES = 40_000  # of all tractors of an animation
@@ -156,7 +156,7 @@ def front_picture(ranking: Ranking) -> dict[str, Any] | None:
     if not plans:
         return None
     width, height, left, right, above, below = _FRONT
-    limit = limit_s(ranking)
+    limit = ranking.allowed_s
     top = max([plan.time_s or 0.0 for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
     counts = sorted({plan.tractors for plan in plans})
     span = counts[-1] - counts[0]

@@ -1,4 +1,4 @@
-"""Figures with matplotlib: the map of a drive, the time of each tractor, and time against number of tractors."""
+"""The map of a drive with matplotlib, and figures as PNG files and SVG text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.results import Drive, PlanResult, Ranking
+from planner.results import Drive
 from reports import palette
 from reports.errors import ReportError
 from reports.paths import (
@@ -23,7 +23,6 @@ from reports.paths import (
     swath,
     waits,
 )
-from reports.wording import feasible, limit_s, minutes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 _INK = "#2B2B2B"
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 _HASH_SALT = "headland"
 
 
@@ -54,60 +52,6 @@ def map_figure(drive: Drive) -> Figure:
     _draw_scale(axes, box)
     axes.set_title(_literal(drive.title), loc="left", fontsize=12, color=_INK)
     _map_legend(figure, drive)
-    return figure
-
-
-def bars_figure(drive: Drive) -> Figure:
-    """One horizontal bar per tractor: minutes of working, turning, waiting and reversing.
-
-    Raises:
-        ReportError: the drive cannot be drawn.
-    """
-    check_drive(drive)
-    count = len(drive.xy)
-    figure, axes = _canvas(8.0, 1.6 + 0.36 * count)
-    places = np.arange(1, count + 1)
-    left = np.zeros(count)
-    for name in STATES:
-        spans = np.asarray(drive.seconds[name], dtype=np.float64) / 60.0
-        axes.barh(places, spans, left=left, height=0.66, color=palette.STATES[name], label=name)
-        left = left + spans
-    for place, total in zip(places, left, strict=True):
-        axes.annotate(minutes(total * 60.0), (total, place), xytext=(4, 0), textcoords="offset points", va="center")
-    axes.set_yticks(places, [f"Tractor {place}" for place in places])
-    axes.invert_yaxis()
-    axes.set_xlim(0.0, float(left.max()) * 1.12 or 1.0)
-    axes.set_xlabel("Minutes")
-    axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.tick_params(axis="y", length=0)
-    axes.set_title(_literal(drive.title), loc="left", fontsize=12, color=_INK)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False)
-    return figure
-
-
-def front_figure(ranking: Ranking) -> Figure:
-    """Time in minutes against number of tractors: every feasible plan, the Pareto front, and the deadline.
-
-    Raises:
-        ReportError: no plan is feasible, so there is nothing to draw.
-    """
-    plans = [plan for plan in feasible(ranking) if plan.time_s is not None]
-    if not plans:
-        raise ReportError(f"No plan for field '{ranking.field_name}' is feasible; the figure needs one or more.")
-    figure, axes = _canvas(8.0, 5.0)
-    _draw_front(axes, plans)
-    limit = limit_s(ranking)
-    if limit is not None:
-        axes.axhline(limit / 60.0, color="#B00020", linestyle=(0, (6, 3)), linewidth=1.4, label="deadline")
-    axes.set_xticks(sorted({plan.tractors for plan in plans}))
-    axes.set_ylim(bottom=0.0)
-    axes.margins(y=0.08)
-    axes.set_xlabel("Tractors")
-    axes.set_ylabel("Time, minutes")
-    axes.grid(axis="y", color="#DDDDDD", linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(_literal(f"Time against number of tractors, {ranking.field_name}"), loc="left", fontsize=12)
-    figure.legend(loc="outside right upper", frameon=False)
     return figure
 
 
@@ -247,32 +191,6 @@ def _mark(marker: str, label: str, face: str) -> Line2D:
     from matplotlib.lines import Line2D
 
     return Line2D([], [], marker=marker, linestyle="none", markerfacecolor=face, markeredgecolor=_INK, label=label)
-
-
-def _draw_front(axes: Axes, plans: list[PlanResult]) -> None:
-    front = sorted((plan.tractors, plan.time_s or 0.0) for plan in plans if plan.on_pareto_front)
-    if front:
-        axes.plot(
-            [count for count, _ in front],
-            [time / 60.0 for _, time in front],
-            color="#555555",
-            linewidth=1.4,
-            zorder=2,
-            label="Pareto front",
-        )
-    for index, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
-        mine = [plan for plan in plans if plan.strategy == name]
-        axes.plot(
-            [plan.tractors for plan in mine],
-            [(plan.time_s or 0.0) / 60.0 for plan in mine],
-            linestyle="none",
-            marker=_MARKERS[index % len(_MARKERS)],
-            markersize=7,
-            color=palette.tractor_colour(index),
-            markeredgecolor="white",
-            zorder=4 - 0.01 * index,
-            label=_literal(name),
-        )
 
 
 def _literal(text: str) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
@@ -64,14 +66,50 @@ class _RankingTable:
             )
         for plan in self.plans:
             style = "bold" if plan is self.best else ""
-            table.add_row(*(Text(column.text(plan)) for column in columns), style=style)
+            table.add_row(*(_cell(column, plan) for column in columns), style=style)
         yield table
 
 
+@dataclass(frozen=True)
+class _Words:
+    """Names in a cell, broken where a reader would: at a space, else after a plus sign, else after a hyphen."""
+
+    text: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
+        yield Text("\n".join(_broken(self.text, options.max_width)), overflow="fold")
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        pieces = re.findall(r"[^ +-]+[+-]?", self.text)
+        least = max((len(piece) for piece in pieces), default=0)
+        return Measurement(least, len(self.text)).with_maximum(options.max_width)
+
+
+def _cell(column: _Column, plan: PlanResult) -> RenderableType:
+    text = column.text(plan)
+    return _Words(text) if column.words else Text(text)
+
+
+def _broken(text: str, width: int, marks: str = " +-") -> list[str]:
+    """Lines of at most `width` columns, broken after the first of `marks` that helps; longer if none does."""
+    if len(text) <= width or not marks:
+        return [text]
+    lines = [""]
+    for piece in re.findall(f"[^{re.escape(marks[0])}]*{re.escape(marks[0])}|.+$", text):
+        if len((lines[-1] + piece).rstrip()) <= width:
+            lines[-1] += piece
+        else:
+            lines += _broken(piece.rstrip(), width, marks[1:])
+    return [line.rstrip() for line in lines if line]
+
+
 def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
-    """The answer in plain words, the `most` best plans (all when None), and what was refused and why."""
+    """The answer in plain words, a table of plans, and what was refused and why.
+
+    The table holds the `most` fastest plans (all when None) and, however slow, the best plan and the Pareto front.
+    """
     plans = feasible(ranking)
-    shown = plans if most is None else plans[: max(most, 0)]
+    shown = _shown(ranking, plans, most)
     parts: list[RenderableType] = [_title(f"{ranking.field_name}, {number(ranking.area_ha, 2)} ha")]
     parts += [Text(sentence) for sentence in headline(ranking)]
     if shown:
@@ -79,9 +117,16 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline)]
         more = len(plans) - len(shown)
         starred = "* nobody is faster with as few tractors (Pareto front)."
-        parts.append(Text(starred + (f" {more} slower plans are not shown." if more else ""), style="dim"))
+        hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown." if more else ""
+        parts.append(Text(starred + hidden, style="dim"))
     parts += _refused_part(refused(ranking))
     return Group(*parts)
+
+
+def _shown(ranking: Ranking, plans: list[PlanResult], most: int | None) -> list[PlanResult]:
+    if most is None:
+        return plans
+    return [p for index, p in enumerate(plans) if index < most or p.on_pareto_front or p is ranking.best]
 
 
 def study_tables(study: Study) -> RenderableType:

@@ -11,7 +11,6 @@ from datetime import datetime, timedelta
 from planner.results import PlanResult, Ranking
 
 NOTHING = "-"
-_DAY_S = 86_400.0
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -130,22 +129,6 @@ def moment(text: str | None) -> datetime | None:
     return None
 
 
-def limit_s(ranking: Ranking) -> float | None:
-    """Seconds between start and deadline; None when either is missing or the plans contradict it.
-
-    A clock time before the start is on the next day. The plans are the judge: a plan said to be in time and
-    slower than this, or late and faster, means that the planner counts in another way.
-    """
-    start, before = moment(ranking.start), moment(ranking.before)
-    if start is None or before is None or (start.tzinfo is None) != (before.tzinfo is None):
-        return None
-    limit = (before - start).total_seconds()
-    limit += _DAY_S if limit <= 0 and start.year == before.year == 2000 else 0.0
-    judged = [(plan.time_s, plan.meets_deadline) for plan in feasible(ranking)]
-    agrees = all((time <= limit) == meets for time, meets in judged if time is not None and meets is not None)
-    return limit if limit > 0 and agrees else None
-
-
 def clock(ranking: Ranking, seconds: float | None) -> str | None:
     """The clock time, ``09:14`` or ``01:14, 1 d later``, so many seconds after the start; None without a start."""
     start = moment(ranking.start)
@@ -162,17 +145,18 @@ def headline(ranking: Ranking) -> list[str]:
     if best is None:
         return [_no_plan(ranking)]
     sentences = [f"Best plan: {_what(best)}, done in {_when(ranking, best)}{_at_cost(best)}."]
-    sentences += _deadline_words(ranking)
     plans = feasible(ranking)
+    priced = [plan for plan in plans if plan.cost is not None]
+    cheapest = min(priced, key=lambda plan: plan.cost or 0.0, default=None)
+    best_is_cheapest = cheapest is not None and cheapest.cost == best.cost
+    sentences += _deadline_words(ranking, best_is_cheapest)
     fastest = min(plans, key=lambda plan: math.inf if plan.time_s is None else plan.time_s)
     if fastest is not best and fastest.time_s != best.time_s:
         sentences.append(f"Fastest: {_what(fastest)}, done in {_when(ranking, fastest)}{_at_cost(fastest)}.")
-    priced = [plan for plan in plans if plan.cost is not None]
-    if priced:
-        cheapest = min(priced, key=lambda plan: plan.cost or 0.0)
-        same = cheapest is best or cheapest.cost == best.cost
-        told = f"Cheapest: {_what(cheapest)}, done in {_when(ranking, cheapest)}{_at_cost(cheapest)}."
-        sentences.append("The best plan is also the cheapest." if same else told)
+    if best_is_cheapest and not best.meets_deadline:
+        sentences.append("The best plan is also the cheapest.")
+    elif cheapest is not None and not best_is_cheapest:
+        sentences.append(f"Cheapest: {_what(cheapest)}, done in {_when(ranking, cheapest)}{_at_cost(cheapest)}.")
     return sentences
 
 
@@ -180,12 +164,16 @@ def _no_plan(ranking: Ranking) -> str:
     if not ranking.plans:
         return "No plan was tried: allow at least one strategy, turn and number of tractors."
     first = refusals(ranking.plans)[0]
-    count = len(ranking.plans)
-    return f"No plan works: {_refused_words(count)}, {len(first.plans)} of them because: {first.reason.rstrip('.')}."
+    figures = " (the figures are those of the first)" if first.alike else ""
+    return f"No plan works: {_refused_words(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
 
 
-def _refused_words(count: int) -> str:
-    return "the only one was refused" if count == 1 else f"all {count} were refused"
+def _refused_words(count: int, first: Refusal) -> str:
+    """How many were refused and how many for the reason that follows: ``both were refused because``."""
+    alike = len(first.plans)
+    everyone = {1: "the only one was", 2: "both were"}.get(count, f"all {count} were")
+    share = "" if alike == count else f", {'one' if alike == 1 else alike} of them"
+    return f"{everyone} refused{share} because"
 
 
 def _what(plan: PlanResult) -> str:
@@ -201,7 +189,8 @@ def _at_cost(plan: PlanResult) -> str:
     return "" if plan.cost is None else f", cost {price(plan.cost)}"
 
 
-def _deadline_words(ranking: Ranking) -> list[str]:
+def _deadline_words(ranking: Ranking, best_is_cheapest: bool) -> list[str]:
+    """Who meets the deadline, and that the best plan is the cheapest of those or of all plans."""
     judged = [plan for plan in feasible(ranking) if plan.meets_deadline is not None]
     if not judged:
         return []
@@ -212,4 +201,5 @@ def _deadline_words(ranking: Ranking) -> list[str]:
         return [f"{name} is met by no plan."]
     missed = f", not with {listed(late, 'or')}" if late else ""
     noun = "tractor" if meeting == [1] else "tractors"
-    return [f"{name} can be met with {listed(meeting, 'or')} {noun}{missed}; the best plan is the cheapest of them."]
+    among = "of all" if best_is_cheapest else "of them"
+    return [f"{name} can be met with {listed(meeting, 'or')} {noun}{missed}; the best plan is the cheapest {among}."]

@@ -116,6 +116,7 @@ def ranking() -> Ranking:
         plans=plans,
         start="08:00",
         before="09:00",
+        allowed_s=3600.0,
         assumptions=("Working width 3.00 m.", "Turning radius 4.10 m on soil."),
     )
 

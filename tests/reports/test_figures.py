@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.results import Drive, Ranking
+from planner.results import Drive
 from reports.errors import ReportError
-from reports.figures import bars_figure, front_figure, map_figure, save_png, to_svg
+from reports.figures import map_figure, save_png, to_svg
 
 
 def test_map_is_to_scale_and_holds_everything(drive: Drive) -> None:
@@ -56,62 +56,26 @@ def test_scale_bar_is_as_long_as_it_says(drive: Drive) -> None:
     assert [float(bar[1] - bar[0]) for bar in bars] == [pytest.approx(float(told.removesuffix(" m")))]
 
 
-def test_bars_sum_to_the_seconds_given(drive: Drive) -> None:
-    axes = bars_figure(drive).axes[0]
-    for name, bars in zip(drive.seconds, axes.containers, strict=True):
-        assert bars.get_label() == name
-        assert [bar.get_width() * 60 for bar in bars] == pytest.approx(drive.seconds[name])
-    totals = [sum(drive.seconds[name][number] for name in drive.seconds) for number in range(3)]
-    ends = [max(bars[number].get_x() + bars[number].get_width() for bars in axes.containers) for number in range(3)]
-    assert [end * 60 for end in ends] == pytest.approx(totals)
+def test_svg_is_the_same_letter_by_letter(drive: Drive) -> None:
+    text = to_svg(map_figure(drive))
+    assert text == to_svg(map_figure(drive))
+    assert text.startswith("<?xml")
+    assert "dc:date" not in text
 
 
-def test_bars_of_a_drive_without_time(drive: Drive) -> None:
-    nothing = dict.fromkeys(drive.seconds, (0.0, 0.0, 0.0))
-    assert bars_figure(replace(drive, seconds=nothing)).axes[0].get_xlim() == (0.0, 1.0)
-
-
-def test_front_has_every_plan_the_front_and_the_deadline(ranking: Ranking) -> None:
-    lines = {str(line.get_label()): line for line in front_figure(ranking).axes[0].lines}
-    front = lines.pop("Pareto front")
-    assert list(front.get_xdata()) == [1, 2, 3, 5]
-    assert list(front.get_ydata()) == pytest.approx([4475 / 60, 3725 / 60, 1712.4 / 60, 1253 / 60])
-    assert list(lines.pop("deadline").get_ydata()) == [60.0, 60.0]
-    drawn = sorted(
-        (x, y * 60) for line in lines.values() for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
-    )
-    given = sorted((plan.tractors, plan.time_s) for plan in ranking.plans if plan.feasible)
-    assert np.array(drawn) == pytest.approx(np.array(given))
-
-
-def test_front_without_a_deadline_or_plans(ranking: Ranking) -> None:
-    labels = [line.get_label() for line in front_figure(replace(ranking, before=None)).axes[0].lines]
-    assert "deadline" not in labels
-    with pytest.raises(ReportError, match="Iwamizawa"):
-        front_figure(replace(ranking, plans=ranking.plans[6:]))
-
-
-def test_svg_is_the_same_letter_by_letter(drive: Drive, ranking: Ranking) -> None:
-    for make in (lambda: map_figure(drive), lambda: bars_figure(drive), lambda: front_figure(ranking)):
-        text = to_svg(make())
-        assert text == to_svg(make())
-        assert text.startswith("<?xml")
-        assert "dc:date" not in text
-
-
-def test_dollar_signs_are_text(drive: Drive, ranking: Ranking) -> None:
+def test_dollar_signs_are_text(drive: Drive) -> None:
     assert "costs $5 or $6_x" in to_svg(map_figure(replace(drive, title="costs $5 or $6_x")))
-    assert "$a^$" in to_svg(front_figure(replace(ranking, field_name="$a^$")))
+    assert "$a^$" in to_svg(map_figure(replace(drive, title="$a^$")))
 
 
 def test_png_has_the_size_asked_for(drive: Drive, tmp_path: Path) -> None:
-    figure = bars_figure(drive)
-    save_png(figure, tmp_path / "bars.png", dpi=50)
-    data = (tmp_path / "bars.png").read_bytes()
+    figure = map_figure(drive)
+    save_png(figure, tmp_path / "map.png", dpi=50)
+    data = (tmp_path / "map.png").read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert int.from_bytes(data[16:20], "big") == int(figure.get_figwidth() * 50)
     with pytest.raises(ReportError, match="cannot be written"):
-        save_png(figure, tmp_path / "nowhere" / "bars.png")
+        save_png(figure, tmp_path / "nowhere" / "map.png")
 
 
 def test_a_drive_of_one_moment_on_a_field_without_tracks(drive: Drive) -> None:
@@ -135,5 +99,3 @@ def test_a_field_without_tractors_shows_its_swaths(drive: Drive) -> None:
     heights = [strip.get_extents().height for strip in strips]
     assert heights == pytest.approx([drive.width_m] * len(strips))
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"swaths of 3 m", "entrance"}
-    with pytest.raises(ReportError, match="no tractors"):
-        bars_figure(empty)

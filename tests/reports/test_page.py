@@ -15,7 +15,7 @@ from reports.drawing import MOST_SAMPLES, Frame, bar_rows, front_picture, map_pi
 from reports.errors import ReportError
 from reports.page import plan_page
 
-VOID = {"meta", "input", "br", "link", "img"}
+VOID = {"meta", "input", "br", "wbr", "link", "img"}
 
 
 class Outline(HTMLParser):
@@ -164,6 +164,15 @@ def test_front_is_drawn_to_scale(ranking: Ranking) -> None:
     times = sorted(plan.time_s for plan in ranking.plans if plan.feasible and plan.time_s)
     assert sorted((zero - point["y"]) / scale for point in front["points"]) == pytest.approx(times, abs=15.0)
     assert all(box.west < point["x"] < box.east and box.south < point["y"] <= box.north for point in front["points"])
+
+
+def test_deadline_is_drawn_at_the_seconds_allowed_and_only_then(ranking: Ranking) -> None:
+    later = front_picture(replace(ranking, allowed_s=5000.0, start=None, before=None))
+    assert later is not None
+    assert later["deadline"]["text"] == "deadline 1:23:20"
+    free = front_picture(replace(ranking, allowed_s=None))
+    assert free is not None
+    assert free["deadline"] is None
 
 
 def test_no_point_of_the_front_hides_another(ranking: Ranking) -> None:

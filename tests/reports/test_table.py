@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
 from planner.results import Ranking, Study
-from reports.table import field_table, ranking_table, study_tables
+from reports.table import _broken, field_table, ranking_table, study_tables
 
 
 def printed(what: RenderableType, width: int = 80) -> str:
@@ -57,9 +59,51 @@ def test_only_the_best_are_shown_when_asked(ranking: Ranking) -> None:
     def ranks(most: int | None) -> list[str]:
         return re.findall(r"^ ?(\d+)[* ] ", printed(ranking_table(ranking, most)), flags=re.M)
 
-    assert ranks(2) == ["1", "2"]
+    assert ranks(2) == ["1", "2", "3", "4", "5"], "the front has ranks 1, 3, 4 and 5"
+    assert ranks(0) == ["1", "3", "4", "5"]
     assert ranks(None) == ["1", "2", "3", "4", "5", "6"]
-    assert "4 slower plans are not shown." in " ".join(printed(ranking_table(ranking, 2)).split())
+    assert "1 slower plan is not shown." in " ".join(printed(ranking_table(ranking, 2)).split())
+    assert "2 slower plans are not shown." in " ".join(printed(ranking_table(ranking, 0)).split())
+    assert "not shown" not in printed(ranking_table(ranking, None))
+
+
+def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: Ranking) -> None:
+    quick, slow = ranking.plans[1], ranking.plans[4]
+    plans = [replace(quick, rank=rank, time_s=1000.0 + rank) for rank in range(1, 26)]
+    plans += [replace(slow, rank=26), replace(quick, rank=27, time_s=3500.0, cost=0.01)]
+    plans += [replace(slow, rank=28, on_pareto_front=False)]
+    crowded = replace(ranking, plans=tuple(plans))
+    assert crowded.best is plans[26]
+    text = printed(ranking_table(crowded))
+    assert re.findall(r"^ *(\d+)[* ] ", text, flags=re.M) == [*map(str, range(1, 21)), "26", "27"]
+    assert "6 slower plans are not shown." in " ".join(text.split())
+
+
+@pytest.mark.parametrize("width", [76, 80, 100, 120])
+def test_long_names_break_between_words(ranking: Ranking, width: int) -> None:
+    plans = tuple(
+        replace(plan, strategy="row-by-row-optimised", turn="omega+switch-back", time_s=9876.0, cost=123.45,
+                turning_s=4567.0, waiting_s=4567.0)
+        for plan in ranking.plans[:6]
+    )  # fmt: skip
+    text = printed(ranking_table(replace(ranking, plans=plans)), width)
+    table = text[text.index("Strategy") : text.index("* nobody")]
+    whole = {"row", "by", "optimised", "omega", "switch", "back"}
+    assert set(re.findall("[a-z]{2,}", table.split("\n", 2)[2])) - {"yes", "no"} == whole
+
+
+@given(st.text(alphabet="ab +-", max_size=30), st.integers(1, 30))
+def test_broken_lines_hold_the_same_words(text: str, width: int) -> None:
+    lines = _broken(text, width)
+    assert re.sub(" +", "", "".join(lines)) == re.sub(" +", "", text)
+    assert all(len(line) <= width or re.fullmatch("[ab]+[+-]?", line) for line in lines)
+
+
+def test_breaks_come_at_spaces_first_then_plus_then_hyphen() -> None:
+    assert _broken("row-by-row omega+route", 22) == ["row-by-row omega+route"]
+    assert _broken("row-by-row omega+route", 15) == ["row-by-row", "omega+route"]
+    assert _broken("row-by-row omega+route", 10) == ["row-by-row", "omega+", "route"]
+    assert _broken("row-by-row omega+route", 8) == ["row-by-", "row", "omega+", "route"]
 
 
 def test_deadline_column_only_with_a_deadline(ranking: Ranking) -> None:

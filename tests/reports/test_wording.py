@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.results import PlanResult, Ranking
-from reports.wording import clock, duration, headline, limit_s, listed, members, minutes, number, price, refusals
+from reports.wording import clock, duration, headline, listed, members, minutes, number, price, refusals
 
 
 @pytest.mark.parametrize(
@@ -74,24 +74,43 @@ def test_headline_when_nobody_is_in_time(ranking: Ranking) -> None:
 def test_headline_when_nothing_works(ranking: Ranking) -> None:
     refused_only = replace(ranking, plans=ranking.plans[6:])
     assert headline(refused_only) == [
-        "No plan works: all 4 were refused, 2 of them because: "
-        "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."
+        "No plan works: all 4 were refused, 2 of them because: Turning radius 4.10 m needs 8.20 m, "
+        "rows are 10.00 m apart (the figures are those of the first)."
     ]
     assert headline(replace(ranking, plans=()))[0].startswith("No plan was tried")
 
 
-def test_limit_and_clock(ranking: Ranking) -> None:
-    assert limit_s(ranking) == 3600.0
-    assert limit_s(replace(ranking, start=None)) is None
-    assert limit_s(replace(ranking, start="2025-05-01T08:00", before="2025-05-01T09:00")) == 3600.0
+@pytest.mark.parametrize(
+    ("reasons", "words"),
+    [
+        (["Too narrow."], "the only one was refused because: Too narrow."),
+        (["Too narrow."] * 2, "both were refused because: Too narrow."),
+        (["Too narrow.", "Too short."], "both were refused, one of them because: Too narrow."),
+        (["Too narrow."] * 3, "all 3 were refused because: Too narrow."),
+        (["Too narrow.", "Too short.", "Too short."], "all 3 were refused, 2 of them because: Too short."),
+        (["a", "b", "c"], "all 3 were refused, one of them because: a."),
+    ],
+)
+def test_how_many_were_refused_and_why(ranking: Ranking, reasons: list[str], words: str) -> None:
+    plans = tuple(PlanResult("s", 1, "u", False, reason) for reason in reasons)
+    assert headline(replace(ranking, plans=plans)) == [f"No plan works: {words}"]
+
+
+def test_the_cheapest_is_told_once(ranking: Ranking) -> None:
+    in_time = replace(ranking, plans=ranking.plans[:3])
+    assert headline(in_time) == [
+        "Best plan: 3 tractors, split-field, turns switch-back, done in 28:32 (at 08:28), cost 5.65.",
+        "The deadline (09:00) can be met with 3 or 5 tractors; the best plan is the cheapest of all.",
+        "Fastest: 5 tractors, row-by-row, turns omega, done in 20:53 (at 08:20), cost 6.89.",
+    ]
+    late = headline(replace(ranking, plans=ranking.plans[4:5]))
+    assert late[1:] == ["The deadline (09:00) is met by no plan.", "The best plan is also the cheapest."]
+
+
+def test_clock_times_after_the_start(ranking: Ranking) -> None:
     assert clock(ranking, 3725.0) == "09:02"
     assert clock(replace(ranking, start="23:30"), 3600.0) == "00:30, 1 d later"
     assert clock(replace(ranking, start="soon"), 3600.0) is None
-
-
-def test_limit_over_midnight_and_one_the_plans_contradict(ranking: Ranking) -> None:
-    assert limit_s(replace(ranking, start="23:30", before="00:30")) == 3600.0
-    assert limit_s(replace(ranking, before="08:25")) is None, "28:32 is said to be in time, so 25 minutes is not it"
 
 
 @given(st.lists(st.tuples(st.sampled_from("ab"), st.integers(1, 9)), max_size=20))
