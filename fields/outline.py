@@ -16,6 +16,7 @@ from fields.errors import FieldError
 FloatArray = npt.NDArray[np.float64]
 
 SMALLEST_M2, LARGEST_M2 = 100.0, 1.0e8
+FARTHEST_M = 1.0e8  # more than twice round the earth
 
 
 def ring(raw: Any, label: str) -> FloatArray:
@@ -96,6 +97,8 @@ def _number(raw: Any, label: str) -> float:
         value = math.inf
     if not math.isfinite(value):
         raise FieldError(f"Coordinate {_brief(raw)} of {label} is not finite; write a measured value.")
+    if abs(value) > FARTHEST_M:
+        raise FieldError(f"Coordinate {_brief(raw)} of {label} lies beyond {FARTHEST_M:g}; no map reaches so far.")
     return value
 
 

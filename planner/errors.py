@@ -22,4 +22,3 @@ class ScenarioError(ValueError):
 
 
 REFUSALS = (FieldError, VehicleError, StrategyError, ScenarioError)
-BAD_INPUT_STATUS = 2

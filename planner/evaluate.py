@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.deconflict import MOST_REPAIRS, without_conflicts
+from planner.deconflict import MOST_REPAIRS, Simulate, without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
 from planner.results import PlanResult
 from planner.site import Site
+from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.waiting import optimised
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
@@ -23,8 +24,9 @@ from vehicle.world import World
 SAFE_M = 0.05
 FARTHEST_OUTSIDE_M = 0.5
 FORMATION_REPAIRS = 8  # a formation has its own queue: where that needs more mending, the field does not suit it
-LEAVES = f"a path leaves the field by {FARTHEST_OUTSIDE_M} m or more, also with slower turns"
-SLOWER = 0.6
+FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
+MOST_SLOWED = 3
+SMALLEST_GAIN_M = 0.02
 Driven = tuple[Run, str | None, str]
 
 
@@ -50,7 +52,7 @@ def drive(site: Site, candidate: Candidate) -> Driven:
     """The run of a candidate, why it is not feasible (None when it is), and the turns it uses."""
     job = site.job(candidate.tractors)
     if job.corner is not None or candidate.strategy not in FORMATIONS:
-        return _on_course(site, candidate, job)
+        return _drive(site, candidate, job)
     return _from_some_corner(site, candidate, job)
 
 
@@ -60,7 +62,7 @@ def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
     refusal: StrategyError | None = None
     for corner in corners_by_promise(job):
         try:
-            latest = _on_course(site, candidate, replace(job, corner=corner, used={}))
+            latest = _drive(site, candidate, replace(job, corner=corner, used={}))
         except StrategyError as error:
             refusal = refusal or error
             continue
@@ -72,20 +74,6 @@ def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
     return driven
 
 
-def _on_course(site: Site, candidate: Candidate, job: Job) -> Driven:
-    """Drive; where a path leaves the field, drive the turns more slowly and see whether that keeps it in."""
-    driven = _drive(site, candidate, job)
-    if driven[1] != LEAVES:
-        return driven
-    manner = replace(
-        job.manner,
-        turn_speed_mps=SLOWER * job.manner.turn_speed_mps,
-        reverse_speed_mps=SLOWER * job.manner.reverse_speed_mps,
-    )
-    slower = _drive(site, candidate, replace(job, manner=manner, used={}))
-    return slower if slower[1] is None else driven
-
-
 def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
     fixes = default_table() if site.scenario.gnss else NO_ERROR
 
@@ -93,17 +81,32 @@ def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
         world = World(plan, site.tractor, site.implement, fixes=fixes, seed=site.scenario.seed)
         return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
 
+    most = FORMATION_REPAIRS if candidate.strategy in FORMATIONS else MOST_REPAIRS
+    run, reason = _first_run(site, candidate, job, simulate, most)
+    for _ in range(MOST_SLOWED):
+        bad = [] if reason else [slip for slip in slips(run, site) if slip.metres > ASIDE_M]
+        if not bad:
+            break
+        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most)
+        if fault or worst_aside(again, site) > worst_aside(run, site) - SMALLEST_GAIN_M:
+            break
+        run = again
+    return run, reason or _fault(site, run), _turns(job)
+
+
+def _first_run(
+    site: Site, candidate: Candidate, job: Job, simulate: Simulate, most: int
+) -> tuple[Run, str | None]:
+    """The candidate as its strategy writes it, with tractors giving way."""
     if candidate.strategy == ROW_BY_ROW_OPTIMISED and candidate.tractors > 1:
         plan, run = optimised(job, simulate, site.tractor, site.implement)
         if run.outcome == DONE:
-            return run, _fault(site, run), _turns(job)
+            return run, None
     elif candidate.strategy == ROW_BY_ROW_OPTIMISED:
         plan = build("row-by-row", job)
     else:
         plan = build(candidate.strategy, job, candidate.jump)
-    most = FORMATION_REPAIRS if candidate.strategy in FORMATIONS else MOST_REPAIRS
-    run, reason = without_conflicts(plan, simulate, most)
-    return run, reason or _fault(site, run), _turns(job)
+    return without_conflicts(plan, simulate, most)
 
 
 def _fault(site: Site, run: Run) -> str | None:
@@ -111,7 +114,13 @@ def _fault(site: Site, run: Run) -> str | None:
     if run.contacts:
         time, first, second = run.contacts[0]
         return f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
-    return LEAVES if excursion(run, site).depth_m >= FARTHEST_OUTSIDE_M else None
+    outside = excursion(run, site).depth_m
+    if outside >= FARTHEST_OUTSIDE_M:
+        return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
+    aside, most = worst_aside(run, site), FARTHEST_ASIDE * site.layout.width_m
+    if aside > most:
+        return f"a track is begun {aside:.2f} m beside its line, more than a third of the working width"
+    return None
 
 
 def _patience_s(plan: Plan) -> float:
@@ -127,8 +136,6 @@ def _turns(job: Job) -> str:
 
 def _measured(site: Site, candidate: Candidate, run: Run, reason: str | None, turn: str) -> PlanResult:
     outside = excursion(run, site)
-    if reason == LEAVES:
-        reason = f"{LEAVES} ({outside.depth_m:.2f} m)"
     if run.outcome != DONE:
         return PlanResult(
             candidate.strategy, candidate.tractors, turn, False, reason, collisions=len(run.contacts)

@@ -1,6 +1,6 @@
 """The `headland` command: gathers the commands and turns refusals into one sentence and an exit status.
 
-Exit status: 0 done, 1 a fault of Headland itself, 2 bad input or usage, 130 interrupted.
+Exit status: 0 done, 1 a fault of Headland itself, 2 bad input or usage, 3 no plan is feasible, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from planner.commands.study import study
 from planner.commands.validate import validate
 
 INTERRUPTED = "Interrupted; nothing was written."
-FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
+BAD_INPUT_STATUS, INTERRUPTED_STATUS = 2, 130
 
 app = typer.Typer(
     name="headland",

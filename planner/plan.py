@@ -63,6 +63,7 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         plans=(*ranked, *rest),
         start=None if scenario.start_s is None else clock(scenario.start_s),
         before=None if scenario.before_s is None else clock(scenario.before_s),
+        allowed_s=scenario.allowed_s,
         assumptions=assumptions(site),
     )
 
@@ -87,6 +88,7 @@ def assumptions(site: Site) -> tuple[str, ...]:
         f"Work at {manner.work_speed_mps * kmh:.3g} km/h, turns at {manner.turn_speed_mps * kmh:.3g} km/h.",
         f"Planned turning radius {manner.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
         f"{len(layout.tracks)} tracks at bearing {layout.bearing_deg:.0f} degrees.",
+        "Outside the field counts the path of the antenna; body and implement may reach over the boundary in turns.",
         "Time runs from the start on the headland to the end of the last track; the headland itself is left for a "
         "last round, which is not counted.",
         f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"

@@ -51,6 +51,7 @@ class Ranking:
     plans: tuple[PlanResult, ...]
     start: str | None = None
     before: str | None = None
+    allowed_s: float | None = None
     assumptions: tuple[str, ...] = ()
 
     @property

@@ -13,6 +13,7 @@ from strategies.turns import TURN_KINDS
 
 MOST_TRACTORS = 50
 KMH = 1.0 / 3.6
+SLOWEST_KMH = 0.5
 DEFAULT_SPEED_MPS = 5.0 * KMH  # thesis, section 6.3.1
 
 
@@ -79,14 +80,21 @@ def nearest(name: str, known: tuple[str, ...] | dict[str, str]) -> str:
 def _check_numbers(scenario: Scenario) -> None:
     positive = {
         "working width (--width)": scenario.width_m,
-        "speed (--speed-kmh)": scenario.speed_mps,
-        "turn speed (--turn-speed-kmh)": scenario.turn_speed_mps,
+        "speed (--speed-kmh)": scenario.speed_mps / KMH,
+        "turn speed (--turn-speed-kmh)": scenario.turn_speed_mps / KMH,
         "headland (--headland)": scenario.headland_m,
         "turning radius (--radius)": scenario.radius_m,
     }
     for name, value in positive.items():
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
+    if min(scenario.speed_mps, scenario.turn_speed_mps) < SLOWEST_KMH * KMH * (1 - 1e-9):
+        raise ScenarioError(
+            f"A speed of {min(scenario.speed_mps, scenario.turn_speed_mps) / KMH:g} km/h is slower than a tractor "
+            f"creeps; use {SLOWEST_KMH:g} km/h or more."
+        )
+    if scenario.seed < 0:
+        raise ScenarioError(f"The seed is {scenario.seed}; use 0 or more.")
     if max(scenario.speed_mps, scenario.turn_speed_mps) > 30 * KMH:
         raise ScenarioError(
             f"A speed of {max(scenario.speed_mps, scenario.turn_speed_mps) / KMH:g} km/h is beyond field work; "

@@ -18,6 +18,7 @@ from strategies.job import Job, Manner, starting_corner
 from strategies.legs import STEP_M
 from strategies.paths import Path, Pose
 from strategies.turns import TURN_KINDS, fishtail, omega_turn, switch_back, turn_depth, u_turn
+from vehicle.ground import ground_names
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.tractor import Implement, Tractor, load_tractor
 from vehicle.world import simulate
@@ -25,6 +26,7 @@ from vehicle.world import simulate
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_MARGIN = 1.08
 HEADLAND_STEP_M = 0.5
+FARTHEST_ENTRANCE_M = 500.0
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
 LEAD_M = 15.0
 GRID_M = 1e-6
@@ -65,6 +67,7 @@ def prepare(scenario: Scenario, field: Field | None = None) -> Site:
     Raises FieldError, VehicleError or ScenarioError.
     """
     field = field or read_field(scenario.field, local=scenario.local)
+    _check_field(field)
     tractor, implement = load_tractor(scenario.tractor), Implement(width_m=scenario.width_m)
     radius = _planned_radius(scenario, tractor, field.default_ground)
     tool = tractor.antenna_forward_m + implement.hitch_m
@@ -85,6 +88,22 @@ def prepare(scenario: Scenario, field: Field | None = None) -> Site:
     free = field.boundary.buffer(-margin, join_style="mitre", mitre_limit=2.0)
     beside = _beside(layout, free)
     return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds)
+
+
+def _check_field(field: Field) -> None:
+    """Refuse what a field file may hold but no plan can use."""
+    for zone in field.grounds:
+        if zone.name not in ground_names():
+            raise ScenarioError(
+                f"The field has a ground zone of {zone.name!r}, which is unknown; use one of: "
+                f"{', '.join(ground_names())}."
+            )
+    if field.entrance is not None:
+        away = float(field.boundary.distance(shapely.Point(field.entrance)))
+        if away > FARTHEST_ENTRANCE_M:
+            raise ScenarioError(
+                f"The entrance lies {away:.0f} m from the field; it must be within {FARTHEST_ENTRANCE_M:g} m of it."
+            )
 
 
 def _planned_radius(scenario: Scenario, tractor: Tractor, ground: str) -> float:

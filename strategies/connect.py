@@ -44,7 +44,8 @@ _ROUNDS = tuple((arcs, hand) for arcs in (3, 5, 9) for hand in (1, -1))  # ways 
 _RING_REACH = 6.0  # radii to the ring poses joined to a pose
 _MOST_REMEMBERED = 20000
 _FULL_ARC = 1.1  # radii of arc that a tractor needs to be where planned at the end of it
-_HASTY_S = 15.0  # what a shorter arc is charged for the swath begun out of place
+_SHORT_ARC_S = 30.0  # what a shorter arc is charged for the swath begun out of place
+_CURVED_REVERSE_S = 20.0  # and an arc driven in reverse: the rear axle leads there, and the heading comes out short
 
 
 @dataclass(frozen=True)
@@ -177,16 +178,21 @@ class Connector:
             found += back_straight(a, b, self.radius_m)
         return [path for path in found if path.kind == "route" or path.kind in self.kinds]
 
-    def _rank(self, path: Path) -> tuple[bool, float]:
-        cost = self.costs.time_s(path) + (_HASTY_S if self._hasty(path) else 0.0)
-        return bool(self.prefer) and path.kind not in self.prefer, round(cost, 6)
+    def cost(self, path: Path) -> float:
+        """Seconds to drive the path, and a charge where a tractor cannot be expected to follow it closely."""
+        return self.costs.time_s(path) + self._awkward_s(path)
 
-    def _hasty(self, path: Path) -> bool:
-        """Whether a way with direction changes begins or ends with an arc too short for the wheels to come over."""
+    def _rank(self, path: Path) -> tuple[bool, float]:
+        return bool(self.prefer) and path.kind not in self.prefer, round(self.cost(path), 6)
+
+    def _awkward_s(self, path: Path) -> float:
+        """Charge for reversing on an arc, and for arcs beside a direction change too short to come round on."""
         if not path.reverse_m:
-            return False
+            return 0.0
         arcs = [segment for segment in path.segments if segment.curvature]
-        return any(arc.length_m < _FULL_ARC * self.radius_m for arc in (arcs[0], arcs[-1])) if arcs else False
+        short = any(arc.length_m < _FULL_ARC * self.radius_m for arc in arcs[:1] + arcs[-1:])
+        curved = any(arc.gear < 0 for arc in arcs)
+        return _SHORT_ARC_S * short + _CURVED_REVERSE_S * curved
 
     def _ranked(self, paths: Iterable[Path]) -> list[Path]:
         return sorted(paths, key=self._rank)

@@ -69,12 +69,12 @@ class Job:
 
     def _direct(self, a: Pose, b: Pose) -> Path | None:
         """A turn beside the tracks, or one across them that is much quicker."""
-        time_s = self.connector.costs.time_s
+        cost = self.connector.cost
         beside = self.headland.direct(a, b) if self.headland else None
-        if beside and time_s(beside) <= PLAIN_TURN_S:
+        if beside and cost(beside) <= PLAIN_TURN_S:
             return beside
         across = self.connector.direct(a, b)
-        if across and (beside is None or time_s(beside) > DETOUR * time_s(across) + DETOUR_S):
+        if across and (beside is None or cost(beside) > DETOUR * cost(across) + DETOUR_S):
             return across
         return beside
 
@@ -82,11 +82,11 @@ class Job:
         """A route along the headland if it is hardly longer than the crow flies, else the quickest one."""
         beside = self.headland.connect(a, b) if self.headland else None
         flight_s = math.dist(a[:2], b[:2]) / self.manner.turn_speed_mps
-        time_s = self.connector.costs.time_s
-        if beside and time_s(beside) <= DETOUR * flight_s + PLAIN_TURN_S:
+        cost = self.connector.cost
+        if beside and cost(beside) <= DETOUR * flight_s + PLAIN_TURN_S:
             return beside
         across = self.connector.connect(a, b)
-        if across and (beside is None or time_s(beside) > DETOUR * time_s(across) + DETOUR_S):
+        if across and (beside is None or cost(beside) > DETOUR * cost(across) + DETOUR_S):
             return across
         return beside
 

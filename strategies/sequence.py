@@ -13,6 +13,7 @@ from itertools import pairwise, product
 from fields.layout import Track
 from strategies.job import Job, Pass
 
+NEAR = 1.03  # orders whose estimates are this close are compared by the ways they would really drive
 Cell = list[Track]
 Order = list[Pass]
 
@@ -118,15 +119,28 @@ def order_time(order: Order, job: Job) -> float:
 
 
 def best_orders(shares: list[list[Track]], job: Job, only_jump: int | None = None) -> list[Order]:
-    """Orders for several tractors at once: one corner and pattern for all, the one whose slowest is quickest."""
+    """Orders for several tractors at once: one corner and pattern for all, the one whose slowest is quickest.
+
+    Estimates settle it; close ones are compared by the ways really driven, so that the choice depends on the shape of
+    the field and not on how it lies.
+    """
     corners = [job.corner] if job.corner else [(last, way) for last in (False, True) for way in (1, -1)]
     patterns = jumps(job) if only_jump is None else [only_jump]
-    best: tuple[float, list[Order]] | None = None
-    for jump in patterns:
-        for corner, last_piece in product(corners, (False, True)):
-            orders = [order_tracks(share, job, jump, corner, last_piece) for share in shares]
-            time = max(order_time(order, job) for order in orders)
-            if best is None or time < best[0] - 1e-3:
-                best = time, orders
-    assert best is not None
-    return best[1]
+    options = [
+        [order_tracks(share, job, jump, corner, last_piece) for share in shares]
+        for jump in patterns
+        for corner, last_piece in product(corners, (False, True))
+    ]
+    times = [max(order_time(order, job) for order in orders) for orders in options]
+    near = [orders for orders, time in zip(options, times, strict=True) if time <= NEAR * min(times)]
+    distinct = [orders for index, orders in enumerate(near) if orders not in near[:index]]
+    if len(distinct) == 1:
+        return distinct[0]
+    return min(distinct, key=lambda orders: round(max(driven_time(order, job) for order in orders), 2))
+
+
+def driven_time(order: Order, job: Job) -> float:
+    """Seconds for an order with the ways that would really be driven; infinite where there is none."""
+    ways = [job.way(job.exit(a), job.entry(b)) for a, b in pairwise(order)]
+    turns = (math.inf if way is None else job.connector.cost(way) for way in ways)
+    return sum(this.track.length for this in order) / job.manner.work_speed_mps + sum(turns)

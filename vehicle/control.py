@@ -32,7 +32,11 @@ def gates_open(leg: int, legs, gates, states) -> bool:  # type: ignore[no-untype
 
 @compiled
 def steer(state, model, leg, points, cumulative) -> None:  # type: ignore[no-untyped-def]
-    """Project the guided point on the path and set the steering command (Eq. 2.5); in reverse, mirrored."""
+    """Project the guided point on the path and set the steering command (Eq. 2.5); in reverse, mirrored.
+
+    In reverse the rear axle is guided, but a leg is driven when the point guided forwards is at its end: progress is
+    counted from there, so that the next leg begins where this one was planned to end.
+    """
     reach = model.guide if leg.gear > 0 else model.guide_reverse
     x, y, angle = state.x, state.y, state.angle
     if model.affected != 0.0:
@@ -40,7 +44,8 @@ def steer(state, model, leg, points, cumulative) -> None:  # type: ignore[no-unt
     x += reach * math.cos(angle) + state.error_x
     y += reach * math.sin(angle) + state.error_y
     state.segment, progress, state.lateral = project(points, cumulative, state.segment, leg.last_segment, x, y)
-    state.progress = max(progress, state.progress)
+    ahead = 0.0 if leg.gear > 0 else model.guide - model.guide_reverse
+    state.progress = max(progress - ahead, state.progress)
     tx, ty = target_point(points, cumulative, state.segment, leg.last_segment, progress + leg.lookahead)
     travel = angle if leg.gear > 0 else angle + math.pi
     heading = wrapped(travel - math.atan2(ty - y, tx - x))

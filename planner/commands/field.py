@@ -38,7 +38,7 @@ def field(
     from planner.scenario import Scenario
     from planner.site import prepare
 
-    check_output(png)
+    check_output(png, ".png")
     scenario = Scenario(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor
     )

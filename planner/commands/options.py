@@ -31,8 +31,11 @@ TractorOption = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
 
 
-def check_output(path: Path | None) -> None:
-    """Raise ScenarioError when a result could not be written to `path` later; leaves the file system as it was."""
+def check_output(path: Path | None, kind: str = "") -> None:
+    """Raise ScenarioError when a result could not be written to `path` later; leaves the file system as it was.
+
+    `kind` is the ending the file must have, as ".png".
+    """
     from planner.errors import ScenarioError
 
     if path is None:
@@ -40,6 +43,8 @@ def check_output(path: Path | None) -> None:
     parent = path.parent
     if path.is_dir():
         raise ScenarioError(f"{path} is a folder; give the name of a file in it.")
+    if kind and path.suffix.lower() != kind:
+        raise ScenarioError(f"{path} does not end in {kind}; name the file {path.with_suffix(kind).name}.")
     if not parent.is_dir():
         raise ScenarioError(f"{path} cannot be written: the folder {parent} does not exist; make it first.")
     if not os.access(path if path.exists() else parent, os.W_OK):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from planner.scenario import Scenario
     from planner.site import Site
 
+NO_PLAN_STATUS = 3
 TURN_KMH = 5.0  # faster, the wheels cannot be turned over in time for arcs near full lock
 
 
@@ -71,7 +72,8 @@ def plan(
         raise ScenarioError("--json and --csv both print to standard output; choose one.")
     if processes is not None and processes < 1:
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
-    for path in (html, png, save):
+    check_output(png, ".png")
+    for path in (html, save):
         check_output(path)
     check_distinct(field, html, png, save)
     scenario = _scenario(
@@ -83,7 +85,7 @@ def plan(
     if html or png or save:
         _write(site, ranking, html, png, save)
     if ranking.best is None:
-        raise typer.Exit(3)
+        raise typer.Exit(NO_PLAN_STATUS)
 
 
 def _scenario(
@@ -145,6 +147,8 @@ def _write(site: Site, ranking: Ranking, html: Path | None, png: Path | None, sa
     from planner.drive import best_drive
 
     run, drive = best_drive(site, ranking)
+    if drive is None:
+        typer.echo("No plan is feasible, so there is no map and no plan to save.", err=True)
     if html:
         from reports.page import plan_page
 

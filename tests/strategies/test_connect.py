@@ -15,7 +15,7 @@ from shapely import LineString, Point, Polygon, box
 from strategies.connect import Connector, TurnCosts
 from strategies.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
 from strategies.routes import Corners, corner_poses, quickest_chain, ring_poses
-from strategies.turns import omega_turn, switch_back, u_turn
+from strategies.turns import fishtail, omega_turn, switch_back, u_turn
 
 R = 4.0
 COSTS = TurnCosts(speed_mps=2.0, reverse_speed_mps=1.0, cusp_s=5.0)
@@ -76,16 +76,25 @@ def test_omega_when_a_direction_change_is_dear() -> None:
 def test_switch_back_when_a_direction_change_is_cheap() -> None:
     path = turn_in(20.0, 3.0, TurnCosts(2.0, 2.0, 1.0))
     assert path.kind == "switch-back"
-    assert path.length_m == pytest.approx(switch_back((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
+    assert path.length_m == pytest.approx(fishtail((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
+
+
+def test_reversing_on_an_arc_is_charged_although_it_is_shorter() -> None:
+    a, b = (40.0, 50.0, UP), (43.0, 50.0, DOWN)
+    connector = Connector(SQUARE, R, TurnCosts(2.0, 2.0, 1.0))
+    tail, arcs = fishtail(a, b, R), switch_back(a, b, R)
+    assert arcs.length_m < tail.length_m
+    assert connector.cost(tail) == pytest.approx(connector.costs.time_s(tail))
+    assert connector.cost(arcs) > connector.cost(tail)
 
 
 def test_the_change_from_omega_to_switch_back_is_where_their_times_meet() -> None:
-    omega, back = (make((40, 50, UP), (43, 50, DOWN), R) for make in (omega_turn, switch_back))
-    free_cusp = TurnCosts(2.0, 1.0, 0.0)
+    omega, back = (make((40, 50, UP), (43, 50, DOWN), R) for make in (omega_turn, fishtail))
+    free_cusp = TurnCosts(2.0, 2.0, 0.0)
     meet = (free_cusp.time_s(omega) - free_cusp.time_s(back)) / 2
     assert meet > 0
-    assert turn_in(20.0, 3.0, TurnCosts(2.0, 1.0, meet - 0.01)).kind == "switch-back"
-    assert turn_in(20.0, 3.0, TurnCosts(2.0, 1.0, meet + 0.01)).kind == "omega"
+    assert turn_in(20.0, 3.0, TurnCosts(2.0, 2.0, meet - 0.01)).kind == "switch-back"
+    assert turn_in(20.0, 3.0, TurnCosts(2.0, 2.0, meet + 0.01)).kind == "omega"
 
 
 def test_headland_between_the_two_depths_forces_the_switch_back() -> None:

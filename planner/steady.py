@@ -1,0 +1,75 @@
+"""Turns that a tractor cannot follow well: find them in a run, and drive them more slowly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from planner.measure import guided_point
+from planner.site import Site
+from vehicle.missions import Mission, Plan
+from vehicle.run import Run
+
+ASIDE_M = 0.4  # a track begun farther beside its line than this calls for a slower turn
+OUTSIDE_M = 0.3  # so does a path this far outside the field
+SLOWER = 0.6
+LONGEST_M = 60.0  # a longer leg is a route; slowing all of it would cost more than a track begun aside
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A turn badly followed: the tractor, the first working leg after the turn, and by how many metres."""
+
+    tractor: int
+    leg: int
+    metres: float
+
+
+def slips(run: Run, site: Site) -> list[Slip]:
+    """Every turn of a run: how far aside its track was begun, or how far its path left the field if that is worse."""
+    boundary = site.layout.field.boundary
+    found = []
+    for tractor, mission in enumerate(run.plan.missions):
+        path, at_leg = guided_point(run, site, tractor), run.record[:, tractor, 5]
+        for leg in _tracks_begun(mission):
+            begun = int(np.argmax(at_leg >= leg))
+            line = mission.legs[leg].points
+            along = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
+            off = path[begun] - line[0]
+            aside = abs(float(along[0] * off[1] - along[1] * off[0]))
+            turn = path[int(np.argmax(at_leg >= _turn_start(mission, leg))) : begun + 1]
+            outside = float(shapely.distance(shapely.points(turn), boundary).max())
+            found.append(Slip(tractor, leg, aside if outside <= OUTSIDE_M else max(aside, outside + ASIDE_M)))
+    return found
+
+
+def worst_aside(run: Run, site: Site) -> float:
+    """The farthest any track of a run was begun beside its line (m)."""
+    return max((slip.metres for slip in slips(run, site)), default=0.0)
+
+
+def _tracks_begun(mission: Mission) -> list[int]:
+    """Working legs that follow a turn."""
+    legs = mission.legs
+    return [k for k in range(1, len(legs)) if legs[k].kind == "work" and legs[k - 1].kind != "work"]
+
+
+def _turn_start(mission: Mission, leg: int) -> int:
+    """First leg of the turn before a working leg."""
+    while leg > 0 and mission.legs[leg - 1].kind != "work":
+        leg -= 1
+    return leg
+
+
+def slowed(plan: Plan, bad: list[Slip]) -> Plan:
+    """The plan with the turns before these working legs driven more slowly."""
+    missions = list(plan.missions)
+    for slip in bad:
+        legs = list(missions[slip.tractor].legs)
+        for index in range(_turn_start(missions[slip.tractor], slip.leg), slip.leg):
+            if legs[index].length_m < LONGEST_M:
+                legs[index] = replace(legs[index], speed_mps=SLOWER * legs[index].speed_mps)
+        missions[slip.tractor] = Mission(tuple(legs))
+    return replace(plan, missions=tuple(missions))
