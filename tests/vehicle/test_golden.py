@@ -16,14 +16,14 @@ from vehicle.world import simulate
 
 EXPECTED: dict[str, Any] = {
     "outcome": "done",
-    "finish_s": [55.2, 63.4, 52.4, 12.8],
+    "finish_s": [55.2, 63.4, 54.4, 12.8],
     "waiting_s": [0.0, 8.2, 0.0, 1.3],
     "contacts": [],
     "min_clearance_m": 0.299,
     "poses": [
         [8.990, -0.048, -1.571],
         [5.990, -0.048, -1.571],
-        [33.015, -0.048, -1.572],
+        [33.016, -0.048, -1.572],
         [24.000, 5.047, 1.571],
     ],
 }
