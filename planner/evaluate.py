@@ -25,7 +25,7 @@ SAFE_M = 0.05
 FARTHEST_OUTSIDE_M = 0.5
 FORMATION_REPAIRS = 8  # a formation has its own queue: where that needs more mending, the field does not suit it
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-MOST_SLOWED = 3
+MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 Driven = tuple[Run, str | None, str]
 

@@ -36,7 +36,7 @@ from strategies.turns import TURN_KINDS
 
 _TOLERANCE_M = 0.010  # how far a path may leave the free region
 _SAGITTA_M = 0.003  # of that, what the polyline checked may differ from the arc
-_STRAIGHT_ON_M = (0.0, 1.0, 2.0, 3.0)
+_STRAIGHT_ON_M = (0.0, 1.5, 3.0)
 _NEAR = 12.0  # radii; farther apart, straights at the ends are left to the route
 _ROUTE_AHEAD = (0.0, 0.25, 0.5, 1.0, 1.5)  # radii straight on at the ends of a route
 _ROUTE_BACK = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0)  # radii straight back
