@@ -224,7 +224,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "place in the field", "the same bends over the whole field",
     ),
     Effect(
-        "grip_drift", PATH, (Param("per_minute", "per minute", 0.0, 0.08, 0.02, -1.0, 1.0),),
+        "grip_drift", PATH, (Param("per_minute", "per minute", 0.0, 0.08, 0.03, -1.0, 1.0),),
         lambda v: {"drift": v["per_minute"] / 60.0},
         lambda v: f"Turns become {100 * abs(v['per_minute']):.0f} % {'tighter' if v['per_minute'] > 0 else 'wider'} per "
                   "minute since the start of the run.",

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from vehicle.effects import BLOCKS, CATALOGUE, Effect, effect
-from vehicle.measured.bench import Bench, prepare
+from vehicle.measured.bench import Bench, first_noise, prepare
 from vehicle.measured.course import make_course
 from vehicle.measured.curves import best_curve
-from vehicle.measured.fitting import Fit, block_sums, empty_fit, linear_extra, refined
+from vehicle.measured.fitting import Fit, block_sums, empty_fit, linear_extra
 from vehicle.measured.horizons import Squares, errors_of, floor_squares, run_squares, total_error
 from vehicle.measured.knobs import Knobs, block_of, finest_of, knobs_for, settings_of
 from vehicle.measured.naming import (
@@ -25,12 +26,13 @@ from vehicle.measured.naming import (
     deviation,
     is_nameable,
     retuned,
-    robust_sigma,
+    robust_covariance,
     select,
     tried,
     without,
 )
 from vehicle.measured.nextdrive import next_drive
+from vehicle.measured.noise import tuned
 from vehicle.measured.record import Array, Log
 from vehicle.measured.replay import Settings, make_rig
 from vehicle.measured.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, finite
@@ -56,7 +58,13 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     bench = prepare(course, rig, {})
     bench = retuned(bench, empty_fit(bench))
     selection = select(bench, rig.tractor, lambda _: count.step())
-    return _answer(logs, bench, selection, ground, count)
+    names = _nameable(selection, rig.tractor)
+    best = selection
+    if selection.unnamed:
+        # What no cause explains may still be lessened by the catalogue: a calibration without a name.
+        best = select(bench, rig.tractor, lambda _: count.step(), most_unnamed=0)
+        names = [name for name in names if name in best.fit.settings]
+    return _answer(logs, bench, selection, best, names, ground, count)
 
 
 class _Counter:
@@ -78,15 +86,17 @@ class _Counter:
             self.progress(self.total, self.total)
 
 
-def _answer(logs: Sequence[Log], base: Bench, selection: Selection, ground: str, count: _Counter) -> Diagnosis:
-    bench, fit, tractor = selection.bench, selection.fit, base.rig.tractor
-    names = _nameable(selection, tractor)
-    fit = bare_fit(bench, fit)
+def _answer(
+    logs: Sequence[Log], base: Bench, selection: Selection, best: Selection, names: list[str], ground: str,
+    count: _Counter,
+) -> Diagnosis:  # fmt: skip
+    bench, fit, tractor = best.bench, best.fit, base.rig.tractor
     rivals = {name: _look_alikes(bench, fit, tractor, name) for name in names}
     count.step()
-    floor = floor_squares(bench, fit.settings)
+    kept = set(fit.settings) if selection.unnamed else set(names)
+    floor = floor_squares(with_real_noise(bench, fit), fit.settings)
     held_out = {
-        run: {name: values for name, values in one.items() if name in names}
+        run: {name: values for name, values in one.items() if name in kept}
         for run, one in held_out_settings(bench, fit).items()
     }
     before = run_squares(bench, dict.fromkeys(range(len(base.course.names)), {}))
@@ -94,9 +104,8 @@ def _answer(logs: Sequence[Log], base: Bench, selection: Selection, ground: str,
     count.step()
     findings = _findings(bench, fit, tractor, names, rivals, floor, held_out, count)
     named = _in_order(bench, fit, [one.id for one in findings if one.status == NAMED])
-    guilty, blocks = _blocks(base, bench, fit, named, [one for one in findings if one.status == EQUIVALENT], bool(selection.unnamed))
+    guilty, blocks = _blocks(base, bench, fit, named, findings, bool(selection.unnamed))
     count.finish()
-    extended = extended_tractor(tractor, findings, base.course.names)
     return Diagnosis(
         names=base.course.names,
         rows_used=base.course.rows,
@@ -110,23 +119,20 @@ def _answer(logs: Sequence[Log], base: Bench, selection: Selection, ground: str,
         block_error=blocks,
         findings=tuple(findings),
         named=tuple(named),
-        unexplained_share=unexplained(bench, selection),
+        unexplained_share=unexplained(selection.bench, selection),
         depends_on=tuple(one.words for one in selection.unnamed),
         next_drive=next_drive(bench, fit, tractor, rivals),
-        tractor=extended,
+        tractor=extended_tractor(bench, fit, sorted(kept)),
         calibration={name: fit.settings[name] for name in fit.settings if name not in names},
         curve=best_curve(bench, fit, named or list(rivals), selection.unnamed),
         notes=_notes(logs, bench),
     )
 
 
-def bare_fit(bench: Bench, fit: Fit) -> Fit:
-    """The effects alone, fitted again without the unnamed terms: what a tractor file can hold."""
-    if fit.extra is None:
-        return fit
-    surprise = bench.surprise(fit.settings)
-    bare = Fit(fit.parts, surprise, np.zeros((len(surprise), 0)))
-    return refined(bench, bare)
+def with_real_noise(bench: Bench, fit: Fit) -> Bench:
+    """The bench with the noise that the logs show, not the wider one that a wrong model may have been judged by."""
+    plain = replace(bench, noise=first_noise(bench.course))
+    return replace(plain, noise=tuned(plain, fit.settings))
 
 
 def _nameable(selection: Selection, tractor: Tractor) -> list[str]:
@@ -306,13 +312,14 @@ def _middle(bench: Bench) -> tuple[float, float, float]:
 def intervals(bench: Bench, fit: Fit, knobs: Knobs, at: Array) -> dict[str, tuple[float, float]]:
     """95 % intervals of an effect's values: the scatter between blocks, and the tolerance of the base tractor."""
     entry = effect(knobs.id)
-    sigma = robust_sigma(bench, fit)[fit.columns(knobs.id)]
+    mine = fit.columns(knobs.id)
+    sigma = np.sqrt(np.diag(robust_covariance(bench, fit))[mine])
     value = knobs.values(at)
     size = entry.size
     if knobs.id == "side_slip":
         wide = max(1.96 * float(sigma[0]), 0.12 * float(at[0]))
         return {"limit_g": (1.0 / (float(at[0]) + wide), 1.0 / max(float(at[0]) - wide, 0.2))}
-    wide = math.hypot(1.96 * float(np.max(sigma)), finest_of(bench.rig.tractor, knobs.id))
+    wide = math.hypot(1.96 * float(np.min(sigma)), finest_of(bench.rig.tractor, knobs.id))
     found = {size.name: (value[size.name] - wide, value[size.name] + wide)}
     if knobs.id == "cross_slope_drift":
         turn = math.degrees(min(wide / max(value["ratio"], 1e-9), math.pi))
@@ -337,7 +344,7 @@ def _in_order(bench: Bench, fit: Fit, named: list[str]) -> list[str]:
 
 
 def _blocks(
-    base: Bench, bench: Bench, fit: Fit, named: list[str], alike: list[Finding], unnamed: bool
+    base: Bench, bench: Bench, fit: Fit, named: list[str], findings: list[Finding], unnamed: bool
 ) -> tuple[str | None, dict[str, tuple[float, float]]]:
     """The guilty block, and per channel cut at the sensors the surprise before and after (1 is noise alone)."""
     first, last = bench.surprise({}), linear_extra(bench.surprise(fit.settings), fit.extra)
@@ -350,19 +357,21 @@ def _blocks(
     }  # fmt: skip
     if named:
         return effect(named[0]).block, found
+    alike = [one for one in findings if one.status == EQUIVALENT]
     if alike:
         return alike[0].block, found
     return ("wheel to path" if unnamed else None), found
 
 
-def extended_tractor(tractor: Tractor, findings: Sequence[Finding], logs: Sequence[str]) -> Tractor:
-    """The tractor with the named effects, and of every set that looks alike the one the fit chose."""
+def extended_tractor(bench: Bench, fit: Fit, names: Sequence[str]) -> Tractor:
+    """The tractor with these effects of the fit, their intervals and the logs they came from."""
     effects = {}
-    for one in findings:
-        if one.value is None or one.interval is None or one.status not in (NAMED, EQUIVALENT):
-            continue
-        effects[one.id] = EffectSetting(value=one.value, interval=one.interval, logs=tuple(logs))
-    return tractor.model_copy(update={"effects": effects})
+    for knobs, at in fit.parts:
+        if knobs.id in names:
+            effects[knobs.id] = EffectSetting(
+                value=knobs.values(at), interval=intervals(bench, fit, knobs, at), logs=bench.course.names
+            )
+    return bench.rig.tractor.model_copy(update={"effects": effects})
 
 
 def _notes(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:

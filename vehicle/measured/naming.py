@@ -41,6 +41,7 @@ NULL_DRAWS, NULL_QUANTILE = 400, 0.99
 CLEARLY = 1.03
 CLEAR_SIGMAS = 3.3
 MOST_UNNAMED = 3
+MOST_EASINGS, EASING, WRONG_EVERYWHERE = 12, 1.35, 2.0
 FEW_RUNS = 3
 MATERIAL = 0.003  # of the number of surprises: less is within what simulators differ
 Progress = Callable[[str], None]
@@ -182,12 +183,15 @@ def held_out_losses(bench: Bench, fit: Fit) -> Array:
     return losses
 
 
-def robust_sigma(bench: Bench, fit: Fit) -> Array:
-    """Standard deviation per coordinate of the fit from the scatter of its blocks (sandwich estimate)."""
+def robust_covariance(bench: Bench, fit: Fit) -> Array:
+    """Covariance of the coordinates of the fit from the scatter of its blocks (sandwich), never below the noise's."""
     sums = block_sums(bench, fit.slope, fit.surprise)
     inverse = np.linalg.pinv(sums.squares.sum(axis=0), rcond=1e-14, hermitian=True)
     middle = sums.sides.T @ sums.sides
-    return np.sqrt(np.maximum(np.diag(inverse @ middle @ inverse), np.diag(inverse)))
+    sandwich = inverse @ middle @ inverse
+    factor = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(sandwich), 1e-300), 1.0))
+    out: Array = sandwich * np.outer(factor, factor)
+    return out
 
 
 def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
@@ -231,8 +235,10 @@ def scan(bench: Bench, fit: Fit, tractor: Tractor, skip: set[str], progress: Pro
     return sorted(found, key=lambda one: -one.gain)
 
 
-def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> Selection:
-    """Forward selection, then exchanges, then backward."""
+def select(
+    bench: Bench, tractor: Tractor, progress: Progress | None = None, most_unnamed: int = MOST_UNNAMED
+) -> Selection:
+    """Forward selection, then exchanges, then backward; with at most so many unnamed terms."""
     fit = restarted(bench, (), None)
     unnamed: tuple[Dependence, ...] = ()
     refused: set[str] = set()
@@ -243,7 +249,7 @@ def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> 
         threshold = max(LEAST_STRENGTH, 1.5 * chance)
         best = next((one for one, s in zip(found, strength, strict=True) if one.gain > LEAST_GAIN and s > threshold), None)
         rival = _rival(bench, fit, unnamed)
-        if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
+        if rival and len(unnamed) < most_unnamed and _is_unnamed(bench, rival, best, threshold):
             unnamed = (*unnamed, rival.terms)
             fit = with_unnamed(bench, fit, unnamed)
             continue
@@ -310,7 +316,15 @@ def restarted(bench: Bench, parts: tuple[tuple[Knobs, Array], ...], unnamed: tup
 def retuned(bench: Bench, fit: Fit) -> Bench:
     """The bench with noise and weights as the fit leaves them."""
     noise = tuned(bench, fit.settings)
-    return prepare(bench.course, bench.rig, fit.settings, noise)
+    found = prepare(bench.course, bench.rig, fit.settings, noise)
+    for _ in range(MOST_EASINGS):
+        # A model that is wrong everywhere, as of a vehicle of another kind, must not be judged by the millimetre.
+        path = found.path_surprise(found.path(fit.settings), fit.settings)
+        if float(np.mean(path * path)) < WRONG_EVERYWHERE:
+            break
+        wider = {name: EASING * getattr(found.noise, name) for name in ("position", "heading", "soil", "along")}
+        found = prepare(bench.course, bench.rig, fit.settings, replace(found.noise, **wider))
+    return found
 
 
 def exchanged(bench: Bench, fit: Fit, tractor: Tractor, threshold: float) -> Fit:
@@ -355,10 +369,11 @@ def deviation(tractor: Tractor, knobs: Knobs, at: Array) -> float:
 
 def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
     """Whether a part is larger than the tolerance of the base tractor, and clearly so."""
-    sigma = robust_sigma(bench, fit)
     knobs, at = next(part for part in fit.parts if part[0].id == name)
-    far = deviation(tractor, knobs, at)
-    spread = float(np.max(sigma[fit.columns(name)]))
-    finest = finest_of(tractor, name)
-    return far > finest and far > CLEAR_SIGMAS * spread
+    mine = fit.columns(name)
+    away = at - np.array(knobs.neutral)
+    # Of a direction that the logs never tell, as of a slope driven one way only, nothing is asked.
+    inverse = np.linalg.pinv(robust_covariance(bench, fit)[mine, mine], rcond=1e-3, hermitian=True)
+    sigmas = float(np.sqrt(away @ inverse @ away))
+    return deviation(tractor, knobs, at) > finest_of(tractor, name) and sigmas > CLEAR_SIGMAS
 
