@@ -32,14 +32,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from fields.read import read_field
     from fields.write import write_field
 
+    from tests.truth.model import make_logs
+
     place = tmp_path_factory.mktemp("readme")
     write_field(read_field("netherlands"), place / "myfarm.geojson")
+    (place / "runs").mkdir()
+    for number, log in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:8]):
+        log.to_csv(place / "runs" / f"{number}.csv", index=False)
+        log.to_csv(place / "run.csv", index=False)
     return place
 
 
 @pytest.mark.parametrize("line", commands())
 def test_command(line: str, folder: Path, command: list[str]) -> None:
-    words = [*command, *line.split()[1:]]
+    words = [*command]
+    for word in line.split()[1:]:
+        words += sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
