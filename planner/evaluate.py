@@ -9,14 +9,13 @@ import numpy as np
 from planner.deconflict import MOST_REPAIRS, Simulate, without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
 from planner.results import PlanResult
-from planner.site import Site
+from planner.site import Site, gnss_errors
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.waiting import optimised
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
 from strategies.job import Job
 from strategies.registry import FORMATIONS, ROW_BY_ROW_OPTIMISED, build
-from vehicle.gnss import NO_ERROR, default_table
 from vehicle.missions import Plan
 from vehicle.run import DONE, Run
 from vehicle.world import World
@@ -75,7 +74,7 @@ def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
 
 
 def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
-    fixes = default_table() if site.scenario.gnss else NO_ERROR
+    fixes = gnss_errors(site.scenario)
 
     def simulate(plan: Plan) -> Run:
         world = World(plan, site.tractor, site.implement, fixes=fixes, seed=site.scenario.seed)

@@ -39,6 +39,7 @@ class Scenario:
     before_s: int | None = None
     seed: int = 1
     gnss: bool = False
+    gnss_table: str | None = None
 
     def __post_init__(self) -> None:
         _check_fleet(self)

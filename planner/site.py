@@ -18,6 +18,7 @@ from strategies.job import Job, Manner, starting_corner
 from strategies.legs import STEP_M
 from strategies.paths import Path, Pose
 from strategies.turns import TURN_KINDS, fishtail, omega_turn, switch_back, turn_depth, u_turn
+from vehicle.gnss import NO_ERROR, Table, default_table, load_table
 from vehicle.ground import ground_names
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.tractor import Implement, Tractor, load_tractor
@@ -68,6 +69,7 @@ def prepare(scenario: Scenario, field: Field | None = None) -> Site:
     """
     field = field or read_field(scenario.field, local=scenario.local)
     _check_field(field)
+    gnss_errors(scenario)
     tractor, implement = load_tractor(scenario.tractor), Implement(width_m=scenario.width_m)
     radius = _planned_radius(scenario, tractor, field.default_ground)
     tool = tractor.antenna_forward_m + implement.hitch_m
@@ -88,6 +90,13 @@ def prepare(scenario: Scenario, field: Field | None = None) -> Site:
     free = field.boundary.buffer(-margin, join_style="mitre", mitre_limit=2.0)
     beside = _beside(layout, free)
     return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds)
+
+
+def gnss_errors(scenario: Scenario) -> Table:
+    """The table of position errors a scenario asks for; raises VehicleError for a file that holds none."""
+    if not scenario.gnss:
+        return NO_ERROR
+    return load_table(scenario.gnss_table) if scenario.gnss_table else default_table()
 
 
 def _check_field(field: Field) -> None:

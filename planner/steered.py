@@ -18,7 +18,7 @@ from vehicle.trials.drive import Track, drive_steered, with_steering
 from vehicle.trials.fixed import step_commands
 from vehicle.trials.oversteer import settled_radius, settles
 
-SHORTEST_S, LONGEST_S, FASTEST_KMH = 8.0, 3600.0, 30.0
+SHORTEST_S, LONGEST_S, FASTEST_KMH = 20.0, 3600.0, 30.0
 KEEP = 6
 STRAIGHT_M = 1e6  # a radius beyond this is no circle
 

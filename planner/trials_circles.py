@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.trial_results import Comparison, Line, Panel, Sheet, TextTable
+from vehicle.ground import tyres_on
 from vehicle.tractor import Tractor, load_tractor
 from vehicle.trials.drive import Track
 from vehicle.trials.fixed import (
@@ -18,6 +19,7 @@ from vehicle.trials.fixed import (
     Guess,
     changing_steering,
     closest_table,
+    fixed_steering,
     guesses,
     table_4_1,
 )
@@ -44,7 +46,7 @@ def circles(tractor: Tractor) -> Sheet:
             side = "right" if angle > 0 else "left"
             rows.append(Comparison(
                 f"Eq. {equation} {ground} {side} {abs(angle)} deg", "turning radius", "m", law, radius,
-                "the measured radius 118.4 / (c |delta|^p)",
+                "the measured radius 118.4 / (c |delta|^p), to which the model is calibrated",
             ))  # fmt: skip
         for sign, dashed in ((1, False), (-1, True)):
             radii = np.array([found[sign * angle] for angle in CIRCLE_ANGLES_DEG])
@@ -52,7 +54,10 @@ def circles(tractor: Tractor) -> Sheet:
             lines.append(Line(f"Eq. {equation}, {machine.name} on {ground}, {side}",
                               np.array(CIRCLE_ANGLES_DEG, dtype=float), radii, number, dashed))  # fmt: skip
     worst = max(abs(row.difference_pct or 0.0) for row in rows)
-    words = (f"The corrected base model drives the measured radii; the largest difference is {worst:.2f} %.",)
+    words = (
+        "The corrected base model is calibrated to the measured radii, so this checks the calibration alone; the "
+        f"largest difference is {worst:.2f} %.",
+    )
     panel = Panel("Turning radius", "Steering angle (degrees)", "Radius (m)", tuple(lines))
     return Sheet("circles", "Circles at fixed steering (Eq. 2.9, 2.10, 5.1)", words, tuple(rows), (panel,))
 
@@ -63,6 +68,8 @@ def fixed(tractor: Tractor) -> Sheet:
     plain = table_4_1(tractor, curve=None)
     tried = guesses(tractor)
     closest = closest_table(tractor)
+    used = tyres_on("soil", "linear")
+    free = fixed_steering(tractor, used.model_copy(update={"grip": None}))
     rows = [_radius_row(*trio) for trio in zip(drives, plain, closest, strict=True)]
     words = (
         "Tyres of section 4.3: front 0.005 and rear 0.01 of the load per degree, the non-linear ones up to 5 degrees; "
@@ -70,6 +77,8 @@ def fixed(tractor: Tractor) -> Sheet:
         f"Radii are those of a point {MEASURED_AHEAD_M} m ahead of the centre of mass, which the kinematic column asks "
         "for; at the centre of mass the kinematic radii would be "
         + ", ".join(f"{drive.track.radius(0.0)[-1]:.2f}" for drive in drives[:3]) + " m.",
+        f"The friction circle of {used.grip:g} of the rear load is assumed; without one the linear column is "
+        + ", ".join(_radius(drive.radius_m) for drive in free) + ".",
         _verdict(closest),
     )  # fmt: skip
     tables = (_guess_table(tried), _whole_table(drives, plain, closest))

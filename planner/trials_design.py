@@ -85,11 +85,9 @@ def _spread(found: TyreMap) -> float:
 
 
 def _inverse(found: TyreMap) -> bool:
-    """Radius times slope times limit alike over the stable cells that run at least twice as wide as the tightest."""
-    product = np.outer(found.slopes_per_deg, found.limits_deg) * found.radius_m
-    radii = found.radius_m[found.stable]
-    wide = product[found.stable][radii > 2.0 * radii.min()]
-    return bool(len(wide) and np.abs(wide / np.median(wide) - 1.0).max() < 0.15)
+    """Radius times slope times limit alike over every stable cell."""
+    product = (np.outer(found.slopes_per_deg, found.limits_deg) * found.radius_m)[found.stable]
+    return bool(len(product) and np.abs(product / np.median(product) - 1.0).max() < 0.15)
 
 
 def mass(tractor: Tractor) -> Sheet:
@@ -134,8 +132,9 @@ def _rear_stabilises(found: MassSweep) -> bool:
 
 
 def _front_unstable(found: MassSweep) -> bool:
+    """Unstable in front of some place in the front half, stable from there on."""
     stable = np.isfinite(found.radius_m[1])
-    return bool(not stable[0] and stable[-1])
+    return bool(not stable[0] and stable[len(stable) // 2 :].all() and (stable[1:] >= stable[:-1]).all())
 
 
 def _radius_falls(found: MassSweep) -> bool:

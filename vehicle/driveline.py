@@ -50,4 +50,4 @@ def propel(state, model, ground, forward, dt) -> float:  # type: ignore[no-untyp
     if target == 0.0 and state.reference_speed == 0.0 and abs(forward) < STOPPED_MPS:
         state.integral = 0.0  # the brake holds
         drive = -model.mass * forward / dt
-    return min(max(drive, -model.max_drive), model.max_drive)
+    return float(min(max(drive, -model.max_drive), model.max_drive))

@@ -104,7 +104,8 @@ def make_table(east_mm: npt.NDArray[np.float64], north_mm: npt.NDArray[np.float6
 
 def _cells(values: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     """Grid cell of each value; whole millimetres stay apart whatever the fraction of their mean."""
-    return (np.round(values) - math.floor(float(np.mean(values)) + 0.5) + CENTRE).astype(np.int64)
+    cells = np.round(values) - math.floor(float(np.mean(values)) + 0.5) + CENTRE
+    return np.clip(cells, -1e9, 1e9).astype(np.int64)
 
 
 def default_fixes() -> npt.NDArray[np.float64]:
@@ -147,12 +148,13 @@ def load_table(path: str | Path) -> Table:
 
 def _parse_table(text: str, where: str) -> Table:
     rows = _numbers(text, ("east_mm", "north_mm", "above", "up_to"), where)
-    table = rows.astype(np.int64)
+    table = np.clip(rows, -1e9, 1e9).astype(np.int64)
     whole = len(table) > 0 and (table == rows).all() and table[0, 2] == 0
+    whole = whole and table[:, :2].min() >= -CENTRE and table[:, :2].max() < GRID - CENTRE
     if not (whole and (table[1:, 2] == table[:-1, 3]).all() and (table[:, 3] > table[:, 2]).all()):
         raise VehicleError(
-            f"{where} is no GNSS table: the intervals must be whole numbers that start at 0 and follow on each "
-            "other; make one with headland gnss fit."
+            f"{where} is no GNSS table: errors must lie on the {GRID} mm grid and the intervals be whole numbers that "
+            "start at 0 and follow on each other; make one with headland gnss fit."
         )
     return table
 
@@ -163,11 +165,14 @@ def load_fixes(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
     Raises VehicleError for unreadable files, missing columns, too few rows and values that are no numbers.
     """
     text = _read(Path(path))
+    text = text.lstrip("\r\n")
     header = [name.strip().lower() for name in text.splitlines()[0].split(",")] if text.strip() else []
     if {"x_m", "y_m"} <= set(header):
         values = 1000.0 * _numbers(text, ("x_m", "y_m"), str(path))
     elif {"longitude", "latitude"} <= set(header):
         degrees = _numbers(text, ("longitude", "latitude"), str(path))
+        if (np.abs(degrees) > (180.0, 90.0)).any():
+            raise VehicleError(f"{path} holds longitudes beyond 180 or latitudes beyond 90 degrees; give degrees.")
         values = 1000.0 * _local_metres(degrees)
     else:
         found = ", ".join(header) or "none"
@@ -204,14 +209,18 @@ def _numbers(text: str, columns: tuple[str, ...], where: str) -> npt.NDArray[np.
     missing = [name for name in columns if name not in reader.fieldnames]
     if missing:
         raise VehicleError(f"{where} lacks the column {missing[0]!r}; it needs {', '.join(columns)}.")
+    try:
+        lines = [(reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise VehicleError(f"{where}, line {reader.line_num}: {error}; give a CSV file of numbers.") from None
     rows = []
-    for row in reader:
+    for number, row in lines:
         try:
             values = [float(row[name]) for name in columns]
         except (TypeError, ValueError):
             values = [math.nan]
         if not all(math.isfinite(value) for value in values):
-            shown = ", ".join(str(row[name]) for name in columns)
-            raise VehicleError(f"{where}, line {reader.line_num}: {shown!r} are not numbers; mend or remove the line.")
+            shown = ", ".join(str(row[name])[:40] for name in columns)
+            raise VehicleError(f"{where}, line {number}: {shown!r} are not numbers; mend or remove the line.")
         rows.append(values)
     return np.array(rows, dtype=np.float64).reshape(-1, len(columns))

@@ -29,9 +29,12 @@ def fit(
 
     Example: headland gnss fit fixes.csv -o table.csv
     """
+    from planner.errors import ScenarioError
     from vehicle.gnss import load_fixes, make_table, table_text
 
     check_output(output)
+    if output is not None and output.exists() and fixes.exists() and output.samefile(fixes):
+        raise ScenarioError(f"--output {output} is the file of fixes itself; give another name.")
     table = make_table(*load_fixes(fixes))
     if output is None:
         typer.echo(table_text(table), nl=False)

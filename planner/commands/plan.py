@@ -59,6 +59,7 @@ def plan(
     csv: Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.")] = False,
     seed: Annotated[int, typer.Option(help="Seed; the same seed gives the same bytes.")] = 1,
     gnss: Annotated[bool, typer.Option("--gnss", help="Let positions err as an RTK receiver's do.")] = False,
+    gnss_table: Annotated[Optional[str], typer.Option(help="The same by a table made with headland gnss fit.")] = None,  # noqa: UP045
     processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,  # noqa: UP045
     full: Annotated[bool, typer.Option("--all", help="Show every plan in the table.")] = False,
 ) -> None:
@@ -78,7 +79,7 @@ def plan(
     check_distinct(field, html, png, save)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
-        turn_speed_kmh, headland, bearing, radius, tractor, seed, gnss,
+        turn_speed_kmh, headland, bearing, radius, tractor, seed, gnss, gnss_table,
     )  # fmt: skip
     site, ranking = _rank(scenario, processes)
     _print(ranking, json, csv, full)
@@ -92,7 +93,7 @@ def _scenario(
     field: str, local: bool, width: float, tractors: str, strategies: str, turn: str, start: str | None,
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None, tractor: str,
-    seed: int, gnss: bool,
+    seed: int, gnss: bool, gnss_table: str | None,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_clock, parse_counts
     from strategies.registry import STRATEGIES
@@ -117,7 +118,8 @@ def _scenario(
         start_s=None if start is None else parse_clock(start, "--start"),
         before_s=None if before is None else parse_clock(before, "--before"),
         seed=seed,
-        gnss=gnss,
+        gnss=gnss or gnss_table is not None,
+        gnss_table=gnss_table,
     )
 
 

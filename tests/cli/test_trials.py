@@ -108,7 +108,7 @@ def test_a_table_of_errors_from_fixes(headland: Run, tmp_path: Path) -> None:
     (("drive", "--steer", "20", "--steering", "rigid"), "use one of: proposed, traditional, none, unlatched"),
     (("drive", "--steer", "20", "--mass", "2.5"), "outside the wheelbase of 2.4 m"),
     (("drive", "--steer", "20", "--speed-kmh", "0"), "--speed-kmh is 0"),
-    (("drive", "--steer", "20", "--seconds", "1"), "--seconds is 1; use 8 to 3600"),
+    (("drive", "--steer", "20", "--seconds", "1"), "--seconds is 1; use 20 to 3600"),
     (("drive", "--steer", "20", "--front-limit", "0"), "--front-limit is 0; use a value above 0"),
     (("drive", "--steer", "20", "--png", "nowhere/x.png"), "the folder nowhere does not exist"),
     (("gnss", "fit", "nowhere.csv"), "nowhere.csv cannot be read"),

@@ -28,12 +28,13 @@ class Step:
     ground: str
     steering: str
     track: Track
+    second_m: float = SECOND_M
 
     @property
     def lateral_cm(self) -> float:
         """Mean size of the lateral error over the last 15 m of path 2, in centimetres."""
         place = self.track.place()
-        end = FIRST_M + SECOND_M
+        end = FIRST_M + self.second_m
         last = (place[:, 1] > end - LAST_M) & (place[:, 1] < end)
         return float(100.0 * np.abs(place[last, 0] - 0.01 * self.offset_cm).mean())
 
@@ -49,25 +50,25 @@ class Step:
         return float(max(0.0, (100.0 * sign * self.track.place()[:, 0]).max() - abs(self.offset_cm)))
 
     def _measured(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        return np.asarray(self.track.place()[:, 1] < FIRST_M + SECOND_M)
+        return np.asarray(self.track.place()[:, 1] < FIRST_M + self.second_m)
 
     def difference_cm(self, other: Step) -> tuple[float, float]:
         """Largest and mean distance of this track from another, from the first turn to the last 15 m."""
         place = self.track.place()
-        turning = (place[:, 1] > FIRST_M - 6.0) & (place[:, 1] < FIRST_M + SECOND_M - LAST_M)
+        turning = (place[:, 1] > FIRST_M - 6.0) & (place[:, 1] < FIRST_M + self.second_m - LAST_M)
         gap = 100.0 * distances(place[turning], other.track.place())
         return float(gap.max()), float(gap.mean())
 
 
 def step_response(
     tractor: Tractor, offset_cm: int, speed_kmh: float, ground: str, steering: str = "proposed", *,
-    fixes: Table = NO_ERROR, seed: int = 1, limit_m: float = UNLIMITED_M,
+    fixes: Table = NO_ERROR, seed: int = 1, limit_m: float = UNLIMITED_M, second_m: float = SECOND_M,
 ) -> Step:  # fmt: skip
     """Drive one step response with the corrected base model of a ground."""
-    path = straight(FIRST_M + SECOND_M + RUN_OUT_M, speed_kmh / 3.6, ground)
+    path = straight(FIRST_M + second_m + RUN_OUT_M, speed_kmh / 3.6, ground)
     tested = as_tested(tractor, steering, limit_m=limit_m)
     track = follow(tested, path, fixes=fixes, seed=seed, jump=(FIRST_M, 0.01 * offset_cm))
-    return Step(offset_cm, speed_kmh, ground, steering, track)
+    return Step(offset_cm, speed_kmh, ground, steering, track, second_m)
 
 
 def weaving_m(tractor: Tractor, offset_cm: int, *, limit_m: float, speed_kmh: float = 5.0) -> float:
