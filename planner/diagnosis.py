@@ -55,7 +55,9 @@ def diagnosed(order: Order, progress: Progress | None = None) -> tuple[Diagnosis
 def _logs(order: Order, tractor: Tractor, hidden: Hidden | None) -> list[Log]:
     if order.demo:
         return demo_logs(hidden, tractor, order.ground, order.seed)
-    return read_logs([Path(name) if Path(name).exists() else name for name in order.files], order.fixes, tractor.wheelbase_m)
+    return read_logs(
+        [Path(name) if Path(name).exists() else name for name in order.files], order.fixes, tractor.wheelbase_m
+    )
 
 
 def plan_gain(before: Tractor, after: Tractor) -> PlanGain | None:

@@ -132,7 +132,8 @@ def _curve(curve: Curve) -> dict[str, Any]:
         ]
         series.append({"name": name, "points": points, "line": " ".join(f"{p['x']:.1f},{p['y']:.1f}" for p in points)})
     return {
-        "width": WIDTH, "height": HEIGHT, "zero": y(0.0), "left": LEFT, "right": WIDTH - 20.0, "bottom": HEIGHT - BOTTOM,
+        "width": WIDTH, "height": HEIGHT, "zero": y(0.0), "left": LEFT, "right": WIDTH - 20.0,
+        "bottom": HEIGHT - BOTTOM,
         "series": series, "regressor": curve.regressor, "quantity": curve.quantity,
         "xticks": [(x(t), f"{t:.3g}") for t in _ticks(left, right)],
         "yticks": [(y(t), f"{t:.3g}") for t in _ticks(low, high)],

@@ -55,7 +55,8 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
         found.append(f"To tell {' and '.join(drive.separates)} apart: {drive.words} ({drive.seconds:.0f} s)")
     if diagnosis.depends_on:
         found.append(
-            f"Unexplained: {100 * diagnosis.unexplained_share:.0f} % of the error; {' and '.join(diagnosis.depends_on)}."
+            f"Unexplained: {100 * diagnosis.unexplained_share:.0f} % of the error; "
+            f"{' and '.join(diagnosis.depends_on)}."
         )
     plan = diagnosis.plan
     if plan and plan.time_before_s and plan.time_after_s:

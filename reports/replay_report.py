@@ -52,14 +52,16 @@ def replay_figure(found: Replayed) -> Figure:
     path = figure.add_subplot(grid[:, 0])
     rows = [figure.add_subplot(grid[row, 1]) for row in range(3)]
     for number, one in enumerate(found.stretches):
-        label = (lambda text, first=number == 0: text if first else None)
+        label = _first if number == 0 else _none
         time = one.measured.start_s + one.measured.time
         path.plot(one.measured.east, one.measured.north, color=_MEASURED, linewidth=2.2, label=label("measured"))
         path.plot(*one.antenna.T, color=_SIMULATED, linewidth=1.1, label=label("simulated, laid on the first 5 s"))
         for values, line in ((one.measured.command, "dotted"), (one.measured.wheel, "solid")):
             if values is not None:
                 name = "commanded" if line == "dotted" else "measured"
-                rows[0].plot(time, np.degrees(values), color=_MEASURED, linestyle=line, linewidth=1.2, label=label(name))
+                rows[0].plot(
+                    time, np.degrees(values), color=_MEASURED, linestyle=line, linewidth=1.2, label=label(name)
+                )
         rows[0].plot(time, np.degrees(one.wheel), color=_SIMULATED, linewidth=0.9, label=label("simulated"))
         rows[1].plot(time, one.measured.speed, color=_MEASURED, linewidth=1.2)
         rows[1].plot(time, one.speed, color=_SIMULATED, linewidth=0.9)
@@ -67,7 +69,9 @@ def replay_figure(found: Replayed) -> Figure:
             rows[2].plot(time[piece], 100.0 * errors[:, 0], color=_INK, linewidth=0.8)
     path.set_aspect("equal", adjustable="datalim")
     path.set(xlabel="east, m", ylabel="north, m")
-    for axes, label_y in zip(rows, ("wheel angle, deg", "speed, m/s", "error across, cm,\nanchored every 5 s"), strict=True):
+    for axes, label_y in zip(
+        rows, ("wheel angle, deg", "speed, m/s", "error across, cm,\nanchored every 5 s"), strict=True
+    ):
         axes.set_ylabel(label_y)
     rows[2].set_xlabel("time, s")
     for axes in (path, *rows):
@@ -78,6 +82,14 @@ def replay_figure(found: Replayed) -> Figure:
     title = f"{found.name} against {found.tractor}".replace("$", r"\$")
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=_INK)
     return figure
+
+
+def _first(text: str) -> str | None:
+    return text
+
+
+def _none(text: str) -> str | None:
+    return None
 
 
 def replay_page(found: Replayed) -> str:
@@ -92,7 +104,8 @@ def replay_page(found: Replayed) -> str:
     )
     effects = escape(", ".join(found.effects) or "none")
     return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width">'
         f"<title>{escape(found.name)}: replay</title><style>body{{font-family:system-ui,sans-serif;max-width:68rem;"
         "margin:2rem auto;padding:0 1rem}svg{width:100%;height:auto}td,th{padding:.2rem .9rem;text-align:right}</style>"
         f"</head><body><h1>{escape(found.name)} against {escape(found.tractor)}</h1><p>Effects in the tractor file: "

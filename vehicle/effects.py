@@ -24,7 +24,7 @@ Fields = dict[str, float]
 
 @dataclass(frozen=True)
 class Param:
-    """A number of an effect. `neutral` None stands for the value in the tractor file; `place` tells where, not how much.
+    """A number of an effect. `neutral` None stands for the value in the tractor file; `place` says where, not how much.
 
     `typical` is the size of a usual fault, `finest` the smallest that the base model's own simplifications allow to be
     claimed, `low` and `high` what a tractor can have.
@@ -46,7 +46,9 @@ class Param:
         `metres` is the power of metres in the unit that scales so.
         """
         factor = (wheelbase_m / USUAL_WHEELBASE_M) ** self.metres
-        return replace(self, typical=self.typical * factor, finest=self.finest * factor, high=self.high * max(factor, 1.0))
+        return replace(
+            self, typical=self.typical * factor, finest=self.finest * factor, high=self.high * max(factor, 1.0)
+        )
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "large changes of the command", "steps from lock to lock",
     ),
     Effect(
-        "steering_deadband", STEERING, (Param("angle_deg", "deg", None, 0.8, 0.15, 0.0, 6.0),),
+        "steering_deadband", STEERING, (Param("angle_deg", "deg", None, 0.8, 0.25, 0.0, 6.0),),
         lambda v: {"dead_band": math.radians(v["angle_deg"])},
         lambda v: f"The steering ignores commands closer than {v['angle_deg']:.1f} degrees to where the wheels stand.",
         "small commands", "small steps of the steering, 0.3 to 2 degrees",
@@ -158,7 +160,8 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         "cross_slope_drift", PATH,
-        (Param("ratio", "m/m", 0.0, 0.03, 0.005, 0.0, 0.5), Param("bearing_deg", "deg", 0.0, 90.0, 0.0, 0.0, 360.0, True)),
+        (Param("ratio", "m/m", 0.0, 0.03, 0.005, 0.0, 0.5),
+         Param("bearing_deg", "deg", 0.0, 90.0, 0.0, 0.0, 360.0, True)),
         _slope_fields,
         lambda v: f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {_compass(v['bearing_deg'])} per metre "
                   "driven across it.",
@@ -187,14 +190,16 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0, metres=1),),
         lambda v: {"shift_forward": v["distance_m"]},
-        lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further {'forward' if v['distance_m'] > 0 else 'back'} "
+        lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further "
+                  f"{'forward' if v['distance_m'] > 0 else 'back'} "
                   "than the tractor file says.",
         "turning rate", "tight turns to both sides",
     ),
     Effect(
         "antenna_right", POSITION, (Param("distance_m", "m", 0.0, 0.15, 0.03, -5.0, 5.0, metres=1),),
         lambda v: {"shift_right": v["distance_m"]},
-        lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further {_side(v['distance_m'])} than the tractor "
+        lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further {_side(v['distance_m'])} than the "
+                  "tractor "
                   "file says.",
         "turning rate", "tight turns to both sides",
     ),
@@ -226,7 +231,8 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         "grip_drift", PATH, (Param("per_minute", "per minute", 0.0, 0.08, 0.03, -1.0, 1.0),),
         lambda v: {"drift": v["per_minute"] / 60.0},
-        lambda v: f"Turns become {100 * abs(v['per_minute']):.0f} % {'tighter' if v['per_minute'] > 0 else 'wider'} per "
+        lambda v: f"Turns become {100 * abs(v['per_minute']):.0f} % {'tighter' if v['per_minute'] > 0 else 'wider'} "
+                  "per "
                   "minute since the start of the run.",
         "time since the start", "a long circle",
     ),

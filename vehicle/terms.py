@@ -20,7 +20,7 @@ KNEE = 8.0  # how sharply a curve meets the limit of side force
 def played(play: float, steering: float, model) -> float:  # type: ignore[no-untyped-def]
     """Wheel angle behind the play of the linkage (rad): the wheels stay until the play is taken up."""
     half = model.half_play
-    return min(max(play, steering - half), steering + half)
+    return min(max(play, steering - half), steering + half)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -50,7 +50,7 @@ def grip(angle: float, east: float, north: float, seconds: float, model) -> floa
         dx, dy = east - model.patch_east, north - model.patch_north
         if dx * dx + dy * dy < model.patch_radius * model.patch_radius:
             factor *= model.patch
-    return factor
+    return factor  # type: ignore[no-any-return]
 
 
 @compiled
@@ -69,19 +69,19 @@ def affected_tangent(  # type: ignore[no-untyped-def]
         share = abs(tangent) * forward * forward * model.slide / (base * GRAVITY_MPS2)
         if share > 0.3:
             tangent /= (1.0 + share**KNEE) ** (1.0 / KNEE)
-    return tangent
+    return tangent  # type: ignore[no-any-return]
 
 
 @compiled
 def side_drift(forward: float, cosine: float, sine: float, model) -> float:  # type: ignore[no-untyped-def]
     """Sideways speed (m/s, to the right) at which the ground lets the tractor slide down a cross slope."""
-    return abs(forward) * (model.slope_east * sine - model.slope_north * cosine)
+    return abs(forward) * (model.slope_east * sine - model.slope_north * cosine)  # type: ignore[no-any-return]
 
 
 @compiled
 def ground_speed(wheel_speed: float, working: float, model) -> float:  # type: ignore[no-untyped-def]
     """Speed over ground that a commanded speed comes to under wheel slip."""
-    return wheel_speed * (1.0 - model.slip) * (1.0 - model.tool_slip * working)
+    return wheel_speed * (1.0 - model.slip) * (1.0 - model.tool_slip * working)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -91,18 +91,21 @@ def delayed(ring, step: int, late: float) -> float:  # type: ignore[no-untyped-d
     late = min(max(late, 0.0), size - 2.0)
     whole = int(late)
     share = late - whole
-    return ring[(step - whole) % size] * (1.0 - share) + ring[(step - whole - 1) % size] * share
+    return ring[(step - whole) % size] * (1.0 - share) + ring[(step - whole - 1) % size] * share  # type: ignore[no-any-return]
 
 
 @compiled
 def seen_pose(state, model) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
     """Centre of mass and heading as guidance believes them: late, biased, with the antenna where the file says."""
+    x, y, true = state.x, state.y, state.angle
     last = state.clock - 1
-    if last < 0:
-        x, y, true = state.x, state.y, state.angle
-    else:
-        late = min(model.latency, float(last))
-        x, y, true = delayed(state.xs, last, late), delayed(state.ys, last, late), delayed(state.angles, last, late)
+    if model.latency > 0.0 and last >= 0:
+        # The rings end with the pose one step ago.
+        late = min(max(model.latency - 1.0, 0.0), float(last))
+        share = min(model.latency, 1.0)
+        x += share * (delayed(state.xs, last, late) - x)
+        y += share * (delayed(state.ys, last, late) - y)
+        true += share * (delayed(state.angles, last, late) - true)
     angle = true + model.heading_bias
     # The antenna stands at (forward + shift, shift) of the true heading; the file's lever is taken off the seen one.
     ahead = model.guide + model.shift_forward

@@ -214,9 +214,7 @@ def noise_row(noise: Noise, heading_seen: bool) -> Array:
     ])  # fmt: skip
 
 
-def _channels(
-    bench: Bench, settings: Settings
-) -> tuple[tuple[Channel | None, ...], tuple[Channel | None, ...]]:
+def _channels(bench: Bench, settings: Settings) -> tuple[tuple[Channel | None, ...], tuple[Channel | None, ...]]:
     """Weights of wheel and speed from what is left: spread while steady, timing while moving, memory of all runs."""
     wheel: list[tuple[Array, Array] | None] = []
     speed: list[tuple[Array, Array] | None] = []

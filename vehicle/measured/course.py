@@ -84,7 +84,8 @@ def make_course(logs: Sequence[Log]) -> Course:
             stretches.append(_stretch(log, rows, run, origin))
     if not stretches:
         raise LogError(
-            f"The {len(logs)} logs hold no {SHORTEST_S:g} s of forward driving without a gap; log at least one such run."
+            f"The {len(logs)} logs hold no {SHORTEST_S:g} s of forward driving without a gap; log at least one "
+            "such run."
         )
     return Course(tuple(log.name for log in logs), tuple(stretches), origin, sum(len(log.used) for log in logs))
 
@@ -114,7 +115,9 @@ def _stretch(log: Log, rows: npt.NDArray[np.int64], run: int, origin: tuple[floa
         "target": None if log.speed_command_mps is None else log.speed_command_mps[rows],
     }
     working = log.implement[rows]
-    grids = _grids(time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns})
+    grids = _grids(
+        time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns}
+    )
     return Stretch(
         run, float(log.time_s[rows[0]] - log.time_s[log.used][0]), time, east, north, heading,
         log.heading_deg is not None, speed, log.speed_mps is not None,
@@ -143,7 +146,7 @@ def _course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
 
 def _grids(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
     """Columns on the grid: measured values between rows by line, commands from halfway between two rows on."""
-    steps = int(math.ceil((time[-1] - time[0]) / DT_S)) + 1
+    steps = math.ceil((time[-1] - time[0]) / DT_S) + 1
     grid = np.arange(steps) * DT_S
     middles = 0.5 * (time[1:] + time[:-1])
     nearest = np.searchsorted(middles, grid)

@@ -11,7 +11,7 @@ from vehicle.measured.bench import Bench
 from vehicle.measured.course import Stretch
 from vehicle.measured.dependence import Dependence
 from vehicle.measured.fitting import Fit
-from vehicle.measured.record import Array
+from vehicle.measured.record import Array, Mask
 from vehicle.measured.replay import Settings, replay, seen
 from vehicle.measured.verdict import Curve
 
@@ -32,7 +32,7 @@ def _crab(bench: Bench, stretch: Stretch, settings: Settings) -> Array:
     antenna, heading, _, _ = seen(bench.rig, stretch, replay(bench.rig, stretch, settings, True, True), settings)
     measured = _angle(stretch, stretch.east, stretch.north) - stretch.heading
     simulated = _angle(stretch, antenna[:, 0], antenna[:, 1]) - heading
-    return -np.degrees(np.angle(np.exp(1j * (measured - simulated))))
+    return np.asarray(-np.degrees(np.angle(np.exp(1j * (measured - simulated)))))
 
 
 def _wheel(bench: Bench, stretch: Stretch, settings: Settings) -> Array:
@@ -133,16 +133,19 @@ def best_curve(bench: Bench, fit: Fit, names: Sequence[str], unnamed: Sequence[D
     return _binned(regressor, quantity, at, before, after, bench)
 
 
-def _inner(stretch: Stretch) -> Array:
+def _inner(stretch: Stretch) -> Mask:
     """Rows away from the ends and in motion."""
     moving = stretch.speed > 0.3 * max(float(np.median(stretch.speed)), 0.05)
-    return moving & (stretch.time > SPAN_S) & (stretch.time < stretch.time[-1] - SPAN_S)
+    return np.asarray(moving & (stretch.time > SPAN_S) & (stretch.time < stretch.time[-1] - SPAN_S))
 
 
 def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Array, bench: Bench) -> Curve | None:
     if len(at) < 50:
         return None
     edges = np.unique(np.quantile(at, np.linspace(0.0, 1.0, BINS + 1)))
+    if 2 < len(edges) < BINS // 2:
+        # Most rows have one and the same value, as a command that rests: bins of even width show the others.
+        edges = np.linspace(float(np.quantile(at, 0.01)), float(np.quantile(at, 0.99)), BINS + 1)
     if len(edges) == 1:
         edges = np.array([edges[0] - 0.5, edges[0] + 0.5])
     elif len(edges) == 2:

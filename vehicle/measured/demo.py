@@ -49,6 +49,7 @@ def _waves(size: float, seconds: float, step: float) -> Pieces:
 
 def programme() -> tuple[tuple[str, float, Pieces], ...]:
     """Name, first heading (deg from north) and pieces of every run: about nine minutes."""
+
     def turns(angles: tuple[float, ...], seconds: float, pace: float = 1.0, tool: float = 0.0) -> Pieces:
         return tuple((seconds, angle, pace, tool) for angle in angles)
 

@@ -1,7 +1,7 @@
 """What an error depends on when no effect of the catalogue explains it: unnamed terms on a list of regressors.
 
-Each unnamed term bends the path, changes the grip, pushes the tractor over the ground or changes its speed in proportion
-to a regressor. They compete with the catalogue: where one explains clearly more than any named effect, giving a name
+Each unnamed term bends the path, changes the grip, pushes the tractor over the ground or changes its speed in
+proportion to a regressor. They compete with the catalogue: where one explains clearly more than any named effect, giving a name
 would be wrong, and what the error depends on is said instead.
 """
 
@@ -110,7 +110,9 @@ def dependences(bench: Bench) -> list[Dependence]:
     found = [
         Dependence("speed", "an extra wheel angle", lambda s, m, b: [_bend(m, _speed(s), b)]),
         Dependence("the square of speed", "an extra wheel angle", lambda s, m, b: [_bend(m, _speed(s) ** 2, b)]),
-        Dependence("time since the start", "an extra wheel angle", lambda s, m, b: [_bend(m, s.start_s + s.time[:-1], b)]),
+        Dependence(
+            "time since the start", "an extra wheel angle", lambda s, m, b: [_bend(m, s.start_s + s.time[:-1], b)]
+        ),
         Dependence(
             "the direction of travel", "an extra wheel angle",
             lambda s, m, b: [_bend(m, np.cos(s.heading[:-1]), b), _bend(m, np.sin(s.heading[:-1]), b)],
@@ -129,7 +131,9 @@ def dependences(bench: Bench) -> list[Dependence]:
         ),
         Dependence("speed", "a change of the distance driven", lambda s, m, b: [_faster(m, _speed(s))]),
         Dependence("always", "a change of the distance driven", lambda s, m, b: [_faster(m, np.ones(s.rows - 1))]),
-        Dependence("the wheel angle", "a change of the distance driven", lambda s, m, b: [_faster(m, np.abs(_steering(s)))]),
+        Dependence(
+            "the wheel angle", "a change of the distance driven", lambda s, m, b: [_faster(m, np.abs(_steering(s)))]
+        ),
     ]  # fmt: skip
     longest = max(stretch.time[-1] for stretch in bench.course.stretches)
     fastest = 8.0 * max(float(np.median(np.diff(stretch.time))) for stretch in bench.course.stretches)
@@ -154,9 +158,7 @@ def scores(bench: Bench, fit: Fit) -> list[Score]:
     bends = [_per_angle(bench, stretch) for stretch in bench.course.stretches]
     found = []
     for terms in dependences(bench):
-        made = [
-            terms.make(s, m, b) for s, m, b in zip(bench.course.stretches, response.moves, bends, strict=True)
-        ]
+        made = [terms.make(s, m, b) for s, m, b in zip(bench.course.stretches, response.moves, bends, strict=True)]
         gain, freedoms = response.gain(made, terms.per_run)
         found.append(Score(terms, gain, freedoms))
     return sorted(found, key=lambda one: one.freedoms - one.gain)
@@ -185,7 +187,9 @@ class Response:
         self.lever, self.bias = antenna_lever(bench.rig, fields), fields["heading_bias"]
         self.now = [self._surprise(index, move) for index, move in enumerate(self.moves)]
         ends = np.cumsum([3 * stretch.rows for stretch in bench.course.stretches])
-        self.places = [slice(int(end) - 3 * s.rows, int(end)) for end, s in zip(ends, bench.course.stretches, strict=True)]
+        self.places = [
+            slice(int(end) - 3 * s.rows, int(end)) for end, s in zip(ends, bench.course.stretches, strict=True)
+        ]
         self.inverse = np.linalg.pinv(fit.slope.T @ fit.slope, rcond=1e-12, hermitian=True)
         self.side = fit.slope.T @ fit.surprise
 

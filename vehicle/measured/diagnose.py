@@ -1,7 +1,7 @@
 """From logs to a diagnosis: the order of the work, and the figures of the answer.
 
-The base is the tractor as its file gives it; every effect in the model is refitted with every other, and an effect within
-the tolerance of its entry (`finest`) counts as a calibration of the file, not as a cause.
+The base is the tractor as its file gives it; every effect in the model is refitted with every other, and an effect
+within the tolerance of its entry (`finest`) counts as a calibration of the file, not as a cause.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from vehicle.effects import BLOCKS, CATALOGUE, Effect, effect
+from vehicle.effects import CATALOGUE, SPEED, STEERING, Effect, effect
 from vehicle.measured.bench import Bench, first_noise, prepare
 from vehicle.measured.course import make_course
 from vehicle.measured.curves import best_curve
@@ -95,11 +96,11 @@ def _answer(
     count.step()
     kept = set(fit.settings) if selection.unnamed else set(names)
     floor = floor_squares(with_real_noise(bench, fit), fit.settings)
-    held_out = {
+    held_out: dict[int, Settings] = {
         run: {name: values for name, values in one.items() if name in kept}
         for run, one in held_out_settings(bench, fit).items()
     }
-    before = run_squares(bench, dict.fromkeys(range(len(base.course.names)), {}))
+    before = run_squares(bench, {run: {} for run in range(len(base.course.names))})
     after = run_squares(bench, held_out)
     count.step()
     findings = _findings(bench, fit, tractor, names, rivals, floor, held_out, count)
@@ -142,10 +143,8 @@ def _nameable(selection: Selection, tractor: Tractor) -> list[str]:
     if not selection.unnamed:
         return names
     shadow = _unnamed_gain(fit) * ABOVE_UNNAMED
-    return [
-        name for name in names
-        if block_of(name) in BLOCKS[::2] and bench.has_wheel or without(bench, fit, name).loss - fit.loss > shadow
-    ]  # fmt: skip
+    apart = (STEERING, SPEED) if bench.has_wheel else ()
+    return [name for name in names if block_of(name) in apart or without(bench, fit, name).loss - fit.loss > shadow]
 
 
 def _unnamed_gain(fit: Fit) -> float:
@@ -225,7 +224,7 @@ def _findings(
             found.append(_in_model(bench, fit, entry, status, tuple(others), rivals, floor, held_out, final))
         elif entry.id in alike:
             name = alike[entry.id]
-            same = tuple([name, *[one for one in rivals[name] if one != entry.id]])
+            same = (name, *[one for one in rivals[name] if one != entry.id])
             found.append(_stand_in(entry, rivals[name][entry.id], same, fit.settings[name]))
         else:
             found.append(_absent(bench, fit, tractor, entry))
@@ -247,7 +246,8 @@ def _in_model(
     )
     return Finding(
         entry.id, status, value, intervals(bench, fit, knobs, at), gain, interval,
-        _visible(bench, fit, bench.rig.tractor, entry), entry.size.unit, entry.block, entry.words(value), others, exchange,
+        _visible(bench, fit, bench.rig.tractor, entry), entry.size.unit, entry.block, entry.words(value),
+        others, exchange,
     )  # fmt: skip
 
 
@@ -258,7 +258,18 @@ def _sized(entry: Effect, value: dict[str, float]) -> str:
 def _stand_in(entry: Effect, value: dict[str, float], same: tuple[str, ...], of: dict[str, float]) -> Finding:
     exchange = f"looks like {_sized(effect(same[0]), of)} of {same[0]}"
     return Finding(
-        entry.id, EQUIVALENT, value, None, 0.0, None, None, entry.size.unit, entry.block, entry.words(value), same, exchange
+        entry.id,
+        EQUIVALENT,
+        value,
+        None,
+        0.0,
+        None,
+        None,
+        entry.size.unit,
+        entry.block,
+        entry.words(value),
+        same,
+        exchange,
     )
 
 
@@ -293,7 +304,7 @@ def _smaller(share: float, strength: float) -> float:
     return share * math.sqrt(2.0 * LEAST_GAIN / strength)
 
 
-def _others(fit: Fit, name: str) -> Array:
+def _others(fit: Fit, name: str) -> npt.NDArray[np.int64]:
     keep = np.ones(fit.slope.shape[1], dtype=np.bool_)
     if name in fit.settings:
         keep[fit.columns(name)] = False
@@ -383,7 +394,9 @@ def _notes(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
             rules[gate.rule] = rules.get(gate.rule, 0) + gate.rows
     found += [f"{rows} rows left out: {rule}." for rule, rows in rules.items()]
     if not bench.has_wheel:
-        found.append("No wheel angle was logged: faults of the steering system and of the path cannot be told apart well.")
+        found.append(
+            "No wheel angle was logged: faults of the steering system and of the path cannot be told apart well."
+        )
     if any(one.target is None for one in bench.course.stretches):
         found.append("No commanded speed was logged: the speed block was not looked at.")
     if any(not one.heading_seen for one in bench.course.stretches):

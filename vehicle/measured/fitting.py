@@ -175,4 +175,4 @@ def block_sums(bench: Bench, slope: Array, surprise: Array) -> Sums:
         sides[:, i] = np.bincount(bench.blocks, slope[:, i] * surprise, count)
         for j in range(i, size):
             squares[:, i, j] = squares[:, j, i] = np.bincount(bench.blocks, slope[:, i] * slope[:, j], count)
-    return Sums(squares, sides, np.bincount(bench.blocks, surprise * surprise, count))
+    return Sums(squares, sides, np.bincount(bench.blocks, surprise * surprise, count).astype(np.float64))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def pieces(time: Array, horizon: float) -> list[slice]:
     """Whole pieces of a horizon, one after another."""
     starts = np.arange(0.0, time[-1] - horizon + 1e-6, horizon)
     edges = np.searchsorted(time, np.append(starts, starts[-1] + horizon if len(starts) else 0.0) - 1e-9)
-    return [slice(int(i), int(j)) for i, j in zip(edges[:-1], edges[1:], strict=True) if j - i >= FEWEST_ROWS]
+    return [slice(int(i), int(j)) for i, j in pairwise(edges) if j - i >= FEWEST_ROWS]
 
 
 def chain(bench: Bench, stretch: Stretch, settings: Settings) -> Seen:
@@ -105,8 +106,8 @@ def errors_of(totals: list[Squares]) -> dict[float, Error]:
 def floor_squares(bench: Bench, settings: Settings, seed: int = 7) -> list[Squares]:
     """Sums of squares that noise alone leaves: a replay of the model with the scatter seen in these logs.
 
-    Wheel angle and speed get what was left of them in the log, shifted in time by chance; the ground and the instruments
-    get noise of the strength told from quick changes. Nothing that repeats with the drive survives this.
+    Wheel angle and speed get what was left of them in the log, shifted in time by chance; the ground and the
+    instruments get noise of the strength told from quick changes. Nothing that repeats with the drive survives this.
     """
     rng = np.random.default_rng(seed)
     runs = len(bench.course.names)

@@ -2,8 +2,8 @@
 
 An effect enters when it takes more away than chance does: the threshold is the largest gain of any candidate over
 what is left of these very data after the signs of its blocks of ten seconds were drawn at random. It must also help in
-runs that had no part in the fit, and in most of the runs that it concerns. The base tractor is the file as given, within
-the tolerance `finest` of each effect: an effect that enters within its tolerance is a calibration and carries no name.
+runs that had no part in the fit, and in most of the runs that it concerns. The base tractor is the file as given,
+within the tolerance `finest` of each effect: an effect that enters within its tolerance is a calibration and carries no name.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def held_out_losses(bench: Bench, fit: Fit) -> Array:
     """Loss of every run under the coordinates that the other runs give, by one step from the common fit."""
     runs = len(bench.course.names)
     by_block = block_sums(bench, fit.slope, fit.surprise)
-    losses = np.bincount(bench.block_runs, by_block.losses, runs)
+    losses = np.bincount(bench.block_runs, by_block.losses, runs).astype(np.float64)
     size = fit.slope.shape[1]
     if size == 0:
         return losses
@@ -247,7 +247,9 @@ def select(
         found = scan(bench, fit, tractor, refused, progress)
         strength, chance = strengths(bench, found, _left(fit, found))
         threshold = max(LEAST_STRENGTH, 1.5 * chance)
-        best = next((one for one, s in zip(found, strength, strict=True) if one.gain > LEAST_GAIN and s > threshold), None)
+        best = next(
+            (one for one, s in zip(found, strength, strict=True) if one.gain > LEAST_GAIN and s > threshold), None
+        )
         rival = _rival(bench, fit, unnamed)
         if rival and len(unnamed) < most_unnamed and _is_unnamed(bench, rival, best, threshold):
             unnamed = (*unnamed, rival.terms)
@@ -376,4 +378,3 @@ def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
     inverse = np.linalg.pinv(robust_covariance(bench, fit)[mine, mine], rcond=1e-3, hermitian=True)
     sigmas = float(np.sqrt(away @ inverse @ away))
     return deviation(tractor, knobs, at) > finest_of(tractor, name) and sigmas > CLEAR_SIGMAS
-

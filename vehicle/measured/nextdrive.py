@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from vehicle.measured.bench import Bench, prepare
+from vehicle.measured.bench import Bench, Channel, prepare
 from vehicle.measured.course import DT_S, Course, Stretch
 from vehicle.measured.fitting import Fit
-from vehicle.measured.knobs import Knobs, knobs_for, settings_of
+from vehicle.measured.knobs import Knobs, knobs_for
 from vehicle.measured.naming import Projector, tried
 from vehicle.measured.record import Array
 from vehicle.measured.replay import replay, seen
@@ -46,7 +48,7 @@ def _program(id: str, words: str, *passes: tuple[float, tuple[tuple[float, float
 
 
 LIBRARY: tuple[Program, ...] = (
-    _program("implement-lifted", "Drive straight ahead for 30 s, implement up for the first 15 s and down for the rest.",
+    _program("implement-lifted", "Drive straight ahead for 30 s, implement up for the first 15 s, then down.",
              (0.0, ((15.0, 0.0, 1.0, 0.0), (15.0, 0.0, 1.0, 1.0)))),
     _program("there-and-back", "Drive the same straight line there and back, 20 s each way, the implement as it was.",
              (0.0, ((20.0, 0.0, 1.0, 1.0),)), (180.0, ((20.0, 0.0, 1.0, 1.0),))),
@@ -79,7 +81,9 @@ def next_drive(bench: Bench, fit: Fit, tractor: Tractor, rivals: dict[str, Value
     return None
 
 
-def _score(bench: Bench, program: Program, tractor: Tractor, both: tuple[Values, Values], names: tuple[str, str]) -> float:
+def _score(
+    bench: Bench, program: Program, tractor: Tractor, both: tuple[Values, Values], names: tuple[str, str]
+) -> float:
     """What separates the rivals: the smaller of the two losses of explaining one's drive by the other."""
     heading = _usual_heading(bench)
     losses = []
@@ -91,16 +95,13 @@ def _score(bench: Bench, program: Program, tractor: Tractor, both: tuple[Values,
     return min(losses)
 
 
-def _steady(channels: tuple[object, ...], trial: Bench) -> tuple:  # type: ignore[type-arg]
+def _steady(channels: tuple[Channel | None, ...], trial: Bench) -> tuple[Channel | None, ...]:
     """Weights of the logs' own channels, as even numbers per row."""
     known = [one for one in channels if one is not None]
     if not known:
         return tuple(None for _ in trial.course.stretches)
-    level = float(np.median(np.concatenate([one.sigma for one in known])))  # type: ignore[attr-defined]
-    first = known[0]
-    return tuple(
-        replace(first, sigma=np.full(stretch.rows, level)) for stretch in trial.course.stretches  # type: ignore[type-var]
-    )
+    level = float(np.median(np.concatenate([one.sigma for one in known])))
+    return tuple(Channel(np.full(stretch.rows, level), known[0].memory) for stretch in trial.course.stretches)
 
 
 def _misfit(trial: Bench, tractor: Tractor, wrong: Values, name: str) -> float:
@@ -145,7 +146,9 @@ def _driven(bench: Bench, program: Program, heading: float, settings: Values) ->
         for name, values in (("east", antenna[:, 0]), ("north", antenna[:, 1]), ("heading", angle), ("wheel", wheel)):
             grids[name] = np.interp(grid, empty.time, values)
         made.append(
-            replace(empty, east=antenna[:, 0], north=antenna[:, 1], heading=angle, wheel=wheel, speed=speed, grids=grids)
+            replace(
+                empty, east=antenna[:, 0], north=antenna[:, 1], heading=angle, wheel=wheel, speed=speed, grids=grids
+            )
         )
     names = tuple(f"pass {run + 1}" for run in range(len(made)))
     return Course(names, tuple(made), (0.0, 0.0), sum(one.rows for one in made))
@@ -157,9 +160,9 @@ def blank(
     """A drive that has only its commands yet: pieces as in Program, `heading` in rad."""
     ends = np.cumsum([piece[0] for piece in pieces])
     time = np.arange(0.0, ends[-1] - 1e-9, step)
-    grid = np.arange(int(math.ceil(time[-1] / DT_S)) + 1) * DT_S
+    grid = np.arange(math.ceil(time[-1] / DT_S) + 1) * DT_S
 
-    def at(times: Array, column: int, factor: float) -> Array:
+    def at(times: npt.NDArray[Any], column: int, factor: float) -> Array:
         values = np.array([piece[column] for piece in pieces]) * factor
         return values[np.minimum(np.searchsorted(ends, times, side="right"), len(pieces) - 1)]
 

@@ -1,8 +1,8 @@
 """How rough the ground and how noisy the speed is, told from changes too quick for any effect of the catalogue.
 
 Second differences over a few seconds of the difference between measured and simulated heading: a wheel that stands
-wrong, a slope or a draft turns the tractor evenly and drops out, the soil and the receiver do not. So the noise is known
-before any cause is, and what a cause leaves unexplained does not pass for rough ground.
+wrong, a slope or a draft turns the tractor evenly and drops out, the soil and the receiver do not. So the noise is
+known before any cause is, and what a cause leaves unexplained does not pass for rough ground.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from vehicle.measured.bench import Bench
 from vehicle.measured.course import Stretch
-from vehicle.measured.record import Array
+from vehicle.measured.record import Array, Mask
 from vehicle.measured.replay import Settings, replay, seen
 from vehicle.measured.whitening import SOIL_MEMORY_S, Noise
 
@@ -54,13 +54,15 @@ def _at_span(bench: Bench, settings: Settings, span: float) -> tuple[float, floa
     return soil, _way(np.concatenate(ways), bench.noise.position, span)
 
 
-def _second(stretch: Stretch, values: Array, moving: Array, span: float) -> tuple[Array, Array]:
+def _second(stretch: Stretch, values: Array, moving: Mask, span: float) -> tuple[Array, Mask]:
     """Second differences over a span, and which of them lie in motion throughout."""
     grid = np.arange(0.0, stretch.time[-1], 0.25 * span)
     on = np.interp(grid, stretch.time, moving.astype(np.float64)) > 0.99
     sampled = np.interp(grid, stretch.time, values)
     lag = 4
-    return sampled[2 * lag :] - 2.0 * sampled[lag:-lag] + sampled[: -2 * lag], on[2 * lag :] & on[lag:-lag] & on[: -2 * lag]
+    return sampled[2 * lag :] - 2.0 * sampled[lag:-lag] + sampled[: -2 * lag], on[2 * lag :] & on[lag:-lag] & on[
+        : -2 * lag
+    ]
 
 
 def _along(stretch: Stretch, antenna: Array, heading: Array) -> Array:
@@ -75,7 +77,7 @@ def _along(stretch: Stretch, antenna: Array, heading: Array) -> Array:
 
 
 def _soil(turn: Array, pace: Array, heading_noise: float, span: float) -> float:
-    """Soil (rad per metre) whose coloured disturbance gives the spread of the second differences at the paces driven."""
+    """Soil (rad per metre) whose coloured disturbance spreads the second differences as seen, at the paces driven."""
     spread = _robust(turn) ** 2 - 6.0 * min(heading_noise, 1.0) ** 2
     one, two = _integrated(span), _integrated(2.0 * span)
     # Var(second difference) = 2 V(T) - 2 C with C = (V(2 T) - 2 V(T)) / 2 the covariance of neighbouring spans.

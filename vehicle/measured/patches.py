@@ -7,7 +7,7 @@ import numpy as np
 from vehicle.measured.bench import Bench
 from vehicle.measured.dependence import Response, explained
 from vehicle.measured.fitting import Fit
-from vehicle.measured.record import Array
+from vehicle.measured.record import Mask
 from vehicle.measured.whitening import Increments
 
 CELLS = 30  # per longer side of the field
@@ -72,15 +72,13 @@ class _Cells:
                 turned = float(self.turned[inside].sum())
                 if FEWEST_TURNED_RAD < turned < 0.8 * whole:
                     weights = inside.astype(np.float64)
-                    gain = explained(
-                        (weights @ self.square @ weights).reshape(1, 1), np.array([weights @ self.side])
-                    )
+                    gain = explained((weights @ self.square @ weights).reshape(1, 1), np.array([weights @ self.side]))
                     best = max(best, (gain, (float(e), float(n), float(radius))))
             found.append(best)
         return sorted(found, reverse=True)[:POLISHED]
 
 
-def _gripped(move: Increments, inside: Array) -> Increments:
+def _gripped(move: Increments, inside: Mask) -> Increments:
     zero = np.zeros_like(move.ahead)
     return Increments(zero, zero, move.turned * inside)
 
@@ -101,7 +99,14 @@ def _polished(response: Response, circle: Circle, cell: float) -> tuple[float, C
         return 0.0, circle
     best, step = _gain(response, circle), cell
     while step > 0.15 * cell:
-        moves = ((step, 0.0, 0.0), (-step, 0.0, 0.0), (0.0, step, 0.0), (0.0, -step, 0.0), (0.0, 0.0, step), (0.0, 0.0, -step))
+        moves = (
+            (step, 0.0, 0.0),
+            (-step, 0.0, 0.0),
+            (0.0, step, 0.0),
+            (0.0, -step, 0.0),
+            (0.0, 0.0, step),
+            (0.0, 0.0, -step),
+        )
         tried = []
         for de, dn, dr in moves:
             other = (circle[0] + de, circle[1] + dn, max(circle[2] + dr, 0.5 * cell))

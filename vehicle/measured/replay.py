@@ -55,9 +55,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
         else:
             turn_wheels(state, model, dt)
         drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
-        tangent = affected_tangent(
-            state.play, forward, east[i], north[i], start_s + i * dt, working[i], table, model
-        )
+        tangent = affected_tangent(state.play, forward, east[i], north[i], start_s + i * dt, working[i], table, model)
         slide = side_drift(forward, math.cos(heading[i]), math.sin(heading[i]), model)
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)

@@ -45,8 +45,8 @@ def make_gains(  # type: ignore[no-untyped-def]
 ) -> None:
     """Kalman gains (k, 7, 3) and inverse Cholesky roots (k, 3, 3) of the innovations' covariance.
 
-    `ahead`, `aside` (k - 1,) are simulated displacements between rows in the tractor's frame, `noise` (6,) the fields of
-    Noise in order.
+    `ahead`, `aside` (k - 1,) are simulated displacements between rows in the tractor's frame, `noise` (6,) the fields
+    of Noise in order.
     """
     n = SIZE
     cov = np.zeros((n, n))

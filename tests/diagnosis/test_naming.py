@@ -1,0 +1,47 @@
+"""A quick part of the matrix: seven to nine runs of the independent truth model, seeds drawn when the tests run."""
+
+import secrets
+
+import pytest
+
+from tests.diagnosis.hiding import brief_programme, diagnosed, hidden, judge
+from tests.truth.drives import one_way_programme
+
+
+@pytest.fixture(scope="module")
+def seed() -> int:
+    drawn = secrets.randbelow(10**6)
+    print(f"seed {drawn}")
+    return drawn
+
+
+def test_nothing_hidden_nothing_named(seed: int) -> None:
+    found = diagnosed({}, seed, brief_programme())
+    assert not found.named, f"seed {seed}: {found.named}"
+    assert found.unexplained_share == 0.0 and found.next_drive is None
+    assert not found.tractor.effects and found.headline.startswith("Nothing found")
+
+
+@pytest.mark.parametrize("name", ["steering_offset", "steering_rate", "antenna_forward"])
+def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
+    found = diagnosed(hidden([name]), seed, brief_programme())
+    verdict = judge(found, hidden([name]))
+    assert verdict.found and not verdict.wrong and verdict.close, f"seed {seed}: {verdict.text}"
+    assert set(found.tractor.effects) == set(found.named)
+    assert found.tractor.effects[name].logs == found.names
+    assert found.after[5.0].cross_cm <= found.before[5.0].cross_cm * 1.02
+
+
+def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
+    found = diagnosed(hidden(["wind_drift"]), seed, brief_programme())
+    assert not found.named, f"seed {seed}: {found.named}"
+    assert found.unexplained_share > 0.3
+    assert any("direction of travel" in one for one in found.depends_on)
+
+
+def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> None:
+    found = diagnosed(hidden(["implement_side_draft"]), seed, one_way_programme())
+    draft = next(one for one in found.findings if one.id == "implement_side_draft")
+    assert draft.status == "equivalent" and "steering_offset" in draft.equivalent_to, f"seed {seed}: {found.named}"
+    assert not found.named and found.next_drive is not None
+    assert set(found.next_drive.separates) == {"implement_side_draft", "steering_offset"}

@@ -1,0 +1,168 @@
+"""Effects in the simulator: closed forms of the terms, and what they do to a tractor that drives."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle import terms
+from vehicle.calibration import steering_tables
+from vehicle.compile import compile_model
+from vehicle.effects import CATALOGUE, NEUTRAL_FIELDS, check, effect_fields, neutral
+from vehicle.errors import VehicleError
+from vehicle.ground import ground_index
+from vehicle.layout import MODEL, STATE
+from vehicle.missions import Leg, Mission, Plan
+from vehicle.run import DONE, Run
+from vehicle.tractor import EffectSetting, Implement, Tractor, load_tractor
+from vehicle.world import simulate
+
+EG105 = load_tractor("eg105")
+SOIL = ground_index("soil")
+
+
+def with_effect(name: str, **value: float) -> Tractor:
+    return EG105.model_copy(update={"effects": {name: EffectSetting(value=value)}})
+
+
+def model(tractor: Tractor) -> np.ndarray:
+    return np.array([compile_model(tractor, Implement())])[0]
+
+
+def tangent(tractor: Tractor, angle_deg: float, speed: float = 1.4, working: float = 0.0, **place: float) -> float:
+    table = steering_tables(EG105)[SOIL]
+    return terms.affected_tangent(
+        math.radians(angle_deg), speed, place.get("east", 0.0), place.get("north", 0.0), place.get("seconds", 0.0),
+        working, table, model(tractor),
+    )  # fmt: skip
+
+
+def drive(tractor: Tractor, length: float = 60.0, implement: bool = False) -> Run:
+    leg = Leg(np.array([[0.0, 0.0], [0.0, length]]), 1.4, implement=implement, kind="work")
+    return simulate(Plan((Mission((leg,)),)), tractor, Implement())
+
+
+def test_every_field_of_an_effect_is_in_the_record_and_neutral_changes_nothing() -> None:
+    assert set(NEUTRAL_FIELDS) <= set(MODEL.names or ())
+    for entry in CATALOGUE:
+        values = neutral(entry.id, EG105.steering)
+        fields = effect_fields({entry.id: values})
+        assert set(fields) <= set(MODEL.names or ())
+        tractor = with_effect(entry.id, **values)
+        for angle in (-20.0, -1.0, 0.0, 3.0, 30.0):
+            assert tangent(tractor, angle) == pytest.approx(
+                tangent(with_effect("steering_offset", angle_deg=0.0), angle)
+            )
+
+
+def test_a_neutral_effect_drives_like_none() -> None:
+    plain, neutral_run = drive(EG105), drive(with_effect("steering_offset", angle_deg=0.0))
+    assert np.array_equal(plain.record, neutral_run.record)
+
+
+def test_tangents_follow_their_definitions() -> None:
+    base = tangent(EG105, 10.0)
+    assert tangent(with_effect("steering_gain", ratio=1.2), 10.0) == pytest.approx(1.2 * base)
+    assert tangent(with_effect("steering_asymmetry", ratio=1.2), 10.0) == pytest.approx(base)
+    left = tangent(EG105, -10.0)
+    assert tangent(with_effect("steering_asymmetry", ratio=1.2), -10.0) == pytest.approx(1.2 * left)
+    assert tangent(with_effect("steering_offset", angle_deg=2.0), 8.0) == pytest.approx(base)
+    draft = with_effect("implement_side_draft", curvature_per_m=0.01)
+    assert tangent(draft, 10.0, working=1.0) == pytest.approx(base + 0.01 * EG105.wheelbase_m)
+    assert tangent(draft, 10.0) == pytest.approx(base)
+
+
+def test_grip_belongs_to_its_place_and_its_time() -> None:
+    base = tangent(EG105, 10.0)
+    patch = with_effect("grip_patch", ratio=0.5, east_m=10.0, north_m=0.0, radius_m=5.0)
+    assert tangent(patch, 10.0, east=13.0) == pytest.approx(0.5 * base)
+    assert tangent(patch, 10.0, east=16.0) == pytest.approx(base)
+    drift = with_effect("grip_drift", per_minute=0.1)
+    assert tangent(drift, 10.0, seconds=30.0) == pytest.approx(1.05 * base)
+    assert tangent(drift, 10.0, seconds=3600.0) == pytest.approx((1.0 + terms.DRIFT_LIMIT) * base)
+
+
+@given(st.floats(0.5, 3.0), st.floats(0.1, 6.0))
+def test_understeer_takes_its_angle_per_acceleration(speed: float, loss: float) -> None:
+    """On a circle, what is lost must be the loss times the lateral acceleration of what is left."""
+    table = steering_tables(EG105)[SOIL]
+    record = model(with_effect("understeer", deg_per_mps2=loss))
+    left = terms.unstrained_angle(math.radians(12.0), speed, table, record)
+    held = tangent(EG105, math.degrees(left))
+    assert math.radians(12.0) - left == pytest.approx(
+        math.radians(loss) * speed**2 * held / EG105.wheelbase_m, rel=0.02
+    )
+
+
+@given(st.floats(0.03, 0.3), st.floats(0.5, 5.0), st.floats(-30.0, 30.0))
+def test_side_force_has_a_limit(limit: float, speed: float, angle: float) -> None:
+    held = tangent(with_effect("side_slip", limit_g=limit), angle, speed)
+    assert abs(held) * speed**2 / EG105.wheelbase_m <= limit * terms.GRAVITY_MPS2 * (1.0 + 1e-9)
+    assert abs(held) <= abs(tangent(EG105, angle, speed)) + 1e-12
+
+
+@given(st.lists(st.floats(-0.3, 0.3), min_size=1, max_size=40), st.floats(0.0, 5.0))
+def test_play_never_leaves_its_gap(angles: list[float], width: float) -> None:
+    record, play = model(with_effect("steering_backlash", angle_deg=width)), 0.0
+    for angle in angles:
+        before, play = play, float(terms.played(play, angle, record))
+        assert abs(play - angle) <= math.radians(width / 2.0) + 1e-12
+        assert play == before or abs(abs(play - angle) - math.radians(width / 2.0)) < 1e-12
+
+
+def test_delay_reads_between_steps() -> None:
+    ring = np.zeros(8)
+    for step in range(20):
+        ring[step % 8] = step
+    assert terms.delayed(ring, 19, 2.25) == pytest.approx(16.75)
+    assert terms.delayed(ring, 19, 0.0) == 19.0
+
+
+def test_a_slope_pushes_downhill_whichever_way_one_drives() -> None:
+    record = model(with_effect("cross_slope_drift", ratio=0.05, bearing_deg=90.0))
+    assert terms.side_drift(2.0, math.cos(math.pi / 2), 1.0, record) == pytest.approx(0.1)  # north: east is right
+    assert terms.side_drift(2.0, math.cos(-math.pi / 2), -1.0, record) == pytest.approx(-0.1)
+    assert terms.side_drift(2.0, 1.0, 0.0, record) == pytest.approx(0.0)
+
+
+def test_wheel_slip_slows_the_plan_in_proportion() -> None:
+    plain, slow = drive(EG105), drive(with_effect("wheel_slip", ratio=0.2))
+    assert plain.outcome == slow.outcome == DONE
+    steady = slice(150, 300)
+    assert slow.record[steady, 0, 4].mean() == pytest.approx(0.8 * plain.record[steady, 0, 4].mean(), rel=5e-3)
+    down = with_effect("implement_slip", ratio=0.2)
+    assert drive(down).duration_s == pytest.approx(plain.duration_s, abs=0.2)
+    assert drive(down, implement=True).duration_s == pytest.approx(slow.duration_s, rel=0.02)
+
+
+def test_an_antenna_to_the_right_shifts_the_track_to_the_left() -> None:
+    run = drive(with_effect("antenna_right", distance_m=0.15))
+    assert run.outcome == DONE
+    assert run.record[300:350, 0, 0].mean() == pytest.approx(-0.15, abs=0.01)
+
+
+def test_dead_time_holds_the_wheels_back() -> None:
+    from vehicle.driveline import turn_wheels
+
+    state = np.zeros(1, dtype=STATE)
+    record = model(with_effect("steering_dead_time", time_s=0.5))
+    state["command"], moved = math.radians(10.0), None
+    for step in range(60):
+        turn_wheels(state[0], record, 1.0 / 60.0)
+        state["clock"] += 1
+        if moved is None and state[0]["steering"] != 0.0:
+            moved = step
+    # Before the start of the run nothing is known of commands: the first one counts from the first step on.
+    assert moved is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [("steering_ofset", {"angle_deg": 1.0}, "unknown"), ("steering_offset", {"angle": 1.0}, "angle_deg"),
+     ("steering_offset", {"angle_deg": 40.0}, "-8 to 8"), ("wheel_slip", {"ratio": math.nan}, "ratio")],
+)  # fmt: skip
+def test_impossible_effects_are_refused(name: str, value: dict[str, float], word: str) -> None:
+    with pytest.raises(VehicleError, match=word):
+        check(name, value)
