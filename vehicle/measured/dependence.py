@@ -1,8 +1,8 @@
 """What an error depends on when no effect of the catalogue explains it: unnamed terms on a list of regressors.
 
 Each unnamed term bends the path, changes the grip, pushes the tractor over the ground or changes its speed in
-proportion to a regressor. They compete with the catalogue: where one explains clearly more than any named effect, giving a name
-would be wrong, and what the error depends on is said instead.
+proportion to a regressor. They compete with the catalogue: where one explains clearly more than any named effect,
+giving a name would be wrong, and what the error depends on is said instead.
 """
 
 from __future__ import annotations

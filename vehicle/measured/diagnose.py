@@ -63,7 +63,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     best = selection
     if selection.unnamed:
         # What no cause explains may still be lessened by the catalogue: a calibration without a name.
-        best = select(bench, rig.tractor, lambda _: count.step(), most_unnamed=0)
+        best = select(bench, rig.tractor, lambda _: count.step(), calibrate=True)
         names = [name for name in names if name in best.fit.settings]
     return _answer(logs, bench, selection, best, names, ground, count)
 
