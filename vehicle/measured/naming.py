@@ -3,7 +3,7 @@
 An effect enters when it takes more away than chance does: the threshold is the largest gain of any candidate over
 what is left of these very data after the signs of its blocks of ten seconds were drawn at random. It must also help in
 runs that had no part in the fit, and in most of the runs that it concerns. The base tractor is the file as given,
-within the tolerance `finest` of each effect: an effect that enters within its tolerance is a calibration without a name.
+within the tolerance `finest` of each effect: an effect within its tolerance is a calibration without a name.
 """
 
 from __future__ import annotations
