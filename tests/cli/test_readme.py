@@ -31,7 +31,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files the README's commands name."""
     from fields.read import read_field
     from fields.write import write_field
-
     from tests.truth.model import make_logs
 
     place = tmp_path_factory.mktemp("readme")
