@@ -43,6 +43,7 @@ CLEAR_SIGMAS = 3.3
 MOST_UNNAMED = 3
 MOST_EASINGS, EASING, WRONG_EVERYWHERE = 12, 1.6, 2.0
 FEW_RUNS = 3
+PATCH_HANDICAP = 1.3
 ONE_PLACE = ("grip_patch", "grip_drift")  # would stand in for whatever differs from run to run
 MATERIAL = 0.003  # of the number of surprises: less is within what simulators differ
 Progress = Callable[[str], None]
@@ -238,7 +239,14 @@ def scan(bench: Bench, fit: Fit, tractor: Tractor, skip: set[str], progress: Pro
         found.append(tried(bench, fit, knobs, project))
         if progress:
             progress(entry.id)
-    return sorted(found, key=lambda one: -one.gain)
+    return sorted(found, key=_rank)
+
+
+def _rank(one: Tried) -> float:
+    """Order of the candidates: a circle that chose its own place must explain clearly more than a plain effect."""
+    if one.knobs.id == "grip_patch":
+        return -(one.gain / PATCH_HANDICAP - LEAST_GAIN)
+    return -one.gain
 
 
 def select(bench: Bench, tractor: Tractor, progress: Progress | None = None, calibrate: bool = False) -> Selection:
