@@ -45,3 +45,9 @@ def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> N
     assert draft.status == "equivalent" and "steering_offset" in draft.equivalent_to, f"seed {seed}: {found.named}"
     assert not found.named and found.next_drive is not None
     assert set(found.next_drive.separates) == {"implement_side_draft", "steering_offset"}
+
+
+@pytest.mark.parametrize("fixed", [503, 506])
+def test_a_simplification_of_the_simulator_is_no_cause(fixed: int) -> None:
+    """Seeds in which the end of a steering movement, which the simulator simplifies, once passed for a fault."""
+    assert not diagnosed({}, fixed, brief_programme()).named

@@ -42,6 +42,7 @@ from vehicle.tractor import EffectSetting, Tractor
 LOOK_ALIKE = 12.0
 LOOK_ALIKE_SHARE = 0.02
 ABOVE_UNNAMED = 2.0
+WORTH_A_NAME_PCT = 0.5
 DRAWS = 400
 TRIAL_SHARES = (0.15, 0.3, 0.6, 1.0, 2.0)
 Progress = Callable[[int, int], None]
@@ -92,13 +93,14 @@ def _answer(
     count: _Counter,
 ) -> Diagnosis:  # fmt: skip
     bench, fit, tractor = best.bench, best.fit, base.rig.tractor
+    floor = floor_squares(with_real_noise(bench, fit), fit.settings)
+    others = held_out_settings(bench, fit)
+    names = _worth_a_name(bench, names, others, floor)
     rivals = {name: _look_alikes(bench, fit, tractor, name) for name in names}
     count.step()
     kept = set(fit.settings) if selection.unnamed else set(names)
-    floor = floor_squares(with_real_noise(bench, fit), fit.settings)
     held_out: dict[int, Settings] = {
-        run: {name: values for name, values in one.items() if name in kept}
-        for run, one in held_out_settings(bench, fit).items()
+        run: {name: values for name, values in one.items() if name in kept} for run, one in others.items()
     }
     before = run_squares(bench, {run: {} for run in range(len(base.course.names))})
     after = run_squares(bench, held_out)
@@ -128,6 +130,19 @@ def _answer(
         curve=best_curve(bench, fit, named or list(rivals), selection.unnamed),
         notes=_notes(logs, bench),
     )
+
+
+def _worth_a_name(bench: Bench, names: list[str], held_out: dict[int, Settings], floor: list[Squares]) -> list[str]:
+    """Names whose effect lowers the error of whole replays too: what does not is the trace of a simplification."""
+    final = total_error(run_squares(bench, held_out), floor)
+    found = []
+    for name in names:
+        reduced: dict[int, Settings] = {
+            run: {key: values for key, values in one.items() if key != name} for run, one in held_out.items()
+        }
+        if _gain(total_error(run_squares(bench, reduced), floor), final)[0] >= WORTH_A_NAME_PCT:
+            found.append(name)
+    return found
 
 
 def with_real_noise(bench: Bench, fit: Fit) -> Bench:
