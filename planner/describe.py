@@ -36,12 +36,25 @@ def describe(site: Site) -> dict[str, Any]:
 
 
 def _turns(site: Site, room_m: float) -> dict[str, Any]:
-    """Per number of tracks a turn leads over: seconds as simulated; and whether an omega between neighbours fits."""
+    """Whether an omega between neighbours fits; and per number of tracks a turn leads over, its simulated seconds.
+
+    Where no turn fits the headland there is nothing to simulate; the estimate that orders of tracks are compared by
+    stands apart.
+    """
     radius, width = site.manner.radius_m, site.layout.width_m
     omega_fits = width >= 2 * radius or turn_depth("omega", width, radius) <= room_m
     return {
         "omega_fits": bool(omega_fits),
-        "seconds_over_tracks": {str(k): round(s, 1) for k, s in enumerate(site.manner.turn_s) if k},
+        "seconds_over_tracks": _seconds(site, fits=True),
+        "estimated_seconds_where_no_turn_fits": _seconds(site, fits=False),
+    }
+
+
+def _seconds(site: Site, *, fits: bool) -> dict[str, float]:
+    return {
+        str(lines): round(seconds, 1)
+        for lines, (seconds, fitting) in enumerate(zip(site.manner.turn_s, site.turn_fits, strict=True))
+        if lines and fitting is fits
     }
 
 

@@ -36,7 +36,11 @@ TURNS = {"u": (u_turn,), "omega": (omega_turn,), "switch-back": (switch_back, fi
 
 @dataclass(frozen=True)
 class Site:
-    """Field, tracks, tractor, implement, and how the fleet drives; made once per scenario."""
+    """Field, tracks, tractor, implement, and how the fleet drives; made once per scenario.
+
+    `turn_fits[k]` tells whether a turn over k lines fits the headland (index 0 unused); where none does,
+    `manner.turn_s[k]` is an estimate and not simulated.
+    """
 
     scenario: Scenario
     layout: Layout
@@ -47,6 +51,7 @@ class Site:
     free: shapely.Geometry
     beside: shapely.Geometry
     kinds: tuple[str, ...]
+    turn_fits: tuple[bool, ...]
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors, with an empty memory of ways."""
@@ -86,10 +91,12 @@ def prepare(scenario: Scenario, field: Field | None = None) -> Site:
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
     depth = headland - tool - margin
-    manner = Manner(**{**bare.__dict__, "turn_s": clock.best_times(scenario.width_m, depth, kinds)})
+    timed = clock.best_times(scenario.width_m, depth, kinds)
+    manner = Manner(**{**bare.__dict__, "turn_s": tuple(clock.long_way_s() if s is None else s for s in timed)})
     free = field.boundary.buffer(-margin, join_style="mitre", mitre_limit=2.0)
     beside = _beside(layout, free)
-    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds)
+    fits = tuple(seconds is not None for seconds in timed)
+    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits)
 
 
 def gnss_errors(scenario: Scenario) -> Table:
@@ -171,13 +178,16 @@ class TurnClock:
         points = np.array([pose[:2] + start * ahead, pose[:2] + end * ahead])
         return Leg(points, self.manner.work_speed_mps, ground=self.ground, kind="work", implement=True)
 
-    def best_times(self, width_m: float, depth_m: float, kinds: tuple[str, ...]) -> tuple[float, ...]:
-        """Seconds of the quickest fitting turn over 0, 1, 2 ... lines, up to the first plain U-turn and one more."""
-        times = [0.0]
+    def best_times(self, width_m: float, depth_m: float, kinds: tuple[str, ...]) -> tuple[float | None, ...]:
+        """Seconds of the quickest fitting turn over 0, 1, 2 ... lines, up to the first plain U-turn and one more.
+
+        None where no turn of these kinds fits a headland that leaves `depth_m` for it.
+        """
+        times: list[float | None] = [0.0]
         most = math.ceil(2.0 * self.manner.radius_m / width_m) + 1
         for lines in range(1, most + 1):
             options = self._options(lines * width_m, depth_m, kinds)
-            times.append(min(self.seconds(path) for path in options) if options else 2.0 * self._long_way())
+            times.append(min((self.seconds(path) for path in options), default=None))
         return tuple(times)
 
     def _options(self, spacing: float, depth_m: float, kinds: tuple[str, ...]) -> list[Path]:
@@ -190,8 +200,9 @@ class TurnClock:
             found += [path for make in TURNS[kind] if (path := make(a, b, radius))]
         return found
 
-    def _long_way(self) -> float:
-        return 2.0 * math.pi * self.manner.radius_m / self.manner.turn_speed_mps
+    def long_way_s(self) -> float:
+        """What a way round is taken to cost where no turn fits, for comparing orders: two full circles."""
+        return 4.0 * math.pi * self.manner.radius_m / self.manner.turn_speed_mps
 
     def costs(self) -> TurnCosts:
         """What a direction change costs, from two simulated turns: arc to arc, and arc to straight."""

@@ -48,6 +48,23 @@ def test_a_wider_headland_shortens_tracks_and_lets_an_omega_fit(headland: Callab
     assert wide["turns"]["omega_fits"] is True
 
 
+def test_where_no_turn_fits_the_estimate_stands_apart(headland: Callable[..., Any], small: Path) -> None:
+    # In 4 m behind a cultivator no turn of radius 4.3 m has room; where a plan goes a long way round instead, it
+    # reckons with two full circles at turn speed.
+    words = ("field", small, "--local", "--headland", "4")
+    found = json.loads(headland(*words, "--json").out)
+    circle = 2 * math.pi * found["turning_radius_m"] / (5 / 3.6)
+    estimates = found["turns"]["estimated_seconds_where_no_turn_fits"]
+    assert found["turns"]["seconds_over_tracks"] == {}
+    assert set(estimates) >= {"1", "2"}
+    assert all(value == pytest.approx(2 * circle, abs=0.1) for value in estimates.values())
+    assert "Estimated seconds where no turn fits: 1: " in " ".join(headland(*words).out.split())
+
+
+def test_where_every_turn_fits_nothing_is_estimated(facts: dict[str, Any]) -> None:
+    assert facts["turns"]["estimated_seconds_where_no_turn_fits"] == {}
+
+
 def test_the_map_is_a_picture(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
     outcome = headland("field", small, "--local", "--png", tmp_path / "map.png")
     assert outcome.status == 0
