@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from strategies.formation import Formation, Releases, Slot, row_by_row, row_by_row_timed
 from strategies.job import Job
+from vehicle.compile import outline
 from vehicle.missions import Plan
 from vehicle.run import DONE, Run
 from vehicle.tractor import Implement, Tractor
@@ -102,16 +103,19 @@ def _outline_extents(
     heading = job.heading(slot.this) + math.pi  # out of the track just worked is against the coming pass
     out = np.array([math.cos(heading), math.sin(heading)])
     side = np.array([-out[1], out[0]]) * (1 if slot.this.direction > 0 else -1)
-    nose = tractor.length_m - tractor.rear_end_m
-    tail = tractor.rear_axle_m + implement.hitch_m + 0.5 * implement.length_m
-    half, tool = 0.5 * tractor.width_m, 0.5 * implement.contact_width_m
-    corners = np.array([[nose, half], [nose, -half], [-tail, tool], [-tail, -tool]])
+    corners = _corners(outline(tractor, implement))
     cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = poses[:, 0, None] + corners[:, 0] * cosine[:, None] - corners[:, 1] * sine[:, None]
     y = poses[:, 1, None] + corners[:, 0] * sine[:, None] + corners[:, 1] * cosine[:, None]
     along = (x * out[0] + y * out[1]).max(axis=1)
     across = x * side[0] + y * side[1]
     return along, np.column_stack([across.min(axis=1), across.max(axis=1)])
+
+
+def _corners(boxes: dict[str, float]) -> Floats:
+    """Corners of the boxes of tractor and implement (8, 2), forward and to the left of the centre of mass."""
+    ends = {"nose": "half_width", "tail": "half_width", "tool_front": "tool_half_width", "tool_tail": "tool_half_width"}
+    return np.array([[boxes[end], sign * boxes[half]] for end, half in ends.items() for sign in (1, -1)])
 
 
 def _line(job: Job, slot: Slot) -> float:

@@ -1,5 +1,6 @@
 """Optimised waiting and giving way: never slower, no contact, the same every time."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from planner.deconflict import hold_leg, without_conflicts
 from planner.evaluate import Candidate, drive
-from planner.waiting import optimised
+from planner.waiting import _outline_extents, optimised
 from strategies.formation import row_by_row
 from vehicle.missions import Gate, Leg, Mission, Plan, plan_to_json
 from vehicle.run import CONFLICT, DONE, STALL, Run
@@ -18,6 +19,23 @@ SPEED = 5 / 3.6
 
 def simulate(site: Any, plan: Plan) -> Run:
     return World(plan, site.tractor, site.implement).run(stop_clearance_m=0.05, max_time_s=8000.0)
+
+
+def test_the_outline_on_the_headland_is_that_of_the_contact_boxes(small_site: Any) -> None:
+    tractor, implement = small_site.tractor, small_site.implement
+    job = small_site.job(1)
+    slot = row_by_row(job).rounds[1][0]
+    x, y, turned = 4.0, 70.0, 0.7
+    along, across = _outline_extents(job, slot, np.array([[x, y, turned]]), tractor, implement)
+    world = World(row_by_row(job).plan, tractor, implement)
+    world.bodies[0].position, world.bodies[0].angle = (x, y), turned
+    corners = [world.bodies[0].local_to_world(v) for shape in world.bodies[0].shapes for v in shape.get_vertices()]
+    out = job.heading(slot.this) + math.pi
+    reach = [c.x * math.cos(out) + c.y * math.sin(out) for c in corners]
+    aside = [c.y * math.cos(out) - c.x * math.sin(out) for c in corners]
+    sign = 1 if slot.this.direction > 0 else -1
+    assert along[0] == pytest.approx(max(reach))
+    assert sorted(across[0]) == pytest.approx(sorted(sign * a for a in (min(aside), max(aside))))
 
 
 class TestOptimised:
