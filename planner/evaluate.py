@@ -82,15 +82,21 @@ def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
 
     most = FORMATION_REPAIRS if candidate.strategy in FORMATIONS else MOST_REPAIRS
     run, reason = _first_run(site, candidate, job, simulate, most)
+    if reason:
+        return run, reason, _turns(job)
+    found = slips(run, site)
     for _ in range(MOST_SLOWED):
-        bad = [] if reason else [slip for slip in slips(run, site) if slip.metres > ASIDE_M]
+        bad = [slip for slip in found if slip.metres > ASIDE_M]
         if not bad:
             break
         again, fault = without_conflicts(slowed(run.plan, bad), simulate, most)
-        if fault or worst_aside(again, site) > worst_aside(run, site) - SMALLEST_GAIN_M:
+        if fault:
             break
-        run = again
-    return run, reason or _fault(site, run), _turns(job)
+        left = slips(again, site)
+        if worst_aside(left) > worst_aside(found) - SMALLEST_GAIN_M:
+            break
+        run, found = again, left
+    return run, _fault(site, run, worst_aside(found)), _turns(job)
 
 
 def _first_run(
@@ -108,16 +114,18 @@ def _first_run(
     return without_conflicts(plan, simulate, most)
 
 
-def _fault(site: Site, run: Run) -> str | None:
-    """Why a plan that was driven to the end is not feasible all the same, or None."""
+def _fault(site: Site, run: Run, aside: float) -> str | None:
+    """Why a plan that was driven to the end is not feasible all the same, or None.
+
+    `aside` is by how many metres the worst of its tracks was begun beside its line.
+    """
     if run.contacts:
         time, first, second = run.contacts[0]
         return f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
     outside = excursion(run, site).depth_m
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
-    aside, most = worst_aside(run, site), FARTHEST_ASIDE * site.layout.width_m
-    if aside > most:
+    if aside > FARTHEST_ASIDE * site.layout.width_m:
         return f"a track is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None
 

@@ -45,9 +45,9 @@ def slips(run: Run, site: Site) -> list[Slip]:
     return found
 
 
-def worst_aside(run: Run, site: Site) -> float:
-    """The farthest any track of a run was begun beside its line (m)."""
-    return max((slip.metres for slip in slips(run, site)), default=0.0)
+def worst_aside(found: list[Slip]) -> float:
+    """The farthest any track of a run was begun beside its line (m), from all its turns."""
+    return max((slip.metres for slip in found), default=0.0)
 
 
 def _tracks_begun(mission: Mission) -> list[int]:
