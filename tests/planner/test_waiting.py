@@ -21,21 +21,21 @@ def simulate(site: Any, plan: Plan) -> Run:
     return World(plan, site.tractor, site.implement).run(stop_clearance_m=0.05, max_time_s=8000.0)
 
 
-def test_the_outline_on_the_headland_is_that_of_the_contact_boxes(small_site: Any) -> None:
+def test_the_outline_on_the_headland_is_that_of_the_contact_shapes(small_site: Any) -> None:
     tractor, implement = small_site.tractor, small_site.implement
     job = small_site.job(1)
-    slot = row_by_row(job).rounds[1][0]
-    x, y, turned = 4.0, 70.0, 0.7
-    along, across = _outline_extents(job, slot, np.array([[x, y, turned]]), tractor, implement)
-    world = World(row_by_row(job).plan, tractor, implement)
-    world.bodies[0].position, world.bodies[0].angle = (x, y), turned
-    corners = [world.bodies[0].local_to_world(v) for shape in world.bodies[0].shapes for v in shape.get_vertices()]
-    out = job.heading(slot.this) + math.pi
-    reach = [c.x * math.cos(out) + c.y * math.sin(out) for c in corners]
-    aside = [c.y * math.cos(out) - c.x * math.sin(out) for c in corners]
-    sign = 1 if slot.this.direction > 0 else -1
-    assert along[0] == pytest.approx(max(reach))
-    assert sorted(across[0]) == pytest.approx(sorted(sign * a for a in (min(aside), max(aside))))
+    formation = row_by_row(job)
+    slot = formation.rounds[1][0]
+    poses = np.array([(4.0, 70.0, turned) for turned in np.radians(np.arange(0.0, 360.0, 2.0))])
+    along, across = _outline_extents(job, slot, poses, tractor, implement)
+    body = World(formation.plan, tractor, implement).bodies[0]
+    out, sign = job.heading(slot.this) + math.pi, 1 if slot.this.direction > 0 else -1
+    for (x, y, turned), reach, sides in zip(poses, along, across, strict=True):
+        body.position, body.angle = (x, y), turned
+        corners = [body.local_to_world(corner) for shape in body.shapes for corner in shape.get_vertices()]
+        aside = [sign * (c.y * math.cos(out) - c.x * math.sin(out)) for c in corners]
+        assert reach == pytest.approx(max(c.x * math.cos(out) + c.y * math.sin(out) for c in corners))
+        assert sides == pytest.approx((min(aside), max(aside)))
 
 
 class TestOptimised:
