@@ -26,6 +26,8 @@ FORMATION_REPAIRS = 8  # a formation has its own queue: where that needs more me
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
+ALONE = "one tractor waits for nobody, so it is driven as row-by-row"
+NOT_QUICKER = "no optimised queue proved quicker, so it is driven as row-by-row"
 Driven = tuple[Run, str | None, str]
 
 
@@ -170,4 +172,12 @@ def _measured(site: Site, candidate: Candidate, run: Run, reason: str | None, tu
         reversals=reversals(run),
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
+        remark=_remark(candidate, run),
     )
+
+
+def _remark(candidate: Candidate, run: Run) -> str | None:
+    """What a reader would not expect of a plan by this name, or None."""
+    if candidate.strategy != ROW_BY_ROW_OPTIMISED or run.plan.notes.get("strategy") == ROW_BY_ROW_OPTIMISED:
+        return None
+    return ALONE if candidate.tractors == 1 else NOT_QUICKER

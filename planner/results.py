@@ -15,6 +15,8 @@ Points = npt.NDArray[np.float64]
 class PlanResult:
     """One simulated plan. What could not be simulated is None and `reason` says why; so does it when infeasible.
 
+    `remark` says what its strategy could not do for it, though it can be driven.
+
     `rank` counts feasible plans from 1 by time, then tractors; infeasible ones have none. `worked_pct` and
     `overlap_pct` are shares of the field, `outside_m` the path length outside its boundary, `excursion_m` how far.
     """
@@ -39,6 +41,7 @@ class PlanResult:
     min_clearance_m: float | None = None
     collisions: int | None = None
     on_pareto_front: bool = False
+    remark: str | None = None
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ def study(*, processes: int | None = None, progress: Callable[[int, int], None] 
 def _row(row: Printed, result: PlanResult) -> StudyRow:
     time = result.time_s if result.feasible else None
     difference = None if time is None else 100.0 * (time / row.thesis_s - 1.0)
-    note = row.note if result.feasible else f"not feasible: {result.reason}"
+    note = row.note or result.remark or "" if result.feasible else f"not feasible: {result.reason}"
     return StudyRow(row.label, row.candidate.tractors, row.thesis_s, time, difference, note)
 
 

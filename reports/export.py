@@ -32,6 +32,7 @@ PLAN_KEYS = (
     "collisions",
     "reason",
     "on_pareto_front",
+    "remark",
 )
 _DECIMALS = 6
 

@@ -21,6 +21,7 @@ from reports.wording import (
     price,
     refusals,
     refused,
+    remarks,
     tractors,
     yes_no,
 )
@@ -93,6 +94,7 @@ def _content(ranking: Ranking, drive: Drive | None) -> dict[str, Any]:
         "front": front_picture(ranking),
         "columns": columns,
         "rows": [_row(plan, columns, plan is ranking.best) for plan in plans],
+        "remarks": remarks(plans),
         "refused": len(refused(ranking)),
         "refusals": [
             {"count": len(group.plans), "reason": group.reason, "alike": group.alike, "members": members(group)}

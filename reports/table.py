@@ -26,6 +26,7 @@ from reports.wording import (
     price,
     refusals,
     refused,
+    remarks,
     yes_no,
 )
 
@@ -119,6 +120,7 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         starred = "* nobody is faster with as few tractors (Pareto front)."
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown." if more else ""
         parts.append(Text(starred + hidden, style="dim"))
+        parts += [Text(sentence, style="dim") for sentence in remarks(shown)]
     parts += _refused_part(refused(ranking))
     return Group(*parts)
 

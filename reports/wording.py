@@ -117,6 +117,15 @@ def members(refusal: Refusal) -> str:
     return "; ".join(f"{name} ({turn}) with {listed(sorted(set(n)))}" for (name, turn), n in counts.items())
 
 
+def remarks(plans: Sequence[PlanResult]) -> list[str]:
+    """What is remarkable about plans that work, a sentence each: ``row-by-row-optimised with 2 and 3: ... .``"""
+    groups: dict[tuple[str, str], list[int]] = {}
+    for plan in plans:
+        if plan.remark:
+            groups.setdefault((plan.strategy, plan.remark), []).append(plan.tractors)
+    return [f"{name} with {listed(sorted(set(n)))}: {remark}." for (name, remark), n in groups.items()]
+
+
 def moment(text: str | None) -> datetime | None:
     """A clock time ``08:00`` or a date and time in ISO 8601; None when it is neither."""
     if text is None:

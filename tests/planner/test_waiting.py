@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.deconflict import hold_leg, without_conflicts
-from planner.evaluate import Candidate, drive
+from planner.evaluate import Candidate, drive, evaluate
 from planner.waiting import _outline_extents, optimised
 from strategies.formation import row_by_row
 from vehicle.missions import Gate, Leg, Mission, Plan, plan_to_json
@@ -68,6 +68,22 @@ class TestOptimised:
     def test_one_tractor_has_nothing_to_optimise(self, wide_site: Any, evaluate_once: Any) -> None:
         times = {evaluate_once(wide_site, n, 1).time_s for n in ("row-by-row", "row-by-row-optimised", "col-by-col")}
         assert len(times) == 1
+        assert evaluate_once(wide_site, "row-by-row-optimised", 1).remark.startswith("one tractor waits for nobody")
+        assert evaluate_once(wide_site, "row-by-row", 1).remark is None
+
+    def test_a_plan_that_fell_back_says_so(
+        self, wide_site: Any, evaluate_once: Any, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def nothing_quicker(job: Any, run: Any, *_: Any) -> tuple[Plan, Run]:
+            plan = row_by_row(job).plan
+            return plan, run(plan)
+
+        timed = evaluate_once(wide_site, "row-by-row-optimised", 3)
+        monkeypatch.setattr("planner.evaluate.optimised", nothing_quicker)
+        fallen = evaluate(wide_site, Candidate("row-by-row-optimised", 3))
+        assert timed.remark is None and timed.time_s < fallen.time_s
+        assert fallen.time_s == evaluate_once(wide_site, "row-by-row", 3).time_s
+        assert fallen.remark == "no optimised queue proved quicker, so it is driven as row-by-row"
 
     def test_a_conflict_on_every_try_falls_back_to_the_plain_queue(self, wide_site: Any) -> None:
         from dataclasses import replace

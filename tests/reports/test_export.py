@@ -37,6 +37,7 @@ CONTRACT = [
     "collisions",
     "reason",
     "on_pareto_front",
+    "remark",
 ]
 
 

@@ -49,6 +49,11 @@ def animation(text: str) -> dict[str, object]:
     return json.loads(found.group(1))  # type: ignore[no-any-return]
 
 
+def test_remarks_are_written_below_the_table(ranking: Ranking) -> None:
+    noted = replace(ranking, plans=(replace(ranking.plans[0], remark="it waits <for> nobody"), *ranking.plans[1:]))
+    assert "row-by-row with 5: it waits &lt;for&gt; nobody." in plan_page(noted, None)
+
+
 def test_tags_are_balanced(ranking: Ranking, drive: Drive) -> None:
     for page in (plan_page(ranking, drive), plan_page(ranking, None), plan_page(replace(ranking, plans=()), None)):
         assert Outline(page).open == []

@@ -55,6 +55,13 @@ def test_headline_comes_first_and_refusals_last(ranking: Ranking) -> None:
     assert places == sorted(places)
 
 
+def test_a_remark_stands_under_the_table_while_its_plan_is_shown(ranking: Ranking) -> None:
+    plans = tuple(replace(p, remark="it waits" if p.rank == 6 else None) for p in ranking.plans)
+    noted = replace(ranking, plans=plans)
+    assert "split-field with 1: it waits." in printed(ranking_table(noted))
+    assert "it waits" not in printed(ranking_table(noted, 2))
+
+
 def test_only_the_best_are_shown_when_asked(ranking: Ranking) -> None:
     def ranks(most: int | None) -> list[str]:
         return re.findall(r"^ ?(\d+)[* ] ", printed(ranking_table(ranking, most)), flags=re.M)

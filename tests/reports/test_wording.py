@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.results import PlanResult, Ranking
-from reports.wording import clock, duration, headline, listed, members, minutes, number, price, refusals
+from reports.wording import clock, duration, headline, listed, members, minutes, number, price, refusals, remarks
 
 
 @pytest.mark.parametrize(
@@ -94,6 +94,13 @@ def test_headline_when_nothing_works(ranking: Ranking) -> None:
 def test_how_many_were_refused_and_why(ranking: Ranking, reasons: list[str], words: str) -> None:
     plans = tuple(PlanResult("s", 1, "u", False, reason) for reason in reasons)
     assert headline(replace(ranking, plans=plans)) == [f"No plan works: {words}"]
+
+
+def test_remarks_name_the_strategy_and_the_counts(ranking: Ranking) -> None:
+    first, *rest = ranking.plans
+    plans = [*(replace(first, tractors=count, remark="it waits") for count in (5, 2)), *rest]
+    assert remarks(plans) == ["row-by-row with 2 and 5: it waits."]
+    assert remarks(rest) == []
 
 
 def test_the_cheapest_is_told_once(ranking: Ranking) -> None:
