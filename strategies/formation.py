@@ -24,6 +24,7 @@ SHORTEST_M = 0.1
 MOVED_ON = 0.8  # share of the gap after which the place in front counts as free
 Corner = tuple[bool, int]
 """Begin at the last line? and the first direction."""
+CORNERS: tuple[Corner, ...] = tuple((last, way) for last in (False, True) for way in (1, -1))
 Releases = Mapping[tuple[int, int], tuple[tuple[int, float], ...]]
 """For (round, tractor): it may leave the queue when each named tractor is so many metres past its own release."""
 
@@ -90,8 +91,6 @@ def corners_by_promise(job: Job) -> list[Corner]:
 
     The estimate depends on the shape of the field only, not on its place or heading.
     """
-    corners: list[Corner] = [(last, way) for last in (False, True) for way in (1, -1)]
-
     def seconds(corner: Corner) -> float:
         rounds = _passes(replace(job, corner=corner))
         work = sum(max(this.track.length for this in passes) for passes in rounds) / job.manner.work_speed_mps
@@ -99,7 +98,7 @@ def corners_by_promise(job: Job) -> list[Corner]:
             max(job.turn_time(a, b) for a, b in zip(before, after, strict=False)) for before, after in pairwise(rounds)
         )
 
-    return sorted(corners, key=lambda corner: round(seconds(corner), 3))
+    return sorted(CORNERS, key=lambda corner: round(seconds(corner), 3))
 
 
 def _form(job: Job, queue: str, releases: Releases | None, move_up: bool) -> Formation:
@@ -123,8 +122,46 @@ def _form(job: Job, queue: str, releases: Releases | None, move_up: bool) -> For
 
 
 def _rounds(job: Job) -> list[list[Slot]]:
-    """Who works which track in which round."""
+    """Who works which track in which round; raises StrategyError when a track is too short for it."""
+    rounds = _laid(job)
+    tightest = max(rounds, key=_missing)
+    if _missing(tightest) > 0.0:
+        raise StrategyError(f"{_too_short(job, tightest)}; {_advice(job)}.")
+    return rounds
+
+
+def _laid(job: Job) -> list[list[Slot]]:
+    """Who works which track in which round, whether the tracks are long enough or not."""
     return [_slots(job, passes, (job.tractors - len(passes)) // 2) for passes in _passes(job)]
+
+
+def _missing(slots: list[Slot]) -> float:
+    """Metres a round lacks between the places in formation and those in the queue; 0 or less when it lacks none."""
+    return max(slot.place_m + SHORTEST_M - slot.hold_m for slot in slots)
+
+
+def _too_short(job: Job, slots: list[Slot]) -> str:
+    """Which track leaves no room, and how much room there would have to be."""
+    track = min((slot.this.track for slot in slots), key=lambda track: track.length)
+    rows, gap = max(slot.row for slot in slots), job.manner.gap_m
+    takes = max((rows - row) * gap + max((row - 1) * gap, job.manner.hold_back_m) for row in range(1, rows + 1))
+    shape = f"a formation of {rows} rows {gap:g} m apart with its queue" if rows > 1 else "a queue at its end"
+    return (
+        f"Track {track.line} is {track.length:.1f} m long, too short for {shape}: that takes "
+        f"{takes + SHORTEST_M:.1f} m where tracks end side by side, and lacks {_missing(slots):.1f} m here"
+    )
+
+
+def _advice(job: Job) -> str:
+    """The largest smaller formation that has room on every track, if there is one, and other strategies."""
+    corners = CORNERS if job.layout.field.entrance is None else (job.corner,)
+    for tractors in range(job.tractors - 1, 1, -1):
+        for corner in corners:
+            rounds = _laid(replace(job, tractors=tractors, corner=corner))
+            if all(_missing(slots) <= 0.0 for slots in rounds):
+                return f"use {tractors} tractors, or split-field or interleaved"
+    other = "use split-field or interleaved"
+    return f"no smaller formation fits either, {other}" if job.tractors > 2 else other
 
 
 def _passes(job: Job) -> list[list[Pass]]:
@@ -172,11 +209,6 @@ def _slots(job: Job, passes: list[Pass], offset: int) -> list[Slot]:
         front = min(ends[i] for i in range(len(passes)) if i == index or rows[i] < rows[index])
         queue_m, place_m = front - along[index], place[index] - along[index]
         hold_m = queue_m - max((rows[index] - 1) * job.manner.gap_m, job.manner.hold_back_m)
-        if place_m > hold_m - SHORTEST_M:
-            raise StrategyError(
-                f"Track {this.track.line} is {this.track.length:.0f} m long, too short for a formation of "
-                f"{max(rows)} rows {job.manner.gap_m:.0f} m apart; use fewer tractors."
-            )
         neighbour = None if rows[index] == 1 else offset + index + (1 if index < leader else -1)
         slots.append(Slot(offset + index, rows[index], neighbour, this, place_m, hold_m, queue_m))
     return slots

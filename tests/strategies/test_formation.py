@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import box
+from shapely import Polygon, box
 
+from fields import Field
 from strategies.errors import StrategyError
 from strategies.formation import Formation, col_by_col, row_by_row, row_by_row_timed
 from strategies.job import Job
@@ -210,5 +211,28 @@ class TestRefusals:
 
     @pytest.mark.parametrize("make", KINDS)
     def test_tracks_too_short_for_the_rows(self, jobs: Any, make: Any) -> None:
-        with pytest.raises(StrategyError, match=r"20 m long, too short for a formation of 5 rows 10 m apart"):
+        # Four gaps of 10 m between the first place and the last, 8 m to wait before the headland, and 0.1 m to drive.
+        words = r"20\.0 m long, too short for a formation of 5 rows 10 m apart.* takes 48\.1 m .* lacks 28\.1 m here"
+        with pytest.raises(StrategyError, match=words):
             make(jobs.rectangle(18, 20.0, tractors=9))
+
+    @pytest.mark.parametrize(("length", "tractors", "fits"), [(20.0, 9, 3), (30.0, 9, 5), (47.0, 9, 7), (30.0, 6, 5)])
+    def test_the_advice_is_the_largest_formation_that_fits(
+        self, jobs: Any, length: float, tractors: int, fits: int
+    ) -> None:
+        with pytest.raises(StrategyError, match=rf"; use {fits} tractors, or split-field or interleaved\."):
+            row_by_row(jobs.rectangle(18, length, tractors=tractors))
+        row_by_row(jobs.rectangle(18, length, tractors=fits))
+
+    @pytest.mark.parametrize("tractors", [1, 2, 3, 9])
+    def test_one_short_track_leaves_no_smaller_formation(self, jobs: Any, tractors: int) -> None:
+        # Even one tractor waits 8 m before the end of a track; a corner cut off leaves one track shorter than that.
+        cut = Polygon([(0, 0), (54, 0), (54, 100), (6, 100), (0, 24)])
+        job = jobs.on_field(Field("cut", cut), tractors, 0.0)
+        shortest, second = sorted(job.layout.tracks, key=lambda track: track.length)[:2]
+        assert shortest.length < 8.0 and second.length > 40.0
+        with pytest.raises(StrategyError) as refusal:
+            row_by_row(job)
+        assert str(refusal.value).startswith(f"Track {shortest.line} is {shortest.length:.1f} m long, too short for")
+        smaller = "no smaller formation fits either, " if tractors > 2 else ""
+        assert str(refusal.value).endswith(f"; {smaller}use split-field or interleaved.")
