@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -166,7 +165,7 @@ def _check_links(plan: Plan, tractor: int, leg: Leg, where: str) -> None:
 
 
 def plan_to_json(plan: Plan) -> str:
-    """The plan as JSON text; `plan_from_json` gives it back exactly."""
+    """The plan as JSON text, which `headland plan --save` writes; `plan_from_json` gives it back exactly."""
     return json.dumps(
         {
             "notes": plan.notes,
@@ -226,17 +225,3 @@ def _exactly(entry: dict[str, Any], key: str, kind: type) -> Any:
     if type(value) is not kind:
         raise TypeError(f"{key} is {value!r}, not of type {kind.__name__}")
     return value
-
-
-def save_plan(plan: Plan, path: Path) -> None:
-    """Write a plan to a JSON file."""
-    path.write_text(plan_to_json(plan) + "\n", encoding="utf-8")
-
-
-def read_plan(path: Path) -> Plan:
-    """Read a plan from a JSON file."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise MissionError(f"The plan {path} cannot be read: {error}.") from None
-    return plan_from_json(text)

@@ -90,24 +90,25 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
     assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", text), "the page loads something"
     assert all(word in text for word in ("split-field", "interleaved", "small"))
     assert picture.read_bytes().startswith(b"\x89PNG\r\n\x1a\n") and picture.stat().st_size > 5000
-    from vehicle.missions import read_plan
+    from vehicle.missions import plan_from_json
 
     best = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["best"]
-    plan = read_plan(plan_file)
+    plan = plan_from_json(plan_file.read_text(encoding="utf-8"))
     assert plan.tractors == best["tractors"] and plan.notes["strategy"] == best["strategy"]
 
 
 def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
     headland: Callable[..., Any], small: Path, tmp_path: Path
 ) -> None:
-    from vehicle.missions import read_plan
+    from vehicle.missions import plan_from_json
     from vehicle.tractor import Implement, load_tractor
     from vehicle.world import simulate
 
     saved = tmp_path / "plan.json"
     only = ("--tractors", "2", "--strategies", "interleaved", "--processes", "1")
     best = json.loads(headland("plan", small, "--local", *only, "--json", "--save", saved).out)["best"]
-    run = simulate(read_plan(saved), load_tractor("eg105"), Implement(width_m=3.0))
+    plan = plan_from_json(saved.read_text(encoding="utf-8"))
+    run = simulate(plan, load_tractor("eg105"), Implement(width_m=3.0))
     assert run.duration_s == pytest.approx(best["time_s"], abs=1e-5)
 
 

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,6 @@ from vehicle.missions import (
     check_plan,
     plan_from_json,
     plan_to_json,
-    read_plan,
-    save_plan,
 )
 from vehicle.world import World
 
@@ -83,11 +80,6 @@ def test_json_gives_every_plan_back(plan: Plan) -> None:
             assert a.points.tobytes() == b.points.tobytes()
             assert replace(a, points=b.points).__dict__ == b.__dict__
     assert plan_to_json(again) == plan_to_json(plan)
-
-
-def test_files_give_plans_back(plan: Plan, tmp_path: Path) -> None:
-    save_plan(plan, tmp_path / "plan.json")
-    assert plan_to_json(read_plan(tmp_path / "plan.json")) == plan_to_json(plan)
 
 
 @pytest.mark.parametrize(("points", "expected"), [
@@ -179,11 +171,3 @@ def test_a_missing_entry_is_named(plan: Plan, key: str) -> None:
     del data["tractors"][1][0][key]
     with pytest.raises(MissionError, match=f"lacks or garbles an entry: KeyError\\('{key}'\\)"):
         plan_from_json(json.dumps(data))
-
-
-def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(MissionError, match=r"absent\.json cannot be read"):
-        read_plan(tmp_path / "absent.json")
-    (tmp_path / "bytes.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(MissionError, match=r"bytes\.json cannot be read"):
-        read_plan(tmp_path / "bytes.json")
