@@ -26,8 +26,8 @@ def design(
     from planner.validate import STUDIES, check_name
     from planner.validate import design as run
 
-    check_output(html)
-    check_output(png)
+    check_output(html, ".html")
+    check_output(png, ".png")
     check_name(study, STUDIES, "study")
     warm_up()
     sheet = run(study, tractor)

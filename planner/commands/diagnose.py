@@ -42,8 +42,8 @@ def diagnose(
     one_thread()
     from planner.diagnosis import Order
 
-    for path in (html, save):
-        check_output(path)
+    check_output(html, ".html")
+    check_output(save)
     order = Order(tuple(logs or ()), tractor, ground, tuple(fix or ()), demo, seed, hide)
     found, hidden = _found(order)
     _print(found, hidden, json)

@@ -39,8 +39,8 @@ def drive(
     from planner.steered import Request, sentence, sheet
     from planner.steered import drive as run
 
-    check_output(html)
-    check_output(png)
+    check_output(html, ".html")
+    check_output(png, ".png")
     request = Request(
         steer, ground, model, seconds, speed_kmh, tractor, steering, curve, mass, front_slope, front_limit, rear_slope,
         rear_limit,

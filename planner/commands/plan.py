@@ -74,8 +74,8 @@ def plan(
     if processes is not None and processes < 1:
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
     check_output(png, ".png")
-    for path in (html, save):
-        check_output(path)
+    check_output(html, ".html")
+    check_output(save)
     check_distinct(field, html, png, save)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,

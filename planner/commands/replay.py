@@ -30,8 +30,8 @@ def replay(
     from planner.replay import replayed
     from reports.replay_report import replay_figure, replay_json, replay_page, replay_table
 
-    for path in (png, html):
-        check_output(path)
+    check_output(png, ".png")
+    check_output(html, ".html")
     found = replayed(log, tractor, ground, tuple(fix or ()))
     if json:
         typer.echo(replay_json(found), nl=False)

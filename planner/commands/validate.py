@@ -35,8 +35,8 @@ def validate(
     from planner.validate import EXPERIMENTS, check_name
     from planner.validate import validate as run
 
-    check_output(html)
-    check_output(png)
+    check_output(html, ".html")
+    check_output(png, ".png")
     if experiment is not None:
         check_name(experiment, EXPERIMENTS, "experiment")
     elif png is not None:

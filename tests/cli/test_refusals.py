@@ -218,6 +218,21 @@ def test_an_unwritable_place_is_found_before_anything_is_simulated(
     assert time.monotonic() - began < 2.0
 
 
+DRAWING: list[tuple[str, ...]] = [
+    ("plan",), ("field",), ("validate", "zigzag"), ("design", "mass"), ("drive", "--steer", "20"),
+    ("replay", "run.csv"), ("diagnose", "run.csv"),
+]  # fmt: skip
+KINDS = [(words, "--png", ".png") for words in DRAWING if words[0] != "diagnose"]
+KINDS += [(words, "--html", ".html") for words in DRAWING if words[0] != "field"]
+
+
+@pytest.mark.parametrize(("words", "option", "kind"), KINDS)
+def test_a_name_that_tells_another_kind_of_file(
+    headland: Callable[..., Any], folder: Path, words: tuple[str, ...], option: str, kind: str
+) -> None:
+    assert_refused(headland(*words, option, "x.txt"), f"x.txt does not end in {kind}; name the file x{kind}")
+
+
 @pytest.mark.skipif(os.name != "posix" or not Path("/proc/self").exists(), reason="needs a place that takes no files")
 def test_a_place_that_takes_no_files(headland: Callable[..., Any], folder: Path) -> None:
     assert_refused(headland("plan", "--save", "/proc/plan.json"), "/proc/plan.json cannot be written")
