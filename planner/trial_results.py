@@ -43,13 +43,14 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Lines over two axes; `equal` draws both to one scale."""
+    """Lines over two axes; `equal` draws both to one scale. A value of nan is what `missing` names, if it is named."""
 
     title: str
     x_label: str
     y_label: str
     lines: tuple[Line, ...]
     equal: bool = False
+    missing: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,7 +107,7 @@ def mass(tractor: Tractor) -> Sheet:
     )
     words = (
         "Tyres of section 4.3 (front 5 degrees and 0.005, rear 5 degrees and 0.01) at 5 km/h. The range of places is "
-        "not printed. Radii are those of the centre of mass; a place without a point is unstable.",
+        "not printed. Radii are those of the centre of mass; a cross at the lower edge is an unstable place.",
         CRITERION,
         f"The second column repeats the sweep with the closest hypothesis about Table 4.1: {BEST_GUESS}.",
     )
@@ -147,7 +147,7 @@ def _radius_panel(title: str, found: MassSweep) -> Panel:
         Line(f"{angle:g} degrees", np.array(found.front_axle_m), radii, number)
         for number, (angle, radii) in enumerate(zip(found.angles_deg, found.radius_m, strict=True))
     )
-    return Panel(title, "Centre of mass behind the front axle (m)", "Turning radius (m)", lines)
+    return Panel(title, "Centre of mass behind the front axle (m)", "Turning radius (m)", lines, missing="oversteer")
 
 
 def _track_panel(title: str, found: MassSweep) -> Panel:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,6 +73,8 @@ def _draw(axes: Axes, panel: Panel | HeatMap) -> None:
     axes.grid(color="#E4E4E4", linewidth=0.6)
     for line in panel.lines:
         _draw_line(axes, line)
+    if panel.missing:
+        _draw_missing(axes, panel)
     if panel.equal:
         axes.set_aspect("equal", adjustable="datalim")
     if len(panel.lines) > 1 or panel.lines[0].stages is not None:
@@ -89,6 +91,21 @@ def _draw_line(axes: Axes, line: Line) -> None:
     style = (0, (5, 3)) if line.dashed else "solid"
     few = "o" if len(x) < 40 else None
     axes.plot(x, y, color=colour, linestyle=style, linewidth=1.4, marker=few, markersize=4, label=line.label)
+
+
+def _draw_missing(axes: Axes, panel: Panel) -> None:
+    """Crosses at the lower edge, a row per line, where a line has no value: an axis ends with its last point."""
+    from matplotlib.lines import Line2D
+
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - 0.03 * len(panel.lines) * (high - low), high)
+    style: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 5}
+    for row, line in enumerate(panel.lines):
+        x = line.x[np.isnan(line.y)]
+        edge = np.full(len(x), 0.02 + 0.03 * row)
+        colour = palette.tractor_colour(line.colour)
+        axes.plot(x, edge, color=colour, transform=axes.get_xaxis_transform(), **style)
+    axes.add_line(Line2D([], [], color=_INK, label=panel.missing, **style))
 
 
 def _draw_stages(axes: Axes, x: np.ndarray, y: np.ndarray, stages: np.ndarray) -> None:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from planner.results import Drive
+from planner.trial_results import Line, Panel
 from reports.errors import ReportError
 from reports.figures import map_figure, save_png, to_svg
+from reports.trial_figures import panel_figure
 
 
 def test_map_is_to_scale_and_holds_everything(drive: Drive) -> None:
@@ -99,3 +101,22 @@ def test_a_field_without_tractors_shows_its_swaths(drive: Drive) -> None:
     heights = [strip.get_extents().height for strip in strips]
     assert heights == pytest.approx([drive.width_m] * len(strips))
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"swaths of 3 m", "entrance"}
+
+
+def test_places_without_a_value_stay_on_the_picture() -> None:
+    x = np.linspace(0.7, 1.7, 11)
+    lines = tuple(
+        Line(f"{first} on", x, np.where(np.arange(11) < first, np.nan, 10.0 - x), number)
+        for number, first in enumerate((2, 6))
+    )
+    axes = panel_figure(Panel("Radius", "Place (m)", "Radius (m)", lines, missing="oversteer")).axes[0]
+    (west, east), low = axes.get_xlim(), axes.get_ylim()[0]
+    assert west < 0.7 and east > 1.7
+    crosses = [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]
+    assert [len(line.get_xdata()) for line in crosses] == [2, 6]
+    assert [line.get_color() for line in crosses] == [line.get_color() for line in axes.lines[:2]]
+    edges = [axes.transData.inverted().transform(line.get_transform().transform(line.get_xydata()))[0, 1]
+             for line in crosses]  # fmt: skip
+    assert low < edges[0] < edges[1] < 10.0 - 1.7
+    legend = axes.get_legend()
+    assert legend is not None and [text.get_text() for text in legend.get_texts()] == ["2 on", "6 on", "oversteer"]
