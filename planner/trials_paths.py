@@ -18,6 +18,7 @@ from vehicle.trials.waves import OMEGAS, Tracking, apart_m, slip_test, zigzag
 
 LOOKAHEADS_M = (5.0, 3.0)
 SIMULATORS = ("proposed", "traditional", "none")
+NOT_PRINTED = "the thesis shows the zigzag in figures and prints no number"
 POINTS_M = (0.0, -0.3, -0.6, -0.75)
 LATERAL = ("lateral error, maximum", "lateral error, average")
 HEADING = ("heading error, maximum", "heading error, average")
@@ -54,7 +55,22 @@ def zigzag_sheet(tractor: Tractor) -> Sheet:
         for name in ("proposed", "traditional")
     )
     table = TextTable("Zigzag", header, tuple(rows))
-    return Sheet("zigzag", "Zigzag (section 3.3)", words, (), panels + wheels, (table,))
+    return Sheet("zigzag", "Zigzag (section 3.3)", words, _zigzag_numbers(drives), panels + wheels, (table,))
+
+
+def _zigzag_numbers(drives: dict[tuple[float, float, str], Tracking]) -> tuple[Comparison, ...]:
+    """Every number of ours; none has a printed one beside it."""
+    rows = []
+    for ahead in LOOKAHEADS_M:
+        for omega in OMEGAS:
+            largest, mean = apart_m(drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"])
+            ours = {(f"lateral error, maximum, {name}", "m"): drives[ahead, omega, name].lateral_max_m
+                    for name in SIMULATORS}  # fmt: skip
+            ours["proposed and traditional apart, largest", "cm"] = 100.0 * largest
+            ours["proposed and traditional apart, mean", "cm"] = 100.0 * mean
+            label = f"zigzag lookahead {ahead:g} m omega 1/{round(1 / omega)}"
+            rows += [Comparison(label, *quantity, None, value, NOT_PRINTED) for quantity, value in ours.items()]
+    return tuple(rows)
 
 
 def _zigzag_words(drives: dict[tuple[float, float, str], Tracking], ahead: float) -> str:

@@ -83,7 +83,7 @@ def trials_page(sheets: Sequence[Sheet]) -> str:
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = files("reports").joinpath("trial.html.j2").read_text(encoding="utf-8")
-    comparisons = [row for sheet in sheets for row in sheet.comparisons]
+    comparisons = [row for sheet in sheets for row in _beside(sheet)]
     content = {
         "title": sheets[0].title if len(sheets) == 1 else "The virtual tractor beside the thesis",
         "sheets": [_content(sheet) for sheet in sheets],
@@ -93,6 +93,11 @@ def trials_page(sheets: Sequence[Sheet]) -> str:
     return environment.from_string(source).render(content).rstrip() + "\n"
 
 
+def _beside(sheet: Sheet) -> tuple[Comparison, ...]:
+    """The numbers of an experiment; none when the thesis prints none of them, and tables of its own show ours."""
+    return sheet.comparisons if any(row.thesis is not None for row in sheet.comparisons) else ()
+
+
 def _content(sheet: Sheet) -> dict[str, Any]:
     pictures = [{"title": panel.title, "data": _encoded(to_svg(panel_figure(panel)))} for panel in sheet.panels]
     return {
@@ -100,7 +105,7 @@ def _content(sheet: Sheet) -> dict[str, Any]:
         "words": sheet.words,
         "tables": sheet.tables,
         "pictures": pictures,
-        "rows": [_cells(row) for row in sheet.comparisons],
+        "rows": [_cells(row) for row in _beside(sheet)],
     }
 
 
@@ -132,7 +137,7 @@ def trials_table(sheets: Sequence[Sheet]) -> RenderableType:
         parts.append(Text(sheet.title, style="bold"))
         parts += [Padding(Text(text), (0, 0, 0, 2)) for text in sheet.words]
         parts += [_small_table(table) for table in sheet.tables]
-        parts += _numbers(sheet.comparisons)
+        parts += _numbers(_beside(sheet))
         parts.append(Text(""))
     return Group(*parts)
 

@@ -33,6 +33,17 @@ def test_every_experiment_reports_numbers_as_promised(headland: Run) -> None:
     assert (row["thesis"], row["unit"]) == (5.89, "m") and row["ours"] == pytest.approx(5.89, rel=0.03)
 
 
+def test_the_zigzag_has_numbers_of_ours_only(headland: Run) -> None:
+    rows = json.loads(headland("validate", "zigzag", "--json").out)
+    assert len(rows) == 30 and {frozenset(row) for row in rows} == {frozenset(KEYS)}
+    assert all(row["thesis"] is None and "prints no number" in row["note"] for row in rows)
+    ours = {(row["experiment"], row["quantity"]): row["ours"] for row in rows}
+    text = " ".join(headland("validate", "zigzag").out.split())
+    apart = [ours[f"zigzag lookahead 5 m omega 1/{n}", "proposed and traditional apart, largest"] for n in (5, 4, 3)]
+    assert "5 m they are " + ", ".join(f"{value:.1f}" for value in apart) + " cm apart" in text
+    assert "Thesis" not in text, "a table with nothing beside the thesis is not shown"
+
+
 def test_the_same_seed_gives_the_same_bytes(headland: Run) -> None:
     one, again, other = (headland("validate", "navigation", "--json", "--seed", seed).out for seed in (3, 3, 4))
     assert one == again != other
