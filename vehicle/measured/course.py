@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from vehicle.measured.errors import LogError
-from vehicle.measured.record import Array, Log
+from vehicle.measured.record import Array, Log, Rows
 
 DT_S = 1.0 / 60.0
 SHORTEST_S = 4.0
 CHORD_S = 0.6
+_SHOWN_LOGS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,30 +80,47 @@ def make_course(logs: Sequence[Log]) -> Course:
     origin = (float(np.round(np.median(east))), float(np.round(np.median(north))))
     stretches: list[Stretch] = []
     for run, log in enumerate(logs):
-        for rows in _forward_rows(log):
+        for rows in forward_stretches(log)[0]:
             stretches.append(_stretch(log, rows, run, origin))
     if not stretches:
-        raise LogError(
-            f"The {len(logs)} logs hold no {SHORTEST_S:g} s of forward driving without a gap; log at least one "
-            "such run."
-        )
+        raise LogError(_nothing_long(logs))
     return Course(tuple(log.name for log in logs), tuple(stretches), origin, sum(len(log.used) for log in logs))
 
 
-def _forward_rows(log: Log) -> list[npt.NDArray[np.int64]]:
-    """Rows of each stretch that is driven forward and long enough."""
-    found = []
-    good = log.used & (log.shuttle > 0.0)
-    number = np.where(good, log.segment, -1)
-    edges = np.flatnonzero(np.diff(number, prepend=-2) != 0)
-    for first, end in zip(edges, [*edges[1:], len(number)], strict=True):
-        rows = np.arange(first, end)
-        if number[first] >= 0 and log.time_s[rows[-1]] - log.time_s[rows[0]] >= SHORTEST_S:
-            found.append(rows)
-    return found
+def _nothing_long(logs: Sequence[Log]) -> str:
+    """Why no log has a stretch to replay: per log the rule that took most rows, of three logs at most."""
+    why = []
+    for log in logs[:_SHOWN_LOGS]:
+        worst = max(log.gated, key=lambda one: one.rows, default=None)
+        lost = "" if worst is None else (
+            f", {worst.rows} of {len(log.used)} rows are lost to: {worst.rule} (first in line {worst.first_line})"
+        )  # fmt: skip
+        longest = max(
+            (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in forward_stretches(log)[1]), default=0.0
+        )
+        why.append(f"in {log.name} the longest lasts {longest:.1f} s{lost}")
+    more = f"; and {len(logs) - _SHOWN_LOGS} more" if len(logs) > _SHOWN_LOGS else ""
+    return (
+        f"No log holds {SHORTEST_S:g} s of forward driving without a gap: {'; '.join(why)}{more}; fill or leave out "
+        "such columns, or log at least one such run."
+    )
 
 
-def _stretch(log: Log, rows: npt.NDArray[np.int64], run: int, origin: tuple[float, float]) -> Stretch:
+def forward_stretches(log: Log) -> tuple[list[Rows], list[Rows]]:
+    """Rows of each stretch driven forward without a gap: those long enough to replay, and those too short."""
+    long: list[Rows] = []
+    short: list[Rows] = []
+    # A few rows left out are no gap, unless the gear was changed in them.
+    seen = np.flatnonzero(log.used | (log.shuttle <= 0.0))
+    number = np.where(log.used & (log.shuttle > 0.0), log.segment, -1)[seen]
+    for rows in np.split(seen, np.flatnonzero(np.diff(number) != 0) + 1):
+        if len(rows) and log.used[rows[0]] and log.shuttle[rows[0]] > 0.0:
+            enough = log.time_s[rows[-1]] - log.time_s[rows[0]] >= SHORTEST_S
+            (long if enough else short).append(rows)
+    return long, short
+
+
+def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float]) -> Stretch:
     time = log.time_s[rows] - log.time_s[rows[0]]
     east, north = log.easting_m[rows] - origin[0], log.northing_m[rows] - origin[1]
     course, pace = _course(time, east, north)
@@ -125,7 +142,7 @@ def _stretch(log: Log, rows: npt.NDArray[np.int64], run: int, origin: tuple[floa
     )  # fmt: skip
 
 
-def _angle(column: Array | None, rows: npt.NDArray[np.int64]) -> Array | None:
+def _angle(column: Array | None, rows: Rows) -> Array | None:
     return None if column is None else np.radians(column[rows])
 
 

@@ -12,10 +12,9 @@ from vehicle.measured.record import Array, Gated, Mask
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of what was driven
 STANDSTILL_MPS = 0.1  # a speed sensor's noise about zero; larger negative speeds are a direction
-STEEPEST_DEG = 60.0
 LOCK_DEG = 90.0
 GAP_SAMPLES = 5.0
-_FIRST_ROW_LINE = 2
+FIRST_ROW_LINE = 2
 _OPEN_CHAINS = 8
 
 
@@ -31,12 +30,12 @@ class Gate:
         """Take the `bad` rows out, counting only those that were still in use."""
         rows = np.flatnonzero(bad & self.used)
         if len(rows):
-            self.gated.append(Gated(rule, len(rows), int(rows[0]) + _FIRST_ROW_LINE))
+            self.gated.append(Gated(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
             self.used[rows] = False
 
 
 def gate_rows(columns: dict[str, Array]) -> Gate:
-    """Apply every rule to the columns (units of the contract)."""
+    """Apply every rule to the columns (units of the contract); roll and pitch, which nothing uses, take no row out."""
     gate = Gate(len(columns["time_s"]))
     gate.close("time missing or not a number", ~np.isfinite(columns["time_s"]))
     east, north = columns["easting_m"], columns["northing_m"]
@@ -46,7 +45,7 @@ def gate_rows(columns: dict[str, Array]) -> Gate:
     _apply(
         gate, f"position jumps faster than {FASTEST_MPS:g} m/s", jumps(columns["time_s"][rows], east[rows], north[rows])
     )
-    for name in ("heading_deg", "steering_command_deg", "steering_deg", "roll_deg", "pitch_deg"):
+    for name in ("heading_deg", "steering_command_deg", "steering_deg"):
         if name in columns:
             gate.close(f"{name} missing or not a number", ~np.isfinite(columns[name]))
     for name in ("speed_mps", "speed_command_mps"):
@@ -59,12 +58,9 @@ def gate_rows(columns: dict[str, Array]) -> Gate:
 
 
 def _gate_ranges(gate: Gate, columns: dict[str, Array]) -> None:
-    for name, limit in (
-        ("steering_command_deg", LOCK_DEG), ("steering_deg", LOCK_DEG), ("roll_deg", STEEPEST_DEG),
-        ("pitch_deg", STEEPEST_DEG),
-    ):  # fmt: skip
+    for name in ("steering_command_deg", "steering_deg"):
         if name in columns:
-            gate.close(f"{name} beyond {limit:g} deg", np.abs(columns[name]) > limit)
+            gate.close(f"{name} beyond {LOCK_DEG:g} deg", np.abs(columns[name]) > LOCK_DEG)
     if "implement" in columns:
         gate.close("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
     if "shuttle" in columns:

@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vehicle.measured.conventions import apply_fixes, conventions, first_place
+from vehicle.measured.course import SHORTEST_S
 from vehicle.measured.errors import LogError
 from vehicle.measured.gating import Gate, gate_rows, segments
 from vehicle.measured.record import Fix, Gated, Log, Suspicion
+from vehicle.measured.remarks import remarks
 from vehicle.measured.table import Columns, columns_of, read_frame
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Fix", "Gated", "Log", "LogError", "Suspicion", "conventions", "log_from_frame", "read_log", "read_logs"]
+__all__ = [
+    "Fix", "Gated", "Log", "LogError", "Suspicion", "conventions", "log_files", "log_from_frame", "read_log",
+    "read_logs", "remarks",
+]  # fmt: skip
 
 _SUSPICIOUS_STEP_S = 2.0
 _FASTEST_HZ = 250.0
 _REFUSED_SHARE = 0.5
 _SHOWN_RULES = 4
+_STANDING_M = 0.3  # antenna noise spreads this far
+_POSITION_FIXES = (Fix.POSITION_DEGREES, Fix.POSITION_KM)
+_SPEED_FIXES = (Fix.SPEED_KMH, Fix.SPEED_MEASURED_KMH, Fix.SPEED_COMMAND_KMH)
 
 
 def read_log(
@@ -54,12 +63,16 @@ def read_logs(
     wanted = _fix_set(fixes)
     logs: list[Log] = []
     reference = None
-    files = _files([paths] if isinstance(paths, str | Path) else paths)
-    for path, name in zip(files, _names(files), strict=True):
+    files = log_files([paths] if isinstance(paths, str | Path) else paths)
+    for (path, again), name in zip(files.items(), _names(list(files)), strict=True):
         frame = read_frame(path)
         if reference is None and Fix.POSITION_DEGREES in wanted:
-            reference = first_place(columns_of(frame, name)[0])
-        logs.append(log_from_frame(frame, name, wanted, wheelbase_m, reference))
+            columns = columns_of(frame, name)[0]
+            reference = first_place(apply_fixes(columns, wanted & {Fix.EAST_NORTH_SWAPPED}))
+        log = log_from_frame(frame, name, wanted, wheelbase_m, reference, check=False)
+        logs.append(replace(log, given_again=again))
+    for log in logs:
+        _check(log, wanted, wheelbase_m, [other for other in logs if other is not log])
     return logs
 
 
@@ -71,7 +84,7 @@ def log_from_frame(
     reference: tuple[float, float] | None = None,
     check: bool = True,
 ) -> Log:
-    """One run from a table; as read_log. Without `check`, conventions and the rate are not judged."""
+    """One run from a table; as read_log. Without `check`, conventions, movement and the rate are not judged."""
     given = _fix_set(fixes)
     raw, others = columns_of(frame, name)
     columns = apply_fixes(raw, given, reference)
@@ -80,8 +93,7 @@ def log_from_frame(
     _refuse_unusable(columns, gate, name)
     log = _assemble(columns, gate, name, others)
     if check:
-        _refuse_conventions(log, given, wheelbase_m)
-        _refuse_rate(log)
+        _check(log, given, wheelbase_m)
     return log
 
 
@@ -93,25 +105,35 @@ def _without_negative_noise(columns: Columns) -> Columns:
 
 def _fix_set(fixes: Iterable[Fix | str]) -> frozenset[Fix]:
     try:
-        return frozenset(Fix(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
+        given = frozenset(Fix(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
     except ValueError as error:
         raise LogError(f"{error}; the fixes are: {', '.join(Fix)}.") from error
+    speeds = [str(fix) for fix in _SPEED_FIXES if fix in given]
+    if len(speeds) > 1:
+        raise LogError(
+            f"The fixes {' and '.join(speeds)} would convert a speed twice or say the same; give one of them."
+        )
+    return given
 
 
-def _files(paths: Iterable[str | Path]) -> list[Path]:
-    found: list[Path] = []
+def log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
+    """Files of names and glob patterns, each once, with the further names under which it was given.
+
+    Raises LogError when a pattern matches no file and when there is no name at all.
+    """
+    found: dict[Path, list[Path]] = {}
     for one in paths:
         text = str(one)
+        matches = [Path(text)]
         if any(mark in text for mark in "*?[") and not Path(text).exists():
             matches = sorted(Path(match) for match in glob.glob(text, recursive=True))
             if not matches:
                 raise LogError(f"{text} matches no file; check the pattern.")
-            found += matches
-        else:
-            found.append(Path(text))
+        for path in matches:
+            found.setdefault(path.resolve(), []).append(path)
     if not found:
         raise LogError("No log was given; name at least one file or pattern, for example runs/*.csv.")
-    return list(dict.fromkeys(found))
+    return {first: tuple(map(str, again)) for first, *again in found.values()}
 
 
 def _names(files: list[Path]) -> list[str]:
@@ -126,6 +148,14 @@ def _refuse_unusable(columns: Columns, gate: Gate, name: str) -> None:
         raise LogError(
             f"{name}: time_s does not increase in {backwards.rows} of {len(gate.used)} rows (first in line "
             f"{backwards.first_line}); sort the rows by time."
+        )
+    lost = next(
+        (one for one in gate.gated if one.rows > _REFUSED_SHARE * len(gate.used) and "missing" in one.rule), None
+    )
+    if lost is not None and np.count_nonzero(gate.used) >= 2:
+        raise LogError(
+            f"{name}: {lost.rows} of {len(gate.used)} rows are lost to: {lost.rule} (first in line {lost.first_line}); "
+            "fill the column, or leave it out where it is not needed."
         )
     if np.count_nonzero(gate.used) < 2:
         largest = sorted(gate.gated, key=lambda one: -one.rows)[:_SHOWN_RULES]
@@ -156,13 +186,29 @@ def _assemble(columns: Columns, gate: Gate, name: str, others: tuple[str, ...]) 
     )
 
 
-def _refuse_conventions(log: Log, given: frozenset[Fix], wheelbase_m: float | None) -> None:
-    found = conventions(log, wheelbase_m)
+def _check(log: Log, given: frozenset[Fix], wheelbase_m: float | None, others: Sequence[Log] = ()) -> None:
+    """Refuse wrong conventions, a tractor that never moves, and a rate of no log."""
+    found = conventions(log, wheelbase_m, others)
+    _refuse_standing(log, found)
     again = [one for one in found if one.fix in given]
     if again:
         raise LogError(f"{log.name}: after the fix {again[0].fix} {again[0].why}; leave that fix out.")
     if found:
         raise LogError(f"{log.name}: it seems that {'; and that '.join(one.sentence() for one in found)}.")
+    _refuse_rate(log)
+
+
+def _refuse_standing(log: Log, found: Sequence[Suspicion]) -> None:
+    """Positions in a wrong unit seem to stand still as well; what they are is said instead."""
+    if any(one.fix in _POSITION_FIXES for one in found):
+        return
+    moved = float(np.hypot(np.ptp(log.easting_m[log.used]), np.ptp(log.northing_m[log.used])))
+    seconds = float(np.ptp(log.time_s[log.used]))
+    if moved == 0.0 or (moved < _STANDING_M and seconds >= SHORTEST_S):
+        raise LogError(
+            f"{log.name}: its positions stay within {moved:.2g} m for {seconds:.0f} s, the tractor never moves; leave "
+            "this log out, or correct the columns easting_m and northing_m."
+        )
 
 
 def _refuse_rate(log: Log) -> None:

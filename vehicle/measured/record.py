@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Rows = npt.NDArray[np.int64]
 
 NEEDED = ("time_s", "easting_m", "northing_m")
 STEERING = ("steering_command_deg", "steering_deg")
@@ -21,24 +22,32 @@ class Fix(StrEnum):
     """Conventions a log may have instead of the contract's; the value is the name of the option."""
 
     TIME_MS = "time-ms"
+    EAST_NORTH_SWAPPED = "east-north-swapped"
     POSITION_DEGREES = "position-degrees"
     POSITION_KM = "position-km"
     SPEED_KMH = "speed-kmh"
+    SPEED_MEASURED_KMH = "speed-measured-kmh"
+    SPEED_COMMAND_KMH = "speed-command-kmh"
     HEADING_RADIANS = "heading-radians"
     HEADING_CCW_EAST = "heading-ccw-east"
     HEADING_CCW_NORTH = "heading-ccw-north"
+    HEADING_REVERSED = "heading-reversed"
     STEERING_RADIANS = "steering-radians"
     STEERING_LEFT = "steering-left-positive"
 
 
 MEANING = {
     Fix.TIME_MS: "time_s counts milliseconds",
+    Fix.EAST_NORTH_SWAPPED: "easting and northing are swapped",
     Fix.POSITION_DEGREES: "easting_m and northing_m are longitude and latitude in degrees",
     Fix.POSITION_KM: "easting_m and northing_m are in kilometres",
     Fix.SPEED_KMH: "speeds are in km/h",
+    Fix.SPEED_MEASURED_KMH: "speed_mps is in km/h",
+    Fix.SPEED_COMMAND_KMH: "speed_command_mps is in km/h",
     Fix.HEADING_RADIANS: "heading_deg is in radians",
     Fix.HEADING_CCW_EAST: "heading_deg runs counter-clockwise from east",
     Fix.HEADING_CCW_NORTH: "heading_deg runs counter-clockwise from north",
+    Fix.HEADING_REVERSED: "heading_deg points backwards",
     Fix.STEERING_RADIANS: "steering angles are in radians",
     Fix.STEERING_LEFT: "steering is positive to the left",
 }
@@ -46,14 +55,23 @@ MEANING = {
 
 @dataclass(frozen=True)
 class Suspicion:
-    """A convention the data speak for, and the numbers that say so."""
+    """A convention the data speak for, and the numbers that say so.
 
-    fix: Fix
+    `fix` is None when only the log itself can be mended; `what` and `advice` then say what is suspected and what to do.
+    With a fix, `advice` adds the other readings that the data allow.
+    """
+
+    fix: Fix | None
     why: str
+    what: str = ""
+    advice: str = ""
 
     def sentence(self) -> str:
         """What is suspected, why, and the option that fixes it."""
-        return f"{MEANING[self.fix]} ({self.why}); give --fix {self.fix} to convert"
+        if self.fix is None:
+            return f"{self.what} ({self.why}); {self.advice}"
+        other = f" ({self.advice})" if self.advice else ""
+        return f"{MEANING[self.fix]} ({self.why}); give --fix {self.fix} to convert{other}"
 
 
 @dataclass(frozen=True)
@@ -69,10 +87,11 @@ class Gated:
 class Log:
     """One run. Arrays have one value per row of the file, in the units of their names; None when a column is absent.
 
-    Every present column is finite on the rows that are `used`. `segment` numbers the stretches without a gap of more
-    than five samples, from 0; it is -1 on rows that are not used. Speeds are never negative (noise down to
-    -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file does not say;
-    `implement` is then 0 throughout.
+    Every present column except roll and pitch is finite on the rows that are `used`. `segment` numbers the stretches
+    without a gap of more than five samples, from 0; it is -1 on rows that are not used. Speeds are never negative
+    (noise down to -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file
+    does not say; `implement` is then 0 throughout. `given_again` holds the further names under which the same file was
+    given.
     """
 
     name: str
@@ -89,9 +108,10 @@ class Log:
     roll_deg: Array | None
     pitch_deg: Array | None
     used: Mask
-    segment: npt.NDArray[np.int64]
+    segment: Rows
     gated: tuple[Gated, ...]
     ignored_columns: tuple[str, ...] = ()
+    given_again: tuple[str, ...] = ()
 
     @property
     def rows_used(self) -> int:
