@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
@@ -27,7 +28,7 @@ def diagnose(
     ground: Ground = "soil",
     fix: Fixes = None,
     demo: Annotated[bool, typer.Option("--demo", help="Hide an effect in made logs and find it.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the demonstration.")] = 1,
+    seed: Annotated[Optional[int], typer.Option(help="Seed of the demonstration, 1 by default.")] = None,  # noqa: UP045
     hide: Annotated[Optional[str], typer.Option(help="Effect to hide in the demonstration; by default drawn.")] = None,  # noqa: UP045
     html: Annotated[Optional[Path], typer.Option(help="Write the report as one page.")] = None,  # noqa: UP045
     save: Annotated[Optional[Path], typer.Option(help="Write the tractor file with what was found.")] = None,  # noqa: UP045
@@ -43,8 +44,10 @@ def diagnose(
     from planner.diagnosis import Order
 
     check_output(html, ".html")
-    check_output(save)
-    order = Order(tuple(logs or ()), tractor, ground, tuple(fix or ()), demo, seed, hide)
+    check_output(save, ".toml")
+    _check_demo(demo, seed, hide, fix)
+    check_kept(logs or (), html, save)
+    order = Order(tuple(logs or ()), tractor, ground, tuple(fix or ()), demo, 1 if seed is None else seed, hide)
     found, hidden = _found(order)
     _print(found, hidden, json)
     if html:
@@ -55,6 +58,33 @@ def diagnose(
         from vehicle.measured.save import tractor_toml
 
         write_text(save, tractor_toml(found.tractor))
+
+
+def _check_demo(demo: bool, seed: int | None, hide: str | None, fix: list[str] | None) -> None:
+    """Raise ScenarioError for an option that this kind of diagnosis would ignore, and for a seed below 0."""
+    from planner.errors import ScenarioError
+
+    if demo and fix:
+        raise ScenarioError("--fix converts log files; leave it out with --demo.")
+    for name, value in (("--seed", seed), ("--hide", hide)):
+        if value is not None and not demo:
+            raise ScenarioError(f"{name} {value} belongs to the demonstration; add --demo or leave {name} out.")
+    if seed is not None and seed < 0:
+        raise ScenarioError(f"--seed {seed} is negative; use 0 or more.")
+
+
+def check_kept(logs: Sequence[str], *outputs: Path | None) -> None:
+    """Raise ScenarioError when a result would replace a log, or two results would go to one file."""
+    from planner.errors import ScenarioError
+    from vehicle.measured.logs import log_files
+
+    taken = {path.resolve(): f"the log {path}" for path in (log_files(logs) if logs else ())}
+    for path in outputs:
+        if path is None:
+            continue
+        if path.resolve() in taken:
+            raise ScenarioError(f"{path} would overwrite {taken[path.resolve()]}; choose another file.")
+        taken[path.resolve()] = "another result"
 
 
 def _found(order: Order) -> tuple[Diagnosis, Hidden | None]:
