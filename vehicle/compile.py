@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.effects import effect_fields
+from vehicle.effects import REST_KEY, effect_fields
 from vehicle.ground import GROUNDS, ground_index
 from vehicle.layout import GATE, GROUND, LEG, MODEL, STATE
 from vehicle.missions import Leg, Mission, Plan
+from vehicle.rest import range_fields
 from vehicle.tractor import Implement, Tractor
 
 Array = npt.NDArray[Any]
@@ -68,10 +69,18 @@ def compile_model(tractor: Tractor, implement: Implement) -> Array:
         ),
         **boxes,
     }
-    effects = effect_fields({name: setting.value for name, setting in tractor.effects.items()})
-    for name, value in (values | effects).items():
+    for name, value in (values | extension_fields(tractor)).items():
         model[name] = value
     return model
+
+
+def extension_fields(tractor: Tractor) -> dict[str, float]:
+    """Fields of MODEL for what logs have added to a tractor: its effects, and its rest unless that is switched off."""
+    settings = {name: setting.value for name, setting in tractor.effects.items()}
+    rest = tractor.rest
+    if rest is None or not rest.on:
+        return effect_fields(settings)
+    return effect_fields(settings | {REST_KEY: rest.amounts}) | range_fields(rest.speed_mps, rest.angle_deg)
 
 
 def compile_grounds() -> Array:

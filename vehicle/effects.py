@@ -12,11 +12,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from vehicle.errors import VehicleError
+from vehicle.rest import NEUTRAL_REST, rest_fields
 
 STEERING, PATH, SPEED, POSITION = "command to wheel", "wheel to path", "speed", "position to antenna"
 BLOCKS = (STEERING, PATH, SPEED, POSITION)
 STEP_HZ = 60.0  # steps of the simulation, in which delays are counted
 USUAL_WHEELBASE_M = 2.4
+REST_KEY = "rest"
 
 Values = Mapping[str, float]
 Fields = dict[str, float]
@@ -53,7 +55,10 @@ class Param:
 
 @dataclass(frozen=True)
 class Effect:
-    """One entry. `fields` turns values into fields of MODEL; `words` is filled with the values for the verdict."""
+    """One entry. `fields` turns values into fields of MODEL; `words` is filled with the values for the verdict.
+
+    `of_ground` marks what belongs to the ground as much as to the tractor: it may differ between runs.
+    """
 
     id: str
     block: str
@@ -62,6 +67,7 @@ class Effect:
     words: Callable[[Values], str]
     regressor: str
     drive: str
+    of_ground: bool = False
 
     @property
     def size(self) -> Param:
@@ -150,13 +156,13 @@ CATALOGUE: tuple[Effect, ...] = (
         "side_slip", PATH, (Param("limit_g", "g", math.inf, 0.1, 0.0, 0.02, math.inf),),
         lambda v: {"slide": 0.0 if math.isinf(v["limit_g"]) else 1.0 / v["limit_g"]},
         lambda v: f"The tyres slide sideways above {v['limit_g']:.2f} g of lateral acceleration.",
-        "lateral acceleration, above a limit", "the same circle slowly and fast",
+        "lateral acceleration, above a limit", "the same circle slowly and fast", True,
     ),
     Effect(
         "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.35, -10.0, 30.0),),
         lambda v: {"understeer": math.radians(v["deg_per_mps2"])},
         lambda v: f"The tractor loses {v['deg_per_mps2']:.1f} degrees of steering per m/s2 of lateral acceleration.",
-        "lateral acceleration", "the same circle slowly and fast",
+        "lateral acceleration", "the same circle slowly and fast", True,
     ),
     Effect(
         "cross_slope_drift", PATH,
@@ -179,13 +185,13 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: {"slip": v["ratio"]},
         lambda v: f"The tractor drives {100 * abs(v['ratio']):.0f} % {'slower' if v['ratio'] > 0 else 'faster'} over "
                   "ground than commanded.",
-        "commanded speed", "straight ahead at a steady speed, implement up",
+        "commanded speed", "straight ahead at a steady speed, implement up", True,
     ),
     Effect(
         "implement_slip", SPEED, (Param("ratio", "", 0.0, 0.10, 0.015, -0.5, 0.9),),
         lambda v: {"tool_slip": v["ratio"]},
         lambda v: f"With the implement working the tractor loses {100 * v['ratio']:.0f} % of its speed.",
-        "implement working", "straight ahead, implement down and up in turn",
+        "implement working", "straight ahead, implement down and up in turn", True,
     ),
     Effect(
         "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0, metres=1),),
@@ -269,10 +275,13 @@ def check(name: str, values: Values) -> None:
 
 
 def effect_fields(settings: Mapping[str, Values]) -> Fields:
-    """Fields of MODEL for the given effects over neutral ones; `affected` is 1 when any is given."""
+    """Fields of MODEL for the given effects over neutral ones; `affected` is 1 when any is given.
+
+    Next to effects, settings may hold the amounts of the rest under the name REST_KEY.
+    """
     fields: Fields = dict(NEUTRAL_FIELDS)
     for name, values in settings.items():
-        fields |= effect(name).fields(values)
+        fields |= rest_fields(values) if name == REST_KEY else effect(name).fields(values)
     fields["affected"] = float(bool(settings))
     return fields
 
@@ -281,5 +290,5 @@ NEUTRAL_FIELDS: Fields = {
     "affected": 0.0, "offset": 0.0, "bend": 1.0, "bend_left": 1.0, "dead_steps": 0.0, "half_play": 0.0, "slide": 0.0,
     "understeer": 0.0, "slope_east": 0.0, "slope_north": 0.0, "draft": 0.0, "slip": 0.0, "tool_slip": 0.0,
     "shift_forward": 0.0, "shift_right": 0.0, "latency": 0.0, "heading_bias": 0.0, "patch": 1.0, "patch_east": 0.0,
-    "patch_north": 0.0, "patch_radius": 0.0, "drift": 0.0,
+    "patch_north": 0.0, "patch_radius": 0.0, "drift": 0.0, **NEUTRAL_REST,
 }  # fmt: skip

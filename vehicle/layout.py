@@ -62,6 +62,23 @@ MODEL = np.dtype(
         ("patch_north", "f8"),
         ("patch_radius", "f8"),
         ("drift", "f8"),
+        # The rest of vehicle.rest; it counts only where `rest` is 1.
+        ("rest", "f8"),
+        ("rest_slow", "f8"),
+        ("rest_fast", "f8"),
+        ("rest_left", "f8"),
+        ("rest_right", "f8"),
+        ("rest_angle_by_speed", "f8"),
+        ("rest_angle_by_square", "f8"),
+        ("rest_angle_to_east", "f8"),
+        ("rest_angle_to_north", "f8"),
+        ("rest_grip_by_speed", "f8"),
+        ("rest_grip_by_angle", "f8"),
+        ("rest_grip_by_implement", "f8"),
+        ("rest_grip_to_east", "f8"),
+        ("rest_grip_to_north", "f8"),
+        ("rest_push_to_east", "f8"),
+        ("rest_push_to_north", "f8"),
     ]
 )
 

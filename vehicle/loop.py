@@ -31,7 +31,7 @@ from vehicle.engine import (
 from vehicle.gnss import draw_error
 from vehicle.jit import compiled
 from vehicle.steering import corrected_angle
-from vehicle.terms import affected_tangent, side_drift
+from vehicle.terms import affected_tangent, ground_drift
 
 RUNNING, ALL_DONE, TOO_CLOSE, STALLED = 0, 1, 2, 3
 
@@ -49,21 +49,25 @@ def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None
     right = body[3] * sine - body[4] * cosine
     state.forward = forward
     turn_wheels(state, model, dt)
-    drive = propel(state, model, grounds[ground], forward, dt)
-    slide = 0.0
+    along = slide = 0.0
+    if model.affected != 0.0:
+        along, slide = ground_drift(forward, cosine, sine, model)
+    drive = propel(state, model, grounds[ground], forward - along, dt)
     if model.affected == 0.0:
         tangent = math.tan(corrected_angle(state.steering, table, model.lock))
     else:
         seconds = state.clock * dt
-        tangent = affected_tangent(state.play, forward, body[0], body[1], seconds, state.working, table, model)
-        slide = side_drift(forward, cosine, sine, model)
+        tangent = affected_tangent(
+            state.play, forward, body[0], body[1], cosine, sine, seconds, state.working, table, model
+        )
         place = state.clock % len(state.xs)
         state.xs[place], state.ys[place], state.angles[place] = body[0], body[1], body[2]
         state.clock += 1
-    # Tyres hold on to the ground that slides down the slope with them.
+    # Tyres hold on to the ground that moves with them.
     new_forward, new_right, new_spin = body_step(
-        forward, right - slide, -body[5], tangent, drive, dt, model, grounds[ground]
+        forward - along, right - slide, -body[5], tangent, drive, dt, model, grounds[ground]
     )
+    new_forward += along
     new_right += slide
     turn = body[5] * dt
     turned_cos = cosine * (1.0 - 0.5 * turn * turn) - sine * (turn - turn * turn * turn / 6.0)
@@ -167,9 +171,7 @@ def run_fixed(  # type: ignore[no-untyped-def]
         call_each(addresses[EACH_BODY], addresses[SPACE], addresses[GET_BODY], addresses[READ_DATA])
         for column in range(READ_WIDTH):
             track[step, column] = read[column]
-        drive_tractor(
-            states[0], models[0], grounds, ground, tables[ground], read[:READ_WIDTH], write[:WRITE_WIDTH], dt
-        )
+        drive_tractor(states[0], models[0], grounds, ground, tables[ground], read[:READ_WIDTH], write[:WRITE_WIDTH], dt)
         write_count[0] = 0
         call_each(addresses[EACH_BODY], addresses[SPACE], addresses[SET_BODY], addresses[WRITE_DATA])
         call_step(addresses[STEP], addresses[SPACE], dt)

@@ -9,11 +9,14 @@ from __future__ import annotations
 import math
 
 from vehicle.jit import compiled
+from vehicle.rest import FADE
 from vehicle.steering import corrected_angle
 
 GRAVITY_MPS2 = 9.80665
 DRIFT_LIMIT = 0.3  # grip that changes with time is not believed beyond this share of it
-KNEE = 8.0  # how sharply a curve meets the limit of side force
+KNEE = 5.0  # how sharply a curve meets the limit of side force
+REST_LIMIT = 0.9
+CRAWL_MPS = 0.1
 
 
 @compiled
@@ -54,15 +57,57 @@ def grip(angle: float, east: float, north: float, seconds: float, model) -> floa
 
 
 @compiled
-def affected_tangent(  # type: ignore[no-untyped-def]
-    play: float, forward: float, east: float, north: float, seconds: float, working: float, table, model
+def beyond(value: float, low: float, high: float) -> float:
+    """How far a value lies outside a range, as a share of the width within which trust fades."""
+    return max(low - value, value - high, 0.0) / (FADE * (high - low))
+
+
+@compiled
+def rest_trust(angle: float, forward: float, model) -> float:  # type: ignore[no-untyped-def]
+    """How far the rest is trusted at a wheel angle and speed: 1 where it was seen, 0 away from there."""
+    far = max(beyond(abs(forward), model.rest_slow, model.rest_fast), beyond(angle, model.rest_left, model.rest_right))
+    return max(1.0 - far, 0.0)
+
+
+@compiled
+def rest_angle(forward: float, cosine: float, sine: float, model) -> float:  # type: ignore[no-untyped-def]
+    """Extra wheel angle (rad) of the rest."""
+    pace = abs(forward)
+    along = model.rest_angle_to_east * cosine + model.rest_angle_to_north * sine
+    return model.rest_angle_by_speed * pace + model.rest_angle_by_square * pace * pace + along  # type: ignore[no-any-return]
+
+
+@compiled
+def rest_grip(  # type: ignore[no-untyped-def]
+    angle: float, forward: float, cosine: float, sine: float, working: float, model
 ) -> float:
-    """Tangent of the mean front wheel angle the base model must have, with every effect between wheel and path."""
+    """Extra share of the curvature of the rest, never so much that a turn comes to nothing or doubles."""
+    share = model.rest_grip_by_speed * abs(forward) + model.rest_grip_by_angle * abs(angle)
+    share += model.rest_grip_by_implement * working
+    share += model.rest_grip_to_east * cosine + model.rest_grip_to_north * sine
+    return min(max(share, -REST_LIMIT), REST_LIMIT)  # type: ignore[no-any-return]
+
+
+@compiled
+def affected_tangent(  # type: ignore[no-untyped-def]
+    play: float, forward: float, east: float, north: float, cosine: float, sine: float, seconds: float,
+    working: float, table, model,
+) -> float:  # fmt: skip
+    """Tangent of the mean front wheel angle the base model must have, with every effect between wheel and path.
+
+    `cosine` and `sine` are those of the heading.
+    """
     angle = play + model.offset
+    extra = 0.0
+    if model.rest != 0.0:
+        trust = rest_trust(play, forward, model)
+        angle += trust * rest_angle(forward, cosine, sine, model)
+        extra = trust * rest_grip(play, forward, cosine, sine, working, model)
     if model.understeer != 0.0:
         angle = unstrained_angle(angle, forward, table, model)
     base = model.front + model.rear
     tangent = math.tan(corrected_angle(angle, table, model.lock)) * grip(angle, east, north, seconds, model)
+    tangent *= 1.0 + extra
     tangent += base * model.draft * working
     if model.slide > 0.0:
         # `slide` is the inverse of the side force the tyres can give, per weight: 0 stands for no limit.
@@ -73,9 +118,18 @@ def affected_tangent(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def side_drift(forward: float, cosine: float, sine: float, model) -> float:  # type: ignore[no-untyped-def]
-    """Sideways speed (m/s, to the right) at which the ground lets the tractor slide down a cross slope."""
-    return abs(forward) * (model.slope_east * sine - model.slope_north * cosine)  # type: ignore[no-any-return]
+def ground_drift(forward: float, cosine: float, sine: float, model) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    """Speed (m/s, ahead and to the right) at which the ground itself carries the tractor.
+
+    Down a cross slope only sideways; as the rest pushes a tractor that moves, either way.
+    """
+    pace = abs(forward)
+    ahead, right = 0.0, pace * (model.slope_east * sine - model.slope_north * cosine)
+    if model.rest != 0.0:
+        share = math.tanh(pace / CRAWL_MPS)
+        ahead = share * (model.rest_push_to_east * cosine + model.rest_push_to_north * sine)
+        right += share * (model.rest_push_to_east * sine - model.rest_push_to_north * cosine)
+    return ahead, right
 
 
 @compiled

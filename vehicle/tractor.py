@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from vehicle.effects import check
 from vehicle.errors import VehicleError
+from vehicle.rest import rest_fields
 
 POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
 
@@ -71,11 +72,40 @@ class PowerLaw(_Frozen):
 
 
 class EffectSetting(_Frozen):
-    """An effect of vehicle.effects found in measured logs: its values, their intervals, and the logs they came from."""
+    """An effect of vehicle.effects found in measured logs: its values, their intervals, and the logs they came from.
+
+    Without `named` it is a calibration: it lowers the error, but the logs do not show that it is the cause. The causes
+    that the logs cannot tell it from are in `equivalent_to`.
+    """
 
     value: dict[str, float]
     interval: dict[str, tuple[float, float]] = {}
+    named: bool = True
+    equivalent_to: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
+
+
+class Rest(_Frozen):
+    """What logs showed and no effect explains (vehicle.rest): amounts per term, and where they were seen.
+
+    `on = false` switches it off. Outside the ranges of speed and wheel angle it is not trusted.
+    """
+
+    on: bool = True
+    amounts: dict[str, float]
+    speed_mps: tuple[NotNegative, Positive]
+    angle_deg: tuple[float, float]
+    interval: dict[str, tuple[float, float]] = {}
+    logs: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _ranges_are_ranges(self) -> Rest:
+        rest_fields(self.amounts)
+        for name in ("speed_mps", "angle_deg"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name} of the rest goes from {low:g} to {high:g}; give the smaller value first")
+        return self
 
 
 class Tractor(_Frozen):
@@ -101,6 +131,7 @@ class Tractor(_Frozen):
     speed: SpeedControl = SpeedControl()
     radius: dict[str, PowerLaw] = {}
     effects: dict[str, EffectSetting] = {}
+    rest: Rest | None = None
     source: dict[str, str] = {}
 
     @property

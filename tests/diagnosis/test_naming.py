@@ -3,6 +3,7 @@
 HEADLAND_TEST_SEED repeats a seed; continuous integration sets it, so that the same commit always ends the same way.
 """
 
+import math
 import os
 import secrets
 
@@ -41,6 +42,12 @@ def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
     assert not found.named, f"seed {seed}: {found.named}"
     assert found.unexplained_share > 0.3
     assert any("direction of travel" in one for one in found.depends_on)
+    rest = found.tractor.rest
+    assert rest is not None and set(rest.amounts) == {"push_to_east", "push_to_north"}, f"seed {seed}: {rest}"
+    bearing = math.degrees(math.atan2(rest.amounts["push_to_east"], rest.amounts["push_to_north"]))
+    assert bearing == pytest.approx(60.0, abs=15.0)
+    assert math.hypot(*rest.amounts.values()) == pytest.approx(0.05, rel=0.15)
+    assert found.after[5.0].along_cm < 0.6 * found.before[5.0].along_cm
 
 
 def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> None:

@@ -73,7 +73,7 @@ def test_surprises_are_linear_in_the_motion(bench: Bench) -> None:
 
 def test_the_noise_floor_is_what_a_nominal_tractor_leaves(bench: Bench) -> None:
     found = errors_of(run_squares(bench, {0: {}, 1: {}}))[5.0]
-    floor = errors_of(floor_squares(bench, {}))[5.0]
+    floor = errors_of(floor_squares(bench, {0: {}, 1: {}}))[5.0]
     assert found.cross_cm == pytest.approx(floor.cross_cm, rel=0.35)
     assert found.heading_deg == pytest.approx(floor.heading_deg, rel=0.35)
 

@@ -1,6 +1,7 @@
 """Effects in the simulator: closed forms of the terms, and what they do to a tractor that drives."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ from hypothesis import strategies as st
 from vehicle import terms
 from vehicle.calibration import steering_tables
 from vehicle.compile import compile_model
+from vehicle.driveline import turn_wheels
 from vehicle.effects import CATALOGUE, NEUTRAL_FIELDS, check, effect_fields, neutral
 from vehicle.errors import VehicleError
 from vehicle.ground import ground_index
 from vehicle.layout import MODEL, STATE
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.run import DONE, Run
-from vehicle.tractor import EffectSetting, Implement, Tractor, load_tractor
+from vehicle.tractor import EffectSetting, Implement, Rest, Tractor, load_tractor
 from vehicle.world import simulate
 
 EG105 = load_tractor("eg105")
@@ -34,8 +36,8 @@ def model(tractor: Tractor) -> np.ndarray:
 def tangent(tractor: Tractor, angle_deg: float, speed: float = 1.4, working: float = 0.0, **place: float) -> float:
     table = steering_tables(EG105)[SOIL]
     return terms.affected_tangent(
-        math.radians(angle_deg), speed, place.get("east", 0.0), place.get("north", 0.0), place.get("seconds", 0.0),
-        working, table, model(tractor),
+        math.radians(angle_deg), speed, place.get("east", 0.0), place.get("north", 0.0), 1.0, 0.0,
+        place.get("seconds", 0.0), working, table, model(tractor),
     )  # fmt: skip
 
 
@@ -122,9 +124,9 @@ def test_delay_reads_between_steps() -> None:
 
 def test_a_slope_pushes_downhill_whichever_way_one_drives() -> None:
     record = model(with_effect("cross_slope_drift", ratio=0.05, bearing_deg=90.0))
-    assert terms.side_drift(2.0, math.cos(math.pi / 2), 1.0, record) == pytest.approx(0.1)  # north: east is right
-    assert terms.side_drift(2.0, math.cos(-math.pi / 2), -1.0, record) == pytest.approx(-0.1)
-    assert terms.side_drift(2.0, 1.0, 0.0, record) == pytest.approx(0.0)
+    assert terms.ground_drift(2.0, math.cos(math.pi / 2), 1.0, record) == pytest.approx((0.0, 0.1))  # east is right
+    assert terms.ground_drift(2.0, math.cos(-math.pi / 2), -1.0, record) == pytest.approx((0.0, -0.1))
+    assert terms.ground_drift(2.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
 
 
 def test_wheel_slip_slows_the_plan_in_proportion() -> None:
@@ -143,19 +145,62 @@ def test_an_antenna_to_the_right_shifts_the_track_to_the_left() -> None:
     assert run.record[300:350, 0, 0].mean() == pytest.approx(-0.15, abs=0.01)
 
 
-def test_dead_time_holds_the_wheels_back() -> None:
-    from vehicle.driveline import turn_wheels
-
-    state = np.zeros(1, dtype=STATE)
-    record = model(with_effect("steering_dead_time", time_s=0.5))
-    state["command"], moved = math.radians(10.0), None
-    for step in range(60):
+def first_move(dead_time_s: float) -> int:
+    """Step at which the wheels move after the command jumped from 0 to 10 degrees a second into the run."""
+    state, record = np.zeros(1, dtype=STATE), model(with_effect("steering_dead_time", time_s=dead_time_s))
+    for step in range(180):
+        state["command"] = math.radians(10.0) if step >= 60 else 0.0
         turn_wheels(state[0], record, 1.0 / 60.0)
         state["clock"] += 1
-        if moved is None and state[0]["steering"] != 0.0:
-            moved = step
-    # Before the start of the run nothing is known of commands: the first one counts from the first step on.
-    assert moved is not None
+        if state[0]["steering"] != 0.0:
+            return step
+    raise AssertionError("the wheels never moved")
+
+
+def test_dead_time_holds_the_wheels_back() -> None:
+    assert first_move(0.0) == 60
+    assert first_move(0.5) == 90
+
+
+SEEN = Rest(amounts={"grip_by_speed": 0.1, "angle_by_square": 0.5}, speed_mps=(0.5, 2.5), angle_deg=(-20.0, 20.0))
+
+
+def with_rest(rest: Rest) -> Tractor:
+    return EG105.model_copy(update={"rest": rest})
+
+
+def test_the_rest_follows_its_definition_where_it_was_seen() -> None:
+    turned = tangent(EG105, 10.0 + 0.5 * 2.0**2, 2.0)
+    assert tangent(with_rest(SEEN), 10.0, 2.0) == pytest.approx(1.2 * turned)
+
+
+def test_the_rest_fades_and_ends_outside_of_what_was_seen() -> None:
+    for angle, speed in ((10.0, 2.71), (24.1, 1.4), (-24.1, 1.4), (10.0, 0.29)):
+        assert tangent(with_rest(SEEN), angle, speed) == pytest.approx(tangent(EG105, angle, speed), rel=1e-9)
+    half = terms.rest_trust(math.radians(22.0), 1.4, model(with_rest(SEEN)))
+    assert half == pytest.approx(0.5)
+
+
+def test_the_rest_can_be_switched_off() -> None:
+    off = with_rest(SEEN.model_copy(update={"on": False}))
+    assert np.array_equal(drive(off).record, drive(EG105).record)
+
+
+def test_a_push_carries_a_tractor_that_drives_and_no_other() -> None:
+    record = model(with_rest(Rest(amounts={"push_to_east": 0.1}, speed_mps=(0.0, 3.0), angle_deg=(-5.0, 5.0))))
+    assert terms.ground_drift(1.4, 1.0, 0.0, record) == pytest.approx((0.1, 0.0))
+    assert terms.ground_drift(1.4, 0.0, 1.0, record) == pytest.approx((0.0, 0.1))
+    assert terms.ground_drift(0.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("values", "word"),
+    [({"amounts": {"grip_by_moon": 1.0}}, "grip_by_moon"), ({"amounts": {"grip_by_speed": math.inf}}, "finite"),
+     ({"angle_deg": (5.0, -5.0)}, "smaller value first"), ({"speed_mps": (2.0, 2.0)}, "smaller value first")],
+)  # fmt: skip
+def test_an_impossible_rest_is_refused(values: dict[str, Any], word: str) -> None:
+    with pytest.raises((VehicleError, ValueError), match=word):
+        Rest(**({"amounts": {}, "speed_mps": (0.0, 3.0), "angle_deg": (-5.0, 5.0)} | values))
 
 
 @pytest.mark.parametrize(

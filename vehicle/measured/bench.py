@@ -7,7 +7,6 @@ leaves its channel out, and the block behind it is then driven by the commands.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from vehicle.effects import PATH, POSITION, SPEED, STEERING, effect_fields
 from vehicle.measured.course import Course, Stretch
+from vehicle.measured.heldout import half_of
 from vehicle.measured.record import Array
 from vehicle.measured.replay import Rig, Settings, antenna_lever, replay, seen
 from vehicle.measured.whitening import Increments, Noise, increments, innovations, make_gains
@@ -39,10 +39,15 @@ class Filter:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Weights of a directly compared channel of one stretch: standard deviation per row and memory from row to row."""
+    """Weights of a directly compared channel of one stretch: standard deviation per row and memory from row to row.
+
+    `scatter` is the part of the standard deviation that is known without any model: how far the channel scatters while
+    nothing changes, and how far commands are off in time.
+    """
 
     sigma: Array
     memory: float
+    scatter: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +86,8 @@ class Bench:
 
     def chain_surprise(self, settings: Settings) -> Parts:
         """Surprises of wheel angle and speed, driven by the commands."""
+        if not any(self.wheel) and not any(self.speed):
+            return {"wheel": np.zeros(self.course.rows), "speed": np.zeros(self.course.rows)}
         wheels, speeds = [], []
         for index, stretch in enumerate(self.course.stretches):
             states = replay(self.rig, stretch, settings, from_sensor=False, from_speed=False)
@@ -128,6 +135,17 @@ class Bench:
             count += int(place[-1]) + 1
         rows = np.concatenate(numbers)
         return np.concatenate([np.repeat(rows, 3), rows, rows])
+
+    @cached_property
+    def block_halves(self) -> npt.NDArray[np.int64]:
+        """Half of every block: those of the even and of the odd windows of 20 s of a stretch."""
+        out = np.zeros(int(self.blocks.max()) + 1, dtype=np.int64)
+        first = 0
+        for stretch in self.course.stretches:
+            size = max(int(stretch.time[-1] / BLOCK_S + 0.5) - 1, 0) + 1
+            out[first : first + size] = half_of(BLOCK_S * np.arange(size, dtype=np.float64))
+            first += size
+        return out
 
     @cached_property
     def block_runs(self) -> npt.NDArray[np.int64]:
@@ -256,9 +274,5 @@ def _weights(pairs: list[tuple[Array, Array] | None], least: float) -> tuple[Cha
     memory = min(max(memory, 0.0), MOST_MEMORY)
     fresh = huber((np.concatenate([s[1:] - memory * s[:-1] for s in scaled])) / np.sqrt(1.0 - memory * memory))
     size = max(float(np.sqrt(np.mean(fresh * fresh))), 0.3)
-    return tuple(None if pair is None else Channel(size * np.hypot(spread, pair[1]), memory) for pair in pairs)
-
-
-def blocks_of(names: Mapping[str, str]) -> frozenset[str]:
-    """Blocks of the chain as a set."""
-    return frozenset(names.values())
+    scatters = [None if pair is None else np.hypot(spread, pair[1]) for pair in pairs]
+    return tuple(None if one is None else Channel(size * one, memory, one) for one in scatters)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from vehicle.measured.bench import Bench
 from vehicle.measured.course import Stretch
 from vehicle.measured.dependence import Dependence
-from vehicle.measured.fitting import Fit
 from vehicle.measured.record import Array, Mask
 from vehicle.measured.replay import Settings, replay, seen
 from vehicle.measured.verdict import Curve
@@ -118,8 +117,13 @@ _UNNAMED = {
 }
 
 
-def best_curve(bench: Bench, fit: Fit, names: Sequence[str], unnamed: Sequence[Dependence]) -> Curve | None:
-    """The curve of the first name, or of the first unnamed dependence; None when there is neither."""
+def best_curve(
+    bench: Bench, settings: Mapping[int, Settings], names: Sequence[str], unnamed: Sequence[Dependence]
+) -> Curve | None:
+    """The curve of the first name, or of the first unnamed dependence; None when there is neither.
+
+    `settings` are those of every run with what was found.
+    """
     if names and names[0] in _PLOTS:
         (quantity, measure), (regressor, of) = _PLOTS[names[0]]
     elif unnamed:
@@ -129,7 +133,7 @@ def best_curve(bench: Bench, fit: Fit, names: Sequence[str], unnamed: Sequence[D
         return None
     at = np.concatenate([of(one)[_inner(one)] for one in bench.course.stretches])
     before = np.concatenate([measure(bench, one, {})[_inner(one)] for one in bench.course.stretches])
-    after = np.concatenate([measure(bench, one, fit.settings)[_inner(one)] for one in bench.course.stretches])
+    after = np.concatenate([measure(bench, one, settings[one.run])[_inner(one)] for one in bench.course.stretches])
     return _binned(regressor, quantity, at, before, after, bench)
 
 

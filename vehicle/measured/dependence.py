@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.effects import effect_fields
+from vehicle.effects import PATH, SPEED, effect_fields
 from vehicle.measured.bench import Bench
 from vehicle.measured.course import Stretch
 from vehicle.measured.fitting import Fit
@@ -21,6 +21,7 @@ from vehicle.measured.replay import antenna_lever
 from vehicle.measured.whitening import Increments, innovations
 
 PERIODS_S = tuple(np.geomspace(2.5, 80.0, 36).tolist())
+DISTANCE, ALWAYS = "a change of the distance driven", "always"
 Terms = list[Increments]
 Maker = Callable[[Stretch, Increments, Array], Terms]
 
@@ -37,7 +38,12 @@ class Dependence:
     @property
     def words(self) -> str:
         """The term as a clause."""
-        return f"{self.changes} that depends on {self.on}"
+        return self.changes if self.on == ALWAYS else f"{self.changes} that depends on {self.on}"
+
+    @property
+    def block(self) -> str:
+        """Block of the chain that it would belong to."""
+        return SPEED if self.changes == DISTANCE else PATH
 
 
 def _bend(move: Increments, regressor: Array, per_angle: Array) -> Increments:
@@ -129,10 +135,10 @@ def dependences(bench: Bench) -> list[Dependence]:
             "the direction of travel and the time on the way", "a push over the ground",
             lambda s, m, b: [_push(s, 1.0, 0.0), _push(s, 0.0, 1.0)],
         ),
-        Dependence("speed", "a change of the distance driven", lambda s, m, b: [_faster(m, _speed(s))]),
-        Dependence("always", "a change of the distance driven", lambda s, m, b: [_faster(m, np.ones(s.rows - 1))]),
+        Dependence("speed", DISTANCE, lambda s, m, b: [_faster(m, _speed(s))]),
+        Dependence(ALWAYS, DISTANCE, lambda s, m, b: [_faster(m, np.ones(s.rows - 1))]),
         Dependence(
-            "the wheel angle", "a change of the distance driven", lambda s, m, b: [_faster(m, np.abs(_steering(s)))]
+            "the wheel angle", DISTANCE, lambda s, m, b: [_faster(m, np.abs(_steering(s)))]
         ),
     ]  # fmt: skip
     longest = max(stretch.time[-1] for stretch in bench.course.stretches)

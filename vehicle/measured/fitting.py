@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from vehicle.measured.bench import Bench
 from vehicle.measured.knobs import Knobs, block_of, settings_of
@@ -135,28 +137,6 @@ def _step(bench: Bench, fit: Fit, change: Array) -> Fit | None:
     return None
 
 
-def with_candidate(bench: Bench, fit: Fit, knobs: Knobs, iterations: int = 3) -> Fit:
-    """The fit with one more effect, started where it helps most."""
-    blocks = frozenset({block_of(knobs.id)})
-    bare = fit.surprise if fit.extra is None else fit.surprise - fit.extra.columns @ fit.extra.amounts
-    tried: list[Fit] = []
-    for start in knobs.starts:
-        parts = (*fit.parts, (knobs, np.array(start)))
-        neutral_start = start == knobs.neutral
-        surprise = fit.surprise
-        if not neutral_start:
-            surprise = linear_extra(bench.change(settings_of(list(parts)), bare, blocks), fit.extra)
-        tried.append(Fit(parts, surprise, fit.slope, fit.extra))
-    best = min(tried, key=lambda one: one.loss)
-    if len(tried) > 1 and best.loss > fit.loss * (1.0 + 1e-3) + 200.0:
-        # No start helps: try close to neutral, where a small effect would be.
-        near = np.array(knobs.neutral) + 0.3 * np.array(knobs.typical)
-        parts = (*fit.parts, (knobs, knobs.inside(near)))
-        surprise = linear_extra(bench.change(settings_of(list(parts)), bare, blocks), fit.extra)
-        best = Fit(parts, surprise, fit.slope, fit.extra)
-    return refined(bench, best, iterations)
-
-
 @dataclass(frozen=True, eq=False)
 class Sums:
     """Normal equations per block: squares (b, m, m), sides (b, m), losses (b,)."""
@@ -168,11 +148,16 @@ class Sums:
 
 def block_sums(bench: Bench, slope: Array, surprise: Array) -> Sums:
     """Sums over the blocks of the bench."""
-    count = len(bench.block_runs)
-    size = slope.shape[1]
+    count, size = len(bench.block_runs), slope.shape[1]
     squares, sides = np.zeros((count, size, size)), np.zeros((count, size))
-    for i in range(size):
-        sides[:, i] = np.bincount(bench.blocks, slope[:, i] * surprise, count)
-        for j in range(i, size):
-            squares[:, i, j] = squares[:, j, i] = np.bincount(bench.blocks, slope[:, i] * slope[:, j], count)
+    add_products(bench.blocks, slope, surprise, squares, sides)
     return Sums(squares, sides, np.bincount(bench.blocks, surprise * surprise, count).astype(np.float64))
+
+
+def add_products(blocks: npt.NDArray[np.int64], slope: Array, left: Array, squares: Array, sides: Array) -> None:
+    """Add the products of columns with each other and with what is left to their blocks, stretch by stretch of one."""
+    edges = np.flatnonzero(np.diff(blocks, prepend=-1, append=-1))
+    for first, end in pairwise(edges):
+        rows = slope[first:end]
+        squares[blocks[first]] += rows.T @ rows
+        sides[blocks[first]] += rows.T @ left[first:end]

@@ -9,18 +9,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from vehicle.measured.bench import Bench
+from vehicle.measured.anchoring import anchor_pieces
+from vehicle.measured.bench import Bench, Channel
 from vehicle.measured.course import DT_S, Stretch
+from vehicle.measured.heldout import half_of
 from vehicle.measured.record import Array
 from vehicle.measured.replay import Settings, replay, seen
 from vehicle.measured.whitening import DRIFT_MEMORY_S, SOIL_MEMORY_S, Noise
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)
-HEADING_TRUST_RAD = 0.035
-POSITION_TRUST_M = 0.01
 FEWEST_ROWS = 4
 Seen = tuple[Array, Array, Array, Array]
 Squares = dict[float, Array]
+Halves = tuple[Settings, Settings]
+EDGE_S = 0.5  # pieces begin a row before or after their time
 
 
 @dataclass(frozen=True)
@@ -33,27 +35,19 @@ class Error:
 
 
 def anchored(stretch: Stretch, antenna: Array, heading: Array, rows: slice) -> Array:
-    """Cross, along (m) and heading (rad) errors per row after the best turn and shift of the simulated piece.
+    """Cross, along (m) and heading (rad) errors per row (k, 3) after the best turn and shift of the simulated piece."""
+    return anchored_pieces(stretch, antenna, heading, [rows])[rows]
 
-    Positions decide the turn; headings only where the tractor hardly moves.
-    """
-    p = np.stack([stretch.east[rows], stretch.north[rows]], axis=1)
-    q = antenna[rows]
-    p0, q0 = p.mean(axis=0), q.mean(axis=0)
-    a, b = p - p0, q - q0
-    turned = stretch.heading[rows] - heading[rows]
-    weak = len(p) * (POSITION_TRUST_M / HEADING_TRUST_RAD) ** 2
-    mean = math.atan2(float(np.sin(turned).mean()), float(np.cos(turned).mean()))
-    sine = float(np.sum(b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0])) + weak * math.sin(mean)
-    cosine = float(np.sum(a * b)) + weak * math.cos(mean)
-    angle = math.atan2(sine, cosine)
-    c, s = math.cos(angle), math.sin(angle)
-    off = a - np.stack([b[:, 0] * c - b[:, 1] * s, b[:, 0] * s + b[:, 1] * c], axis=1)
-    way = stretch.heading[rows]
-    along = off[:, 0] * np.cos(way) + off[:, 1] * np.sin(way)
-    cross = off[:, 0] * np.sin(way) - off[:, 1] * np.cos(way)
-    head = np.angle(np.exp(1j * (turned - angle))) if stretch.heading_seen else np.full(len(p), np.nan)
-    return np.stack([cross, along, head], axis=1)
+
+def anchored_pieces(stretch: Stretch, antenna: Array, heading: Array, parts: list[slice]) -> Array:
+    """The errors of all pieces, in the rows of the stretch (k, 3); headings are nan where none was measured."""
+    starts, ends = (np.array([getattr(one, edge) for one in parts], dtype=np.int64) for edge in ("start", "stop"))
+    out = np.zeros((stretch.rows, 3))
+    x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
+    anchor_pieces(starts, ends, stretch.east, stretch.north, stretch.heading, x, y, heading, out)
+    if not stretch.heading_seen:
+        out[:, 2] = np.nan
+    return out
 
 
 def pieces(time: Array, horizon: float) -> list[slice]:
@@ -68,27 +62,30 @@ def chain(bench: Bench, stretch: Stretch, settings: Settings) -> Seen:
     return seen(bench.rig, stretch, replay(bench.rig, stretch, settings, from_sensor=False, from_speed=False), settings)
 
 
-def squares(stretch: Stretch, antenna: Array, heading: Array) -> Squares:
-    """Sums of squares (cross, along, heading) and rows per horizon: (4,) each."""
+def squares(stretch: Stretch, antenna: Array, heading: Array, half: int | None = None) -> Squares:
+    """Sums of squares (cross, along, heading) and rows per horizon: (4,) each, of all pieces or of those of a half."""
     found = {}
     for horizon in HORIZONS_S:
-        total = np.zeros(4)
-        for rows in pieces(stretch.time, horizon):
-            errors = anchored(stretch, antenna, heading, rows)
-            total[:3] += (errors * errors).sum(axis=0)
-            total[3] += len(errors)
-        found[horizon] = total
+        parts = pieces(stretch.time, horizon)
+        if half is not None:
+            starts = np.array([stretch.time[part.start] for part in parts])
+            parts = [part for part, mine in zip(parts, half_of(starts + EDGE_S) == half, strict=True) if mine]
+        errors = anchored_pieces(stretch, antenna, heading, parts)
+        rows = sum(part.stop - part.start for part in parts)
+        found[horizon] = np.array([*(errors * errors).sum(axis=0), rows]) if rows else np.zeros(4)
     return found
 
 
-def run_squares(bench: Bench, settings: Mapping[int, Settings]) -> list[Squares]:
-    """Sums of squares of every run; `settings` may differ from run to run."""
+def run_squares(bench: Bench, settings: Mapping[int, Settings | Halves]) -> list[Squares]:
+    """Sums of squares of every run; `settings` may differ from run to run, and between the halves of a run."""
     runs = len(bench.course.names)
     totals: list[Squares] = [{h: np.zeros(4) for h in HORIZONS_S} for _ in range(runs)]
     for stretch in bench.course.stretches:
-        antenna, heading, _, _ = chain(bench, stretch, settings[stretch.run])
-        for horizon, part in squares(stretch, antenna, heading).items():
-            totals[stretch.run][horizon] += part
+        mine = settings[stretch.run]
+        for half, one in enumerate(mine) if isinstance(mine, tuple) else ((None, mine),):
+            antenna, heading, _, _ = chain(bench, stretch, one)
+            for horizon, part in squares(stretch, antenna, heading, half).items():
+                totals[stretch.run][horizon] += part
     return totals
 
 
@@ -103,33 +100,42 @@ def errors_of(totals: list[Squares]) -> dict[float, Error]:
     return found
 
 
-def floor_squares(bench: Bench, settings: Settings, seed: int = 7) -> list[Squares]:
+def floor_squares(bench: Bench, settings: Mapping[int, Settings], seed: int = 7) -> list[Squares]:
     """Sums of squares that noise alone leaves: a replay of the model with the scatter seen in these logs.
 
-    Wheel angle and speed get what was left of them in the log, shifted in time by chance; the ground and the
-    instruments get noise of the strength told from quick changes. Nothing that repeats with the drive survives this.
+    Wheel angle and speed scatter as they do while nothing changes, and as commands are off in time; the ground and the
+    instruments have noise of the strength told from quick changes. What the model itself gets wrong has no part in it.
     """
     rng = np.random.default_rng(seed)
     runs = len(bench.course.names)
     totals: list[Squares] = [{h: np.zeros(4) for h in HORIZONS_S} for _ in range(runs)]
-    for stretch in bench.course.stretches:
-        plain = chain(bench, stretch, settings)
-        noisy = _noisy(bench, stretch, plain, settings, rng)
+    for index, stretch in enumerate(bench.course.stretches):
+        mine = settings[stretch.run]
+        plain = chain(bench, stretch, mine)
+        noisy = _noisy(bench, index, plain, mine, rng)
         for horizon, part in squares(noisy, plain[0], plain[1]).items():
             totals[stretch.run][horizon] += part
     return totals
 
 
-def _noisy(bench: Bench, stretch: Stretch, plain: Seen, settings: Settings, rng: np.random.Generator) -> Stretch:
+def _noisy(bench: Bench, index: int, plain: Seen, settings: Settings, rng: np.random.Generator) -> Stretch:
     """The stretch as it might have been measured had the model been true."""
+    stretch = bench.course.stretches[index]
     grid = np.arange(len(stretch.grids["speed"])) * DT_S
     grids = dict(stretch.grids)
-    for name, measured, simulated in (("wheel", stretch.wheel, plain[2]), ("speed", stretch.speed, plain[3])):
-        left = np.zeros(stretch.rows) if measured is None else np.roll(measured - simulated, rng.integers(stretch.rows))
-        grids[name] = np.interp(grid, stretch.time, simulated + left)
+    for name, simulated, channel in (
+        ("wheel", plain[2], bench.wheel[index]), ("speed", plain[3], bench.speed[index])
+    ):  # fmt: skip
+        off = np.zeros(stretch.rows) if channel is None else channel.scatter * _remembered(rng, channel, stretch.rows)
+        grids[name] = np.interp(grid, stretch.time, simulated + off)
     drawn = replace(stretch, grids=grids, wheel=plain[2])
     states = over_rough_ground(bench.noise, replay(bench.rig, drawn, settings, True, True), rng)
     return noisy_instruments(bench, stretch, states, settings, rng)[0]
+
+
+def _remembered(rng: np.random.Generator, channel: Channel, rows: int) -> Array:
+    """Unit noise with the memory of a channel from row to row."""
+    return _coloured_by(rng, np.full(rows, channel.memory))
 
 
 def noisy_instruments(
@@ -162,13 +168,17 @@ def over_rough_ground(noise: Noise, states: Array, rng: np.random.Generator) -> 
 
 
 def _coloured(rng: np.random.Generator, dt: Array, memory: float) -> Array:
-    """Unit noise with a memory, one value per step."""
-    white = rng.standard_normal(len(dt))
-    keep = np.exp(-dt / memory)
-    out = np.empty(len(dt))
+    """Unit noise with a memory (s), one value per step."""
+    return _coloured_by(rng, np.exp(-dt / memory))
+
+
+def _coloured_by(rng: np.random.Generator, keep: Array) -> Array:
+    """Unit noise of which every value keeps a share of the one before."""
+    white = rng.standard_normal(len(keep))
+    out = np.empty(len(keep))
     out[0] = white[0]
     fresh = np.sqrt(1.0 - keep * keep) * white
-    for i in range(1, len(dt)):
+    for i in range(1, len(keep)):
         out[i] = keep[i] * out[i - 1] + fresh[i]
     return out
 

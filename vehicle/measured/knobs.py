@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vehicle.effects import Effect, effect, neutral
 from vehicle.measured.record import Array
+from vehicle.rest import BY_NAME, REST
 from vehicle.tractor import Tractor
 
-SETTLED = 0.02  # share of a typical size within which a fit counts as settled
+MANY_STARTS = 6
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,9 @@ class Knobs:
         return len(self.neutral)
 
     def values(self, at: Array) -> dict[str, float]:
-        """Values of the effect at coordinates."""
+        """Values of the effect, or the amount of a term of the rest, at coordinates."""
+        if self.id in BY_NAME:
+            return {self.id: float(at[0])}
         names = [param.name for param in effect(self.id).params]
         if self.id == "cross_slope_drift":
             bearing = math.degrees(math.atan2(at[0], at[1])) % 360.0
@@ -45,13 +48,17 @@ class Knobs:
             return {"limit_g": math.inf if at[0] <= 0.0 else 1.0 / float(at[0])}
         return dict(zip(names, [*map(float, at), *self.fixed], strict=True))
 
+    def with_fewer_starts(self) -> Knobs:
+        """The same with every third start: positions alone tell little of the fine structure that needs more."""
+        return replace(self, starts=self.starts[::3]) if len(self.starts) > MANY_STARTS else self
+
     def inside(self, at: Array) -> Array:
         """The nearest coordinates a tractor can have."""
         return np.clip(at, self.low, self.high)
 
 
 _SEARCHED = {
-    "steering_dead_time": (0.1, 0.2, 0.35, 0.6),
+    "steering_dead_time": (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7, 0.9),
     "steering_backlash": (0.5, 1.5, 3.0),
     "side_slip": (1.2, 2.0, 4.0, 8.0, 12.0, 18.0),
     "gnss_latency": (0.1, 0.25),
@@ -84,6 +91,15 @@ def knobs_for(tractor: Tractor, name: str, patch: tuple[float, float, float] | N
 
 def _singles(values: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
     return tuple((value,) for value in values)
+
+
+def rest_knobs() -> list[tuple[Knobs, ...]]:
+    """Coordinates of all terms of the rest, the two components of a direction together."""
+    groups: dict[str, list[Knobs]] = {}
+    for term in REST:
+        knobs = Knobs(term.id, (0.0,), (term.typical,), (-math.inf,), (math.inf,), ((0.0,),))
+        groups.setdefault(term.id.split("_to_")[0], []).append(knobs)
+    return [tuple(group) for group in groups.values()]
 
 
 def finest_of(tractor: Tractor, name: str) -> float:

@@ -36,6 +36,7 @@ from vehicle.tractor import Tractor
 LEAST_GAIN = 25.0
 LEAST_STRENGTH = 12.0
 HOPELESS = 9.0
+LEAST_PART = 1e-10  # of the squared size of the largest direction of a fit: smaller ones are rounding
 MOST_PARTS = 8
 NULL_DRAWS, NULL_QUANTILE = 400, 0.99
 CLEARLY = 1.03
@@ -43,6 +44,7 @@ CLEAR_SIGMAS = 3.3
 MOST_UNNAMED = 3
 MOST_EASINGS, EASING, WRONG_EVERYWHERE = 12, 1.6, 2.0
 FEW_RUNS = 3
+HARM, HELPED = 0.1, 10.0
 PATCH_HANDICAP = 1.3
 ONE_PLACE = ("grip_patch", "grip_drift")  # would stand in for whatever differs from run to run
 MATERIAL = 0.003  # of the number of surprises: less is within what simulators differ
@@ -68,13 +70,23 @@ class Selection:
     unnamed: tuple[Dependence, ...]
     threshold: float
 
+    @property
+    def ids(self) -> frozenset[str]:
+        """Effects in the fit."""
+        return frozenset(self.fit.settings)
+
 
 class Projector:
     """Takes the columns of a fit out of vectors."""
 
     def __init__(self, slope: Array) -> None:
-        """Orthonormal directions of the columns."""
-        self.basis = np.linalg.qr(slope / np.maximum(np.linalg.norm(slope, axis=0), 1e-12))[0] if slope.size else None
+        """Directions of the columns, orthonormal as far as their products tell."""
+        self.basis: Array | None = None
+        if slope.size:
+            scaled = slope / np.maximum(np.linalg.norm(slope, axis=0), 1e-12)
+            size, turn = np.linalg.eigh(scaled.T @ scaled)
+            known = size > LEAST_PART * size[-1]
+            self.basis = scaled @ (turn[:, known] / np.sqrt(size[known]))
 
     def __call__(self, vector: Array) -> Array:
         """The part of a vector (n,) that no column explains."""
@@ -197,17 +209,13 @@ def robust_covariance(bench: Bench, fit: Fit) -> Array:
 
 
 def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
-    """Whether the larger fit helps runs it has not seen, and most of those it concerns."""
+    """Whether the larger fit helps runs it has not seen: most of those it concerns, or some without harm to others."""
     gain = held_out_losses(bench, without) - held_out_losses(bench, fit)
     concerned = np.abs(gain) > 4.0
     if float(gain.sum()) < 0.3 * threshold:
         return _helps_within(bench, without, fit)
-    return bool(np.count_nonzero(gain[concerned] > 0.0) >= 0.6 * np.count_nonzero(concerned))
-
-
-def _helps_on_the_whole(bench: Bench, without: Fit, fit: Fit) -> bool:
-    """Whether the larger fit helps runs it has not seen, all taken together."""
-    return float(held_out_losses(bench, without).sum() - held_out_losses(bench, fit).sum()) > LEAST_GAIN
+    harmless = -gain[gain < 0.0].sum() < HARM * gain[gain > 0.0].sum() and np.count_nonzero(gain > HELPED) >= 2
+    return bool(harmless or np.count_nonzero(gain[concerned] > 0.0) >= 0.6 * np.count_nonzero(concerned))
 
 
 def _helps_within(bench: Bench, without: Fit, fit: Fit) -> bool:
@@ -231,6 +239,8 @@ def scan(bench: Bench, fit: Fit, tractor: Tractor, skip: set[str], progress: Pro
         if entry.id in skip or entry.id in fit.settings:
             continue
         knobs = knobs_for(tractor, entry.id)
+        if not bench.has_wheel:
+            knobs = knobs.with_fewer_starts()
         if entry.id == "grip_patch":
             patch = best_patch(bench, fit)
             if patch is None:
@@ -249,29 +259,19 @@ def _rank(one: Tried) -> float:
     return -one.gain
 
 
-def select(bench: Bench, tractor: Tractor, progress: Progress | None = None, calibrate: bool = False) -> Selection:
-    """Forward selection, then exchanges, then backward.
-
-    To `calibrate` is to lessen what no cause explains: there are no unnamed terms then, and an effect only has to help
-    runs that had no part in the fit, on the whole. Nothing found so may carry a name for that alone.
-    """
+def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> Selection:
+    """Forward selection, then exchanges, then backward."""
     fit = restarted(bench, (), None)
     unnamed: tuple[Dependence, ...] = ()
     refused: set[str] = set()
-    open_to = {entry.id for entry in CATALOGUE if not calibrate or entry.id not in ONE_PLACE}
     threshold = LEAST_STRENGTH
     while len(fit.parts) < MOST_PARTS:
         found = scan(bench, fit, tractor, refused, progress)
         strength, chance = strengths(bench, found, _left(fit, found))
         threshold = max(LEAST_STRENGTH, 1.5 * chance)
-        best = next(
-            (
-                one for one, s in zip(found, strength, strict=True)
-                if one.gain > LEAST_GAIN and (s > threshold or calibrate) and one.knobs.id in open_to
-            ),
-            None,
-        )  # fmt: skip
-        rival = None if calibrate else _rival(bench, fit, unnamed)
+        told = (one for one, s in zip(found, strength, strict=True) if one.gain > LEAST_GAIN and s > threshold)
+        best = next(told, None)
+        rival = _rival(bench, fit, unnamed)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
             unnamed = (*unnamed, rival.terms)
             fit = with_unnamed(bench, fit, unnamed)
@@ -279,8 +279,7 @@ def select(bench: Bench, tractor: Tractor, progress: Progress | None = None, cal
         if best is None:
             break
         larger = refined(bench, joined(bench, fit, best), 2)
-        good = _helps_on_the_whole(bench, fit, larger) if calibrate else helps(bench, fit, larger, threshold)
-        if not good:
+        if not helps(bench, fit, larger, threshold):
             refused.add(best.knobs.id)
             continue
         bench = retuned(bench, larger)

@@ -7,6 +7,7 @@ drive counts as decisive when the other rival, free to change its value, stays c
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +27,7 @@ from vehicle.tractor import Tractor
 DECISIVE = 50.0
 STEP_S = 0.1
 PACE_MPS = 1.4
-Values = dict[str, dict[str, float]]
+Values = Mapping[str, dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ LIBRARY: tuple[Program, ...] = (
 )  # fmt: skip
 
 
-def next_drive(bench: Bench, fit: Fit, tractor: Tractor, rivals: dict[str, Values]) -> NextDrive | None:
+def next_drive(bench: Bench, fit: Fit, tractor: Tractor, rivals: Mapping[str, Values]) -> NextDrive | None:
     """The shortest decisive drive for the first set of rivals; the most telling one when none decides."""
     for name, others in rivals.items():
         for other, values in others.items():
@@ -101,7 +102,8 @@ def _steady(channels: tuple[Channel | None, ...], trial: Bench) -> tuple[Channel
     if not known:
         return tuple(None for _ in trial.course.stretches)
     level = float(np.median(np.concatenate([one.sigma for one in known])))
-    return tuple(Channel(np.full(stretch.rows, level), known[0].memory) for stretch in trial.course.stretches)
+    rows = [np.full(stretch.rows, level) for stretch in trial.course.stretches]
+    return tuple(Channel(one, known[0].memory, one) for one in rows)
 
 
 def _misfit(trial: Bench, tractor: Tractor, wrong: Values, name: str) -> float:

@@ -24,7 +24,7 @@ from vehicle.jit import compiled
 from vehicle.layout import STATE
 from vehicle.measured.course import DT_S, Stretch
 from vehicle.measured.record import Array
-from vehicle.terms import affected_tangent, played, side_drift
+from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
 Settings = Mapping[str, Mapping[str, float]]
@@ -55,12 +55,15 @@ def replay_steps(  # type: ignore[no-untyped-def]
         else:
             turn_wheels(state, model, dt)
         drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
-        tangent = affected_tangent(state.play, forward, east[i], north[i], start_s + i * dt, working[i], table, model)
-        slide = side_drift(forward, math.cos(heading[i]), math.sin(heading[i]), model)
+        there, across = math.cos(heading[i]), math.sin(heading[i])
+        tangent = affected_tangent(
+            state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
+        )
+        along, slide = ground_drift(forward, there, across, model)
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
-        x += (forward * cosine + right * sine) * dt
-        y += (forward * sine - right * cosine) * dt
+        x += ((forward + along) * cosine + right * sine) * dt
+        y += ((forward + along) * sine - right * cosine) * dt
         angle -= spin * dt
         forward, right, spin = new_forward, new_right + slide, new_spin
         state.clock += 1

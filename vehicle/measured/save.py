@@ -11,7 +11,7 @@ from vehicle.tractor import Tractor
 def tractor_toml(tractor: Tractor) -> str:
     """The file that `load_tractor` reads back as the same tractor."""
     values = tractor.model_dump(mode="python")
-    plain = {key: value for key, value in values.items() if not isinstance(value, dict)}
+    plain = {key: value for key, value in values.items() if value is not None and not isinstance(value, dict)}
     lines = [f"{key} = {_value(value)}" for key, value in plain.items()]
     for name in ("steering", "guidance", "speed"):
         lines += _table(name, values[name])
@@ -19,6 +19,7 @@ def tractor_toml(tractor: Tractor) -> str:
         lines += _table(f"radius.{ground}", law)
     for effect, setting in values["effects"].items():
         lines += _table(f"effects.{effect}", setting)
+    lines += _table("rest", values["rest"] or {})
     lines += _table("source", values["source"])
     return "\n".join(lines) + "\n"
 

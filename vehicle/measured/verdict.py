@@ -19,7 +19,8 @@ Errors = dict[float, Error]
 class Finding:
     """One effect of the catalogue.
 
-    `value` and `interval` (95 %) are None unless the effect is in the model; `gain_pct` is the reduction of the error
+    `value` and `interval` (95 %) are None unless the effect is in the model; one in the model that is `not-visible` is
+    a calibration: it lowers the error without being shown to be the cause. `gain_pct` is the reduction of the error
     over 5 s on runs not used for fitting, `gain_interval` its 90 % interval over runs; `smallest_visible` the smallest
     size these logs would have shown (None when no size would). `exchange` says how much of another effect looks alike.
     """
@@ -28,7 +29,7 @@ class Finding:
     status: str
     value: dict[str, float] | None
     interval: dict[str, tuple[float, float]] | None
-    gain_pct: float
+    gain_pct: float | None
     gain_interval: tuple[float, float] | None
     smallest_visible: float | None
     unit: str
@@ -36,6 +37,16 @@ class Finding:
     words: str
     equivalent_to: tuple[str, ...] = ()
     exchange: str = ""
+
+
+@dataclass(frozen=True)
+class Grounds:
+    """An effect that differs between runs made on two grounds: its value, in words, and the runs that have it."""
+
+    id: str
+    value: dict[str, float]
+    words: str
+    runs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -97,6 +108,7 @@ class Diagnosis:
     curve: Curve | None
     notes: tuple[str, ...] = ()
     plan: PlanGain | None = None
+    grounds: tuple[Grounds, ...] = ()
 
     @property
     def headline(self) -> str:
