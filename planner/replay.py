@@ -2,46 +2,61 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
+from vehicle.effects import REST_KEY
+from vehicle.measured.anchoring import HEADING_TRUST_RAD, POSITION_TRUST_M
 from vehicle.measured.bench import Bench, first_noise
-from vehicle.measured.course import make_course
-from vehicle.measured.horizons import HORIZONS_S, anchored, chain, errors_of, pieces, run_squares
-from vehicle.measured.logs import read_log
-from vehicle.measured.replay import make_rig
+from vehicle.measured.course import Stretch, make_course
+from vehicle.measured.horizons import anchored, chain, errors_of, pieces, run_squares
+from vehicle.measured.logs import read_log, remarks
+from vehicle.measured.record import Array
+from vehicle.measured.replay import Settings, make_rig
 from vehicle.measured.verdict import Replayed, ReplayedStretch
 from vehicle.tractor import load_tractor
 
+LAID_S, PIECE_S = 5.0, 5.0
 
-def replayed(log: str, tractor: str, ground: str, fixes: tuple[str, ...] = ()) -> Replayed:
-    """Replay a log with the effects of the tractor file. Raises LogError and VehicleError."""
+
+def replayed(log: str, tractor: str, ground: str, fixes: tuple[str, ...] = ()) -> tuple[Replayed, list[str]]:
+    """Replay a log with the effects of the tractor file; and the remarks on its columns and rows.
+
+    Raises LogError and VehicleError.
+    """
     machine = load_tractor(tractor)
     run = read_log(log, fixes, machine.wheelbase_m)
     course = make_course([run])
     bench = Bench(course, make_rig(machine, ground, course.origin), first_noise(course), (), (), ())
-    settings = {name: dict(one.value) for name, one in machine.effects.items()}
+    settings: Settings = {name: dict(one.value) for name, one in machine.effects.items()}
+    if machine.rest is not None and machine.rest.on:
+        settings = {**settings, REST_KEY: dict(machine.rest.amounts)}
     errors = errors_of(run_squares(bench, {0: settings}))
-    return Replayed(run.name, machine.name, tuple(settings), errors, _stretches(bench, settings), run.rows_gated)
+    stretches = tuple(_stretch(bench, stretch, settings) for stretch in course.stretches)
+    left_out = course.rows_read - course.rows
+    return Replayed(run.name, machine.name, tuple(settings), errors, stretches, left_out), remarks(run)
 
 
-def _stretches(bench: Bench, settings: dict[str, dict[str, float]]) -> tuple[ReplayedStretch, ...]:
-    found = []
-    for stretch in bench.course.stretches:
-        antenna, heading, wheel, speed = chain(bench, stretch, settings)
-        turned, shift = _fit(stretch, antenna)
-        moved = antenna @ turned.T + shift
-        long = [rows for h in HORIZONS_S[1:2] for rows in pieces(stretch.time, h)]
-        parts = [(rows, anchored(stretch, antenna, heading, rows)) for rows in long]
-        found.append(ReplayedStretch(stretch, moved, wheel, speed, tuple(parts)))
-    return tuple(found)
+def _stretch(bench: Bench, stretch: Stretch, settings: Settings) -> ReplayedStretch:
+    antenna, heading, wheel, speed = chain(bench, stretch, settings)
+    turn, shift = lay_on(stretch, antenna, heading)
+    parts = tuple((rows, anchored(stretch, antenna, heading, rows)) for rows in pieces(stretch.time, PIECE_S))
+    return ReplayedStretch(stretch, antenna @ turn.T + shift, wheel, speed, parts)
 
 
-def _fit(stretch, antenna):  # type: ignore[no-untyped-def]
-    """Turn and shift that lay the simulated start (5 s) on the measured one."""
-    import numpy as np
+def lay_on(stretch: Stretch, antenna: Array, heading: Array, seconds: float = LAID_S) -> tuple[Array, Array]:
+    """Turn (2, 2) and shift (2,) that lay the simulated start on the measured one.
 
-    rows = slice(0, max(int(np.searchsorted(stretch.time, 5.0)), 2))
-    p = np.stack([stretch.east[rows], stretch.north[rows]], axis=1)
-    q = antenna[rows]
-    a, b = p - p.mean(axis=0), q - q.mean(axis=0)
-    angle = np.arctan2(np.sum(b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]), np.sum(a * b))
-    turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return turned, p.mean(axis=0) - turned @ q.mean(axis=0)
+    Least squares over the first seconds, positions with the trust of `anchoring`; headings decide while it stands.
+    """
+    rows = slice(0, max(int(np.searchsorted(stretch.time, seconds)), 2))
+    measured = np.stack([stretch.east[rows], stretch.north[rows]], axis=1)
+    simulated = antenna[rows]
+    a, b = measured - measured.mean(axis=0), simulated - simulated.mean(axis=0)
+    apart = np.exp(1j * (stretch.heading[rows] - heading[rows]))
+    trust = (POSITION_TRUST_M / HEADING_TRUST_RAD) ** 2
+    both = complex(np.sum(a * b), np.sum(b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0])) + trust * complex(apart.sum())
+    angle = math.atan2(both.imag, both.real)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return turn, measured.mean(axis=0) - turn @ simulated.mean(axis=0)

@@ -5,42 +5,64 @@ from __future__ import annotations
 import io
 import json
 import math
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reports import palette
-from vehicle.measured.verdict import Replayed
+from vehicle.measured.verdict import Replayed, ReplayedStretch
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from rich.table import Table
+    from rich.console import Group
 
 _INK, _MEASURED, _SIMULATED = "#2B2B2B", palette.TRACTORS[0], palette.TRACTORS[1]
 
 
-def replay_json(found: Replayed) -> str:
-    """Errors by horizon as JSON."""
+def replay_json(found: Replayed, remarks: Sequence[str] = ()) -> str:
+    """Errors by horizon and remarks on the log as JSON."""
     errors = {
         f"{horizon:g}": {key: None if math.isnan(value) else value for key, value in error.__dict__.items()}
         for horizon, error in found.errors.items()
     }
-    whole = {"run": found.name, "tractor": found.tractor, "effects": list(found.effects), "error": errors}
+    whole = {
+        "run": found.name, "tractor": found.tractor, "effects": list(found.effects), "error": errors,
+        "rows_gated": found.rows_gated, "notes": [*remarks, *_stand_ins(found)],
+    }  # fmt: skip
     return json.dumps(whole, indent=2) + "\n"
 
 
-def replay_table(found: Replayed) -> Table:
-    """Errors by horizon for the terminal."""
+def _stand_ins(found: Replayed) -> list[str]:
+    """What the log lacks, so that the measured value was replayed instead of a simulated one."""
+    measured = [one.measured for one in found.stretches]
+    lacks = []
+    if any(one.target is None for one in measured):
+        lacks.append("No commanded speed was logged: the measured speed was replayed, none is simulated.")
+    if any(one.command is None for one in measured):
+        lacks.append("No steering command was logged: the measured wheel angle was replayed as the command.")
+    return lacks
+
+
+def replay_table(found: Replayed, remarks: Sequence[str] = ()) -> Group:
+    """Errors by horizon and remarks on the log for the terminal."""
+    from rich.console import Group
     from rich.table import Table
+    from rich.text import Text
 
     effects = f", with {', '.join(found.effects)}" if found.effects else ""
-    table = Table(title=f"{found.name} against {found.tractor}{effects}", title_justify="left")
+    table = Table(title=Text(f"{found.name} against {found.tractor}{effects}"), title_justify="left")
     for name in ("Over", "Across cm", "Along cm", "Heading deg"):
         table.add_column(name, justify="right")
     for horizon, error in found.errors.items():
-        table.add_row(f"{horizon:g} s", f"{error.cross_cm:.1f}", f"{error.along_cm:.1f}", f"{error.heading_deg:.2f}")
-    return table
+        table.add_row(f"{horizon:g} s", f"{error.cross_cm:.1f}", f"{error.along_cm:.1f}", _degrees(error.heading_deg))
+    return Group(table, *(Text(line) for line in (*remarks, *_stand_ins(found))))
+
+
+def _degrees(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2f}"
 
 
 def replay_figure(found: Replayed) -> Figure:
@@ -50,59 +72,82 @@ def replay_figure(found: Replayed) -> Figure:
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
     path = figure.add_subplot(grid[:, 0])
-    rows = [figure.add_subplot(grid[row, 1]) for row in range(3)]
-    for number, one in enumerate(found.stretches):
-        label = _first if number == 0 else _none
+    wheel = figure.add_subplot(grid[0, 1])
+    speed, error = (figure.add_subplot(grid[row, 1], sharex=wheel) for row in (1, 2))
+    for one in found.stretches:
+        _draw_path(path, one)
+        _draw_wheel(wheel, one)
+        _draw_speed(speed, one)
         time = one.measured.start_s + one.measured.time
-        path.plot(one.measured.east, one.measured.north, color=_MEASURED, linewidth=2.2, label=label("measured"))
-        path.plot(*one.antenna.T, color=_SIMULATED, linewidth=1.1, label=label("simulated, laid on the first 5 s"))
-        for values, line in ((one.measured.command, "dotted"), (one.measured.wheel, "solid")):
-            if values is not None:
-                name = "commanded" if line == "dotted" else "measured"
-                rows[0].plot(
-                    time, np.degrees(values), color=_MEASURED, linestyle=line, linewidth=1.2, label=label(name)
-                )
-        rows[0].plot(time, np.degrees(one.wheel), color=_SIMULATED, linewidth=0.9, label=label("simulated"))
-        rows[1].plot(time, one.measured.speed, color=_MEASURED, linewidth=1.2)
-        rows[1].plot(time, one.speed, color=_SIMULATED, linewidth=0.9)
         for piece, errors in one.pieces:
-            rows[2].plot(time[piece], 100.0 * errors[:, 0], color=_INK, linewidth=0.8)
+            error.plot(time[piece], 100.0 * errors[:, 0], color=_INK, linewidth=0.8)
     path.set_aspect("equal", adjustable="datalim")
     path.set(xlabel="east, m", ylabel="north, m")
-    for axes, label_y in zip(
-        rows, ("wheel angle, deg", "speed, m/s", "error across, cm,\nanchored every 5 s"), strict=True
-    ):
-        axes.set_ylabel(label_y)
-    rows[2].set_xlabel("time, s")
-    for axes in (path, *rows):
+    wheel.set_ylabel("wheel angle, deg")
+    speed.set_ylabel("speed, m/s")
+    error.set(ylabel="error across, cm,\nanchored every 5 s", xlabel="time, s")
+    for axes in (path, wheel, speed, error):
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color="#E4E4E4", linewidth=0.6)
-    for axes in (path, rows[0]):
-        axes.legend(frameon=False, fontsize=8)
+    for axes in (path, wheel, speed):
+        _legend_above(axes)
+    figure.align_ylabels([wheel, speed, error])
     title = f"{found.name} against {found.tractor}".replace("$", r"\$")
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=_INK)
     return figure
 
 
-def _first(text: str) -> str | None:
-    return text
+def _draw_path(axes: Axes, one: ReplayedStretch) -> None:
+    axes.plot(one.measured.east, one.measured.north, color=_MEASURED, linewidth=2.2, label="measured")
+    axes.plot(*one.antenna.T, color=_SIMULATED, linewidth=1.1, label="simulated, laid on the first 5 s")
+    start = one.measured.east[0], one.measured.north[0]
+    axes.plot(*start, color=_INK, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
 
 
-def _none(text: str) -> str | None:
-    return None
+def _draw_wheel(axes: Axes, one: ReplayedStretch) -> None:
+    time = one.measured.start_s + one.measured.time
+    if one.measured.command is not None:
+        command = np.degrees(one.measured.command)
+        axes.plot(time, command, color=_MEASURED, linestyle="dotted", linewidth=1.4, label="commanded", zorder=3)
+    if one.measured.wheel is not None:
+        axes.plot(time, np.degrees(one.measured.wheel), color=_MEASURED, linewidth=1.2, label="measured")
+    axes.plot(time, np.degrees(one.wheel), color=_SIMULATED, linewidth=0.9, label="simulated")
 
 
-def replay_page(found: Replayed) -> str:
-    """The picture and the errors as one self-contained page."""
+def _draw_speed(axes: Axes, one: ReplayedStretch) -> None:
+    """Without a commanded speed the measured one is replayed, so there is no simulated one to show."""
+    time = one.measured.start_s + one.measured.time
+    replayed = "" if one.measured.target is not None else ", replayed: no command was logged"
+    source = "measured" if one.measured.speed_seen else "from the positions"
+    axes.plot(time, one.measured.speed, color=_MEASURED, linewidth=1.2, label=source + replayed)
+    if one.measured.target is not None:
+        axes.plot(time, one.measured.target, color=_MEASURED, linestyle="dotted", linewidth=1.2, label="commanded")
+        axes.plot(time, one.speed, color=_SIMULATED, linewidth=0.9, label="simulated")
+
+
+def _legend_above(axes: Axes) -> None:
+    """One entry per label, above the axes, where no curve is."""
+    handles, labels = axes.get_legend_handles_labels()
+    entries = dict(zip(labels, handles, strict=True))
+    axes.legend(
+        entries.values(), entries.keys(), frameon=False, fontsize=8, ncols=3, loc="lower left",
+        bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, handlelength=1.6, columnspacing=1.2,
+    )  # fmt: skip
+
+
+def replay_page(found: Replayed, remarks: Sequence[str] = ()) -> str:
+    """The picture, the errors and the remarks on the log as one self-contained page."""
     picture = io.StringIO()
     replay_figure(found).savefig(picture, format="svg", metadata={"Date": None})
     drawing = picture.getvalue()
     drawing = drawing[drawing.index("<svg") :]
     rows = "".join(
-        f"<tr><td>{horizon:g} s</td><td>{e.cross_cm:.1f}</td><td>{e.along_cm:.1f}</td><td>{e.heading_deg:.2f}</td></tr>"
+        f"<tr><td>{horizon:g} s</td><td>{e.cross_cm:.1f}</td><td>{e.along_cm:.1f}</td>"
+        f"<td>{_degrees(e.heading_deg)}</td></tr>"
         for horizon, e in found.errors.items()
     )
     effects = escape(", ".join(found.effects) or "none")
+    notes = "".join(f"<p>{escape(line)}</p>" for line in (*remarks, *_stand_ins(found)))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
@@ -111,5 +156,5 @@ def replay_page(found: Replayed) -> str:
         f"</head><body><h1>{escape(found.name)} against {escape(found.tractor)}</h1><p>Effects in the tractor file: "
         f"{effects}. Every piece is laid on the measurement by the best turn and shift; what is left is the error.</p>"
         "<table><tr><th>Over</th><th>Across, cm</th><th>Along, cm</th><th>Heading, deg</th></tr>"
-        f"{rows}</table>{drawing}</body></html>\n"
+        f"{rows}</table>{notes}{drawing}</body></html>\n"
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.commands.diagnose import Fixes, Ground
+from planner.commands.diagnose import Fixes, Ground, check_kept
 from planner.commands.options import AsJson, TractorOption, check_output, write_text
 
 
@@ -32,16 +32,17 @@ def replay(
 
     check_output(png, ".png")
     check_output(html, ".html")
-    found = replayed(log, tractor, ground, tuple(fix or ()))
+    check_kept([log], png, html)
+    found, remarks = replayed(log, tractor, ground, tuple(fix or ()))
     if json:
-        typer.echo(replay_json(found), nl=False)
+        typer.echo(replay_json(found, remarks), nl=False)
     else:
         from planner.commands.show import out
 
-        out(replay_table(found))
+        out(replay_table(found, remarks))
     if png:
         from reports.figures import save_png
 
         save_png(replay_figure(found), png)
     if html:
-        write_text(html, replay_page(found))
+        write_text(html, replay_page(found, remarks))

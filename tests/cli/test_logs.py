@@ -1,0 +1,132 @@
+"""`diagnose` and `replay` as a user meets them: logs are never overwritten, and what was not used is told."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+Run = Callable[..., Any]
+
+
+def log(rows: int = 400) -> pd.DataFrame:
+    """Six seconds at rest and then straight to the north-east at 1.4 m/s."""
+    time = np.arange(rows) / 20.0
+    speed = np.clip(time - 6.0, 0.0, 1.4)
+    way = np.cumsum(speed) / 20.0 * np.sqrt(0.5)
+    return pd.DataFrame({
+        "time_s": time, "easting_m": np.round(10.0 + way, 3), "northing_m": np.round(20.0 + way, 3),
+        "heading_deg": 45.0, "speed_mps": speed, "steering_command_deg": 0.0,
+    })  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a log under several endings."""
+    for name in ("run.csv", "run.html", "run.png", "run.toml"):
+        log().to_csv(tmp_path / name, index=False)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+REFUSED = [
+    ("diagnose run.html --html run.html", "run.html would overwrite the log run.html; choose another file"),
+    ("diagnose run.html --html ./run.html", "would overwrite the log"),
+    ("diagnose run.cs? run.toml --save run.toml", "would overwrite the log run.toml"),
+    ("diagnose r*.html --html run.html", "would overwrite the log"),
+    ("diagnose run.csv --html run.csv", "does not end in .html"),
+    ("diagnose run.csv --save run.csv", "does not end in .toml"),
+    ("replay run.png --png run.png", "would overwrite the log"),
+    ("replay run.html --html run.html", "would overwrite the log"),
+    ("replay run.csv --png run.csv", "does not end in .png"),
+    ("diagnose --demo --seed -1", "--seed -1 is negative; use 0 or more"),
+    ("diagnose run.csv --seed 3", "--seed 3 belongs to the demonstration; add --demo"),
+    ("diagnose run.csv --hide side_slip", "--hide side_slip belongs to the demonstration; add --demo"),
+    ("diagnose --demo --fix time-ms", "--fix converts log files; leave it out with --demo"),
+    ("diagnose run.csv --demo", "not both"),
+    ("diagnose", "not neither"),
+    ("diagnose x*.csv", "x*.csv matches no file"),
+    ("replay nowhere.csv", "nowhere.csv does not exist"),
+    ("replay run.*", "run.* does not exist"),
+    ("replay run.csv --fix km", "the fixes are: time-ms"),
+]
+
+
+@pytest.mark.parametrize(("words", "sentence"), REFUSED)
+def test_refused_in_one_sentence_and_nothing_touched(headland: Run, folder: Path, words: str, sentence: str) -> None:
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    outcome = headland(*words.split(" "))
+    assert outcome.status == 2 and outcome.out == ""
+    assert len(outcome.sentences) == 1 and outcome.sentences[0].startswith("Error: ")
+    assert sentence in outcome.sentences[0]
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_replay_tells_what_it_left_out(headland: Run, folder: Path) -> None:
+    frame = log().rename(columns={"speed_mps": "speed_ms"})
+    frame.loc[[30, 40], "heading_deg"] = np.nan
+    frame.to_csv("run.csv", index=False)
+    text = " ".join(headland("replay", "run.csv").out.split())
+    assert "run: column 'speed_ms' is not known and was ignored; rename it speed_mps" in text
+    assert "run: 2 rows left out: heading_deg missing or not a number (first in line 32)." in text
+    assert "No commanded speed was logged: the measured speed was replayed, none is simulated." in text
+    found = json.loads(headland("replay", "run.csv", "--json").out)
+    assert found["rows_gated"] == 2 and len(found["notes"]) == 3
+
+
+def test_a_replay_draws_a_speed_only_where_it_simulated_one(headland: Run, folder: Path) -> None:
+    from planner.replay import replayed
+    from reports.replay_report import replay_figure
+
+    def labels(frame: pd.DataFrame) -> list[list[str]]:
+        frame.to_csv("run.csv", index=False)
+        found, _ = replayed("run.csv", "eg105", "soil")
+        return [[text.get_text() for text in axes.get_legend().get_texts()] for axes in replay_figure(found).axes[:3]]
+
+    path, wheel, speed = labels(log())
+    assert path == ["measured", "simulated, laid on the first 5 s", "start"] and wheel == ["commanded", "simulated"]
+    assert speed == ["measured, replayed: no command was logged"]
+    assert labels(log().assign(speed_command_mps=1.4))[2] == ["measured", "commanded", "simulated"]
+
+
+def test_a_run_that_starts_at_rest_is_laid_on_by_its_heading(folder: Path) -> None:
+    """Six seconds at rest: the noise of the positions must not turn the picture."""
+    from planner.replay import replayed
+
+    rng = np.random.default_rng(4)
+    frame = log(800)
+    for column in ("easting_m", "northing_m"):
+        frame[column] += 0.01 * rng.standard_normal(len(frame))
+    frame.to_csv("run.csv", index=False)
+    (stretch,) = replayed("run.csv", "eg105", "soil")[0].stretches
+    driven = stretch.antenna[-1] - stretch.antenna[0]
+    assert np.degrees(np.arctan2(driven[0], driven[1])) == pytest.approx(45.0, abs=1.0)
+    assert np.hypot(*(stretch.antenna[0] - [stretch.measured.east[0], stretch.measured.north[0]])) < 0.05
+
+
+def test_a_replay_page_stands_alone_and_holds_the_remarks(headland: Run, folder: Path) -> None:
+    log().assign(comment="<b>").to_csv("run.csv", index=False)
+    assert headland("replay", "run.csv", "--html", "page.html", "--png", "picture.png").status == 0
+    text = (folder / "page.html").read_text(encoding="utf-8")
+    assert "column &#x27;comment&#x27; is not known and was ignored" in text
+    assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", text)
+    assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_replay_drives_with_the_rest_of_the_tractor_file(headland: Run, folder: Path) -> None:
+    from importlib import resources
+
+    text = (resources.files("vehicle") / "data" / "eg105.toml").read_text(encoding="utf-8")
+    rest = (
+        "\n[rest]\non = {}\nspeed_mps = [0.0, 3.0]\nangle_deg = [-35.0, 35.0]\namounts = {{ angle_by_speed = 2.0 }}\n"
+    )
+    found = []
+    for on in ("true", "false"):
+        (folder / "my.toml").write_text(text + rest.format(on), encoding="utf-8")
+        found.append(json.loads(headland("replay", "run.csv", "--tractor", "my.toml", "--json").out))
+    assert [one["effects"] for one in found] == [["rest"], []]
+    assert found[0]["error"]["5"]["cross_cm"] > 10.0 * found[1]["error"]["5"]["cross_cm"]
