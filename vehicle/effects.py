@@ -15,10 +15,17 @@ from vehicle.errors import VehicleError
 from vehicle.rest import NEUTRAL_REST, rest_fields
 
 STEERING, PATH, SPEED, POSITION = "command to wheel", "wheel to path", "speed", "position to antenna"
-BLOCKS = (STEERING, PATH, SPEED, POSITION)
 STEP_HZ = 60.0  # steps of the simulation, in which delays are counted
 USUAL_WHEELBASE_M = 2.4
+# How the values of an effect are found: its size; the inverse of a limit, 0 for none; the two components of a slope;
+# the size inside a circle that is searched for.
+SIZE, LIMIT, SLOPE, CIRCLE = "size", "limit", "slope", "circle"
+# What is left over in the plot that shows an effect, and what it is plotted against.
+TURN, CRAB, WHEEL, PACE = "turning rate", "crab angle", "wheel angle", "speed"
+ANGLE, STEERING_SPEED, COMMAND_RATE, SIDE_FORCE = "angle", "steering speed", "rate of command", "side force"
+DIRECTION, TOOL, TARGET, TURNING, TIME = "direction", "implement", "target speed", "turning", "time"
 REST_KEY = "rest"
+ROUNDING = 1e-9
 
 Values = Mapping[str, float]
 Fields = dict[str, float]
@@ -48,8 +55,13 @@ class Param:
         `metres` is the power of metres in the unit that scales so.
         """
         factor = (wheelbase_m / USUAL_WHEELBASE_M) ** self.metres
+        wider = max(factor, 1.0)
         return replace(
-            self, typical=self.typical * factor, finest=self.finest * factor, high=self.high * max(factor, 1.0)
+            self,
+            typical=self.typical * factor,
+            finest=self.finest * factor,
+            low=self.low * wider,
+            high=self.high * wider,
         )
 
 
@@ -57,7 +69,10 @@ class Param:
 class Effect:
     """One entry. `fields` turns values into fields of MODEL; `words` is filled with the values for the verdict.
 
-    `of_ground` marks what belongs to the ground as much as to the tractor: it may differ between runs.
+    `regressor` is what the error depends on, `drive` what to drive to see it, `plot` the quantity and the regressor of
+    the plot that shows it. `of_ground` marks what belongs to the ground too and may differ between runs, `stands_in`
+    what would stand in for whatever differs between them. `starts` are sizes to try first (`start_shares`: shares of
+    the file's value), because a dead band or a limit has no trace where it does not act.
     """
 
     id: str
@@ -67,7 +82,13 @@ class Effect:
     words: Callable[[Values], str]
     regressor: str
     drive: str
+    plot: tuple[str, str]
     of_ground: bool = False
+    stands_in: bool = False
+    worse_when_less: bool = False
+    kind: str = SIZE
+    starts: tuple[float, ...] = ()
+    start_shares: tuple[float, ...] = ()
 
     @property
     def size(self) -> Param:
@@ -109,60 +130,72 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"The wheels stand {abs(v['angle_deg']):.1f} degrees to the {_side(v['angle_deg'])} when the sensor "
                   "says straight ahead.",
         "always, the same in both directions", "straight ahead, there and back, implement up",
+        plot=(TURN, ANGLE),
     ),
     Effect(
         "steering_gain", PATH, (Param("ratio", "", 1.0, 0.08, 0.02, 0.5, 2.0),),
         lambda v: {"bend": v["ratio"]},
         lambda v: f"The tractor turns {_more(v['ratio'])} than the file says, on both sides.",
         "wheel angle", "circles to the right and to the left at several angles",
+        plot=(TURN, ANGLE),
     ),
     Effect(
         "steering_asymmetry", PATH, (Param("ratio", "", 1.0, 0.10, 0.02, 0.5, 2.0),),
         lambda v: {"bend_left": v["ratio"]},
         lambda v: f"Left turns are {_more(v['ratio'])} than the file says, right turns are as it says.",
         "wheel angle to the left", "the same circles to the right and to the left",
+        plot=(TURN, ANGLE),
     ),
     Effect(
         "steering_dead_time", STEERING, (Param("time_s", "s", 0.0, 0.2, 0.05, 0.0, 1.2),),
         lambda v: {"dead_steps": v["time_s"] * STEP_HZ},
         lambda v: f"The steering starts to move {v['time_s']:.2f} s after the command.",
         "changes of the command", "steps of the steering",
+        plot=(WHEEL, COMMAND_RATE),
+        starts=(0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7, 0.9),
     ),
     Effect(
         "steering_lag", STEERING, (Param("time_s", "s", None, 0.2, 0.04, 0.02, 1.5),),
         lambda v: {"lag": v["time_s"]},
         lambda v: f"The steering follows small commands with a time constant of {v['time_s']:.2f} s.",
         "changes of the command", "small steps and quick small waves of the steering",
+        plot=(WHEEL, COMMAND_RATE), start_shares=(0.5, 1.6, 2.5, 4.0, 7.0),
     ),
     Effect(
         "steering_rate", STEERING, (Param("rate_deg_per_s", "deg/s", None, 6.0, 2.0, 1.0, 90.0),),
         lambda v: {"rate": math.radians(v["rate_deg_per_s"])},
         lambda v: f"The steering cannot move faster than {v['rate_deg_per_s']:.1f} degrees a second.",
         "large changes of the command", "steps from lock to lock",
+        plot=(WHEEL, COMMAND_RATE), start_shares=(0.3, 0.55, 0.8, 1.3),
+        worse_when_less=True,
     ),
     Effect(
         "steering_deadband", STEERING, (Param("angle_deg", "deg", None, 0.8, 0.25, 0.0, 6.0),),
         lambda v: {"dead_band": math.radians(v["angle_deg"])},
         lambda v: f"The steering ignores commands closer than {v['angle_deg']:.1f} degrees to where the wheels stand.",
         "small commands", "small steps of the steering, 0.3 to 2 degrees",
+        plot=(WHEEL, COMMAND_RATE), start_shares=(2.5, 5.0, 10.0, 20.0),
     ),
     Effect(
         "steering_backlash", PATH, (Param("angle_deg", "deg", 0.0, 1.5, 0.25, 0.0, 8.0),),
         lambda v: {"half_play": math.radians(0.5 * v["angle_deg"])},
         lambda v: f"There are {v['angle_deg']:.1f} degrees of play between the steering sensor and the wheels.",
         "direction of the last steering movement", "slow waves of the steering, 3 degrees each way",
+        plot=(TURN, STEERING_SPEED), starts=(0.5, 1.5, 3.0),
     ),
     Effect(
         "side_slip", PATH, (Param("limit_g", "g", math.inf, 0.1, 0.0, 0.02, math.inf),),
         lambda v: {"slide": 0.0 if math.isinf(v["limit_g"]) else 1.0 / v["limit_g"]},
         lambda v: f"The tyres slide sideways above {v['limit_g']:.2f} g of lateral acceleration.",
-        "lateral acceleration, above a limit", "the same circle slowly and fast", True,
+        "lateral acceleration, above a limit", "the same circle slowly and fast",
+        plot=(TURN, SIDE_FORCE), of_ground=True, starts=(1.2, 2.0, 4.0, 8.0, 12.0, 18.0), kind=LIMIT,
     ),
     Effect(
         "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.35, -10.0, 30.0),),
         lambda v: {"understeer": math.radians(v["deg_per_mps2"])},
         lambda v: f"The tractor loses {v['deg_per_mps2']:.1f} degrees of steering per m/s2 of lateral acceleration.",
-        "lateral acceleration", "the same circle slowly and fast", True,
+        "lateral acceleration", "the same circle slowly and fast",
+        plot=(TURN, SIDE_FORCE), of_ground=True, starts=(1.0, -0.5),
     ),
     Effect(
         "cross_slope_drift", PATH,
@@ -172,6 +205,7 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {_compass(v['bearing_deg'])} per metre "
                   "driven across it.",
         "direction of travel", "the same line there and back, and one across it",
+        plot=(CRAB, DIRECTION), kind=SLOPE,
     ),
     Effect(
         "implement_side_draft", PATH, (Param("curvature_per_m", "1/m", 0.0, 0.006, 0.0008, -0.1, 0.1, metres=-1),),
@@ -179,19 +213,22 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"The working implement pulls the tractor to the {_side(v['curvature_per_m'])}, as if on a curve of "
                   f"{1 / max(abs(v['curvature_per_m']), 1e-9):.0f} m.",
         "implement working", "straight ahead, implement down and up in turn",
+        plot=(TURN, TOOL),
     ),
     Effect(
         "wheel_slip", SPEED, (Param("ratio", "", 0.0, 0.08, 0.015, -0.5, 0.9),),
         lambda v: {"slip": v["ratio"]},
         lambda v: f"The tractor drives {100 * abs(v['ratio']):.0f} % {'slower' if v['ratio'] > 0 else 'faster'} over "
                   "ground than commanded.",
-        "commanded speed", "straight ahead at a steady speed, implement up", True,
+        "commanded speed", "straight ahead at a steady speed, implement up",
+        plot=(PACE, TARGET), of_ground=True,
     ),
     Effect(
         "implement_slip", SPEED, (Param("ratio", "", 0.0, 0.10, 0.015, -0.5, 0.9),),
         lambda v: {"tool_slip": v["ratio"]},
         lambda v: f"With the implement working the tractor loses {100 * v['ratio']:.0f} % of its speed.",
-        "implement working", "straight ahead, implement down and up in turn", True,
+        "implement working", "straight ahead, implement down and up in turn",
+        plot=(PACE, TOOL), of_ground=True,
     ),
     Effect(
         "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0, metres=1),),
@@ -200,6 +237,7 @@ CATALOGUE: tuple[Effect, ...] = (
                   f"{'forward' if v['distance_m'] > 0 else 'back'} "
                   "than the tractor file says.",
         "turning rate", "tight turns to both sides",
+        plot=(CRAB, TURNING),
     ),
     Effect(
         "antenna_right", POSITION, (Param("distance_m", "m", 0.0, 0.15, 0.03, -5.0, 5.0, metres=1),),
@@ -208,18 +246,21 @@ CATALOGUE: tuple[Effect, ...] = (
                   "tractor "
                   "file says.",
         "turning rate", "tight turns to both sides",
+        plot=(CRAB, TURNING),
     ),
     Effect(
         "gnss_latency", POSITION, (Param("time_s", "s", 0.0, 0.15, 0.04, 0.0, 1.2),),
         lambda v: {"latency": v["time_s"] * STEP_HZ},
         lambda v: f"Position and heading reach the log {v['time_s']:.2f} s late.",
         "changes of speed and turning rate", "turns at several speeds, stops and starts",
+        plot=(CRAB, TURNING), starts=(0.1, 0.25),
     ),
     Effect(
         "heading_bias", POSITION, (_angle("angle_deg", 1.5, 0.25, 20.0),),
         lambda v: {"heading_bias": -math.radians(v["angle_deg"])},
         lambda v: f"The measured heading is {abs(v['angle_deg']):.1f} degrees too far to the {_side(v['angle_deg'])}.",
         "always, in every direction", "straight ahead, there and back",
+        plot=(CRAB, DIRECTION),
     ),
     Effect(
         "grip_patch", PATH,
@@ -233,6 +274,7 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"Within {v['radius_m']:.0f} m of east {v['east_m']:.0f}, north {v['north_m']:.0f} the tractor turns "
                   f"{_more(v['ratio'])} than elsewhere.",
         "place in the field", "the same bends over the whole field",
+        plot=(TURN, ANGLE), kind=CIRCLE, stands_in=True,
     ),
     Effect(
         "grip_drift", PATH, (Param("per_minute", "per minute", 0.0, 0.08, 0.03, -1.0, 1.0),),
@@ -241,6 +283,7 @@ CATALOGUE: tuple[Effect, ...] = (
                   "per "
                   "minute since the start of the run.",
         "time since the start", "a long circle",
+        plot=(TURN, TIME), stands_in=True,
     ),
 )  # fmt: skip
 BY_ID = {effect.id: effect for effect in CATALOGUE}
@@ -263,14 +306,15 @@ def neutral(name: str, steering: object) -> dict[str, float]:
     return values
 
 
-def check(name: str, values: Values) -> None:
-    """Raise VehicleError unless the values are those of the effect and possible."""
-    known = {param.name: param for param in effect(name).params}
+def check(name: str, values: Values, wheelbase_m: float = USUAL_WHEELBASE_M) -> None:
+    """Raise VehicleError unless the values are those of the effect and possible on a vehicle of that size."""
+    known = {param.name: param.for_wheelbase(wheelbase_m) for param in effect(name).params}
     if set(values) != set(known):
         raise VehicleError(f"The effect {name} has the values {', '.join(values) or 'none'}; give: {', '.join(known)}.")
     for key, value in values.items():
         low, high = known[key].low, known[key].high
-        if math.isnan(value) or not low <= value <= high or (value == 0.0 and low == 0.0 and name == "steering_lag"):
+        slack = ROUNDING * max(abs(value), 1.0)
+        if math.isnan(value) or not low - slack <= value <= high + slack:
             raise VehicleError(f"The effect {name} has {key} = {value:g}; use a value from {low:g} to {high:g}.")
 
 

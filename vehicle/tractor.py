@@ -85,6 +85,15 @@ class EffectSetting(_Frozen):
     logs: tuple[str, ...] = ()
 
 
+def _check_intervals(name: str, setting: EffectSetting) -> None:
+    for key, (low, high) in setting.interval.items():
+        if key not in setting.value or not low <= high:
+            raise VehicleError(
+                f"The effect {name} has the interval {key} = [{low:g}, {high:g}]; give the lower bound of one of its "
+                "values first."
+            )
+
+
 class Rest(_Frozen):
     """What logs showed and no effect explains (vehicle.rest): amounts per term, and where they were seen.
 
@@ -167,7 +176,8 @@ class Tractor(_Frozen):
     @model_validator(mode="after")
     def _fits_together(self) -> Tractor:
         for name, setting in self.effects.items():
-            check(name, setting.value)
+            check(name, setting.value, self.wheelbase_m)
+            _check_intervals(name, setting)
         if self.wheelbase_m > self.length_m:
             raise ValueError(f"wheelbase {self.wheelbase_m} m is longer than length_m {self.length_m}")
         if self.track_m > self.width_m + 0.5:

@@ -7,6 +7,23 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from vehicle.effects import (
+    ANGLE,
+    COMMAND_RATE,
+    CRAB,
+    DIRECTION,
+    PACE,
+    SIDE_FORCE,
+    SPEED,
+    STEERING_SPEED,
+    TARGET,
+    TIME,
+    TOOL,
+    TURN,
+    TURNING,
+    WHEEL,
+    effect,
+)
 from vehicle.measured.bench import Bench
 from vehicle.measured.course import Stretch
 from vehicle.measured.dependence import Dependence
@@ -82,39 +99,25 @@ def _target(stretch: Stretch) -> Array:
     return stretch.speed if stretch.target is None else stretch.target
 
 
-_TURN = ("turning rate left over, deg/s", _turning)
-_CRAB = ("angle between heading and course left over, deg", _crab)
-_WHEEL = ("wheel angle left over, deg", _wheel)
-_SPEED = ("speed left over, m/s", _pace)
-_AT_ANGLE = ("wheel angle, deg", _steering)
-_PLOTS: dict[str, tuple[tuple[str, Quantity], tuple[str, Callable[[Stretch], Array]]]] = {
-    "steering_offset": (_TURN, _AT_ANGLE),
-    "steering_gain": (_TURN, _AT_ANGLE),
-    "steering_asymmetry": (_TURN, _AT_ANGLE),
-    "steering_backlash": (_TURN, ("steering speed, deg/s", lambda s: _rate(s, _steering(s)))),
-    "steering_dead_time": (_WHEEL, ("change of the command, deg/s", _command_rate)),
-    "steering_lag": (_WHEEL, ("change of the command, deg/s", _command_rate)),
-    "steering_rate": (_WHEEL, ("change of the command, deg/s", _command_rate)),
-    "steering_deadband": (_WHEEL, ("change of the command, deg/s", _command_rate)),
-    "side_slip": (_TURN, ("lateral acceleration, m/s2", lambda s: -s.speed * _rate(s, s.heading))),
-    "understeer": (_TURN, ("lateral acceleration, m/s2", lambda s: -s.speed * _rate(s, s.heading))),
-    "cross_slope_drift": (_CRAB, ("direction of travel, deg from north", _direction)),
-    "implement_side_draft": (_TURN, ("implement working (0 or 1)", lambda s: s.working)),
-    "wheel_slip": (_SPEED, ("commanded speed, m/s", _target)),
-    "implement_slip": (_SPEED, ("implement working (0 or 1)", lambda s: s.working)),
-    "antenna_forward": (_CRAB, ("turning rate, deg/s", _curvature_rate)),
-    "antenna_right": (_CRAB, ("turning rate, deg/s", _curvature_rate)),
-    "gnss_latency": (_CRAB, ("turning rate, deg/s", _curvature_rate)),
-    "heading_bias": (_CRAB, ("direction of travel, deg from north", _direction)),
-    "grip_patch": (_TURN, _AT_ANGLE),
-    "grip_drift": (_TURN, ("time since the start, s", lambda s: s.start_s + s.time)),
+_QUANTITIES: dict[str, tuple[str, Quantity]] = {
+    TURN: ("turning rate left over, deg/s", _turning),
+    CRAB: ("angle between heading and course left over, deg", _crab),
+    WHEEL: ("wheel angle left over, deg", _wheel),
+    PACE: ("speed left over, m/s", _pace),
 }
-_UNNAMED = {
-    "speed": ("speed, m/s", lambda s: s.speed),
-    "square": ("speed, m/s", lambda s: s.speed),
-    "direction": ("direction of travel, deg from north", _direction),
-    "time": ("time since the start, s", lambda s: s.start_s + s.time),
+_REGRESSORS: dict[str, tuple[str, Callable[[Stretch], Array]]] = {
+    ANGLE: ("wheel angle, deg", _steering),
+    STEERING_SPEED: ("steering speed, deg/s", lambda s: _rate(s, _steering(s))),
+    COMMAND_RATE: ("change of the command, deg/s", _command_rate),
+    SIDE_FORCE: ("lateral acceleration, m/s2", lambda s: -s.speed * _rate(s, s.heading)),
+    DIRECTION: ("direction of travel, deg from north", _direction),
+    TOOL: ("implement working (0 or 1)", lambda s: s.working),
+    TARGET: ("commanded speed, m/s", _target),
+    TURNING: ("turning rate, deg/s", _curvature_rate),
+    TIME: ("time since the start, s", lambda s: s.start_s + s.time),
+    SPEED: ("speed, m/s", lambda s: s.speed),
 }
+_UNNAMED = {"speed": SPEED, "square": SPEED, "direction": DIRECTION, "time": TIME}
 
 
 def best_curve(
@@ -124,13 +127,14 @@ def best_curve(
 
     `settings` are those of every run with what was found.
     """
-    if names and names[0] in _PLOTS:
-        (quantity, measure), (regressor, of) = _PLOTS[names[0]]
+    if names:
+        left, against = effect(names[0]).plot
     elif unnamed:
-        quantity, measure = _CRAB if "push" in unnamed[0].changes else _TURN
-        regressor, of = next((v for k, v in _UNNAMED.items() if k in unnamed[0].on), _AT_ANGLE)
+        left = CRAB if "push" in unnamed[0].changes else TURN
+        against = next((value for key, value in _UNNAMED.items() if key in unnamed[0].on), ANGLE)
     else:
         return None
+    (quantity, measure), (regressor, of) = _QUANTITIES[left], _REGRESSORS[against]
     at = np.concatenate([of(one)[_inner(one)] for one in bench.course.stretches])
     before = np.concatenate([measure(bench, one, {})[_inner(one)] for one in bench.course.stretches])
     after = np.concatenate([measure(bench, one, settings[one.run])[_inner(one)] for one in bench.course.stretches])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import BY_ID, effect, neutral
+from vehicle.effects import BY_ID, CIRCLE, LIMIT, SLOPE, effect, neutral
 from vehicle.measured.bench import Bench
 from vehicle.measured.course import DT_S, Course, Stretch
 from vehicle.measured.horizons import noisy_instruments, over_rough_ground
@@ -76,15 +76,15 @@ def draw_hidden(seed: int, tractor: Tractor, name: str | None = None) -> Hidden:
     start = neutral(entry.id, tractor.steering)
     share = float(rng.uniform(0.9, 1.4))
     size = entry.size
-    if entry.id == "side_slip":
+    if entry.kind == LIMIT:
         return Hidden(entry.id, {"limit_g": round(0.1 / share, 3)})
     sign = -1.0 if size.low < start[size.name] - size.typical and rng.random() < 0.5 else 1.0
-    if entry.id == "steering_rate":
+    if entry.worse_when_less:
         sign = -1.0
     values = {**start, size.name: round(start[size.name] + sign * share * size.typical, 4)}
-    if entry.id == "cross_slope_drift":
+    if entry.kind == SLOPE:
         values["bearing_deg"] = round(float(rng.uniform(0.0, 360.0)), 1)
-    if entry.id == "grip_patch":
+    if entry.kind == CIRCLE:
         values |= {"east_m": 10.0, "north_m": 5.0, "radius_m": 16.0}
     return Hidden(entry.id, values)
 

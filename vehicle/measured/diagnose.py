@@ -41,6 +41,7 @@ ABOVE_UNNAMED = 2.0
 WORTH_A_NAME_PCT = 0.5
 WORTH_OF_WHEEL_PCT = 10.0
 ABOVE_FLOOR = 1.5
+WORTH_SAYING = 0.02
 Progress = Callable[[int, int], None]
 
 
@@ -139,7 +140,8 @@ def _answer(
     # Most important first: by the held-out error that comes back without the effect.
     named = [one.id for one in sorted(told, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
     guilty = _guilty(named, told, selection)
-    same = {one.id: one.equivalent_to for one in told if one.status == EQUIVALENT}
+    alike = {one.id: one for one in told if one.status == EQUIVALENT}
+    share = _unexplained(selection, found, total_error(before, case.floor))
     unseen = [one.id for one in told if one.status == NOT_VISIBLE and one.value is None]
     seconds = driven_seconds(bench)
     return Diagnosis(
@@ -155,10 +157,10 @@ def _answer(
         block_error=_blocks(bench, fit),
         findings=tuple(told),
         named=tuple(named),
-        unexplained_share=_unexplained(selection, found, total_error(before, case.floor)),
-        depends_on=tuple(one.words for one in selection.unnamed),
+        unexplained_share=share,
+        depends_on=tuple(one.words for one in selection.unnamed) if share > 0.0 else (),
         next_drive=next_drive(bench, fit, bench.rig.tractor, rivals),
-        tractor=extended_tractor(bench, tractor, extension, named, same, unseen),
+        tractor=extended_tractor(bench, tractor, extension, named, alike, unseen),
         calibration={
             term.knobs.id: term.knobs.values(term.at)
             for term in main_terms(extension.terms, seconds) if term.knobs.id not in found.names
@@ -224,7 +226,8 @@ def _unexplained(selection: Selection, found: _Explained, before: Array) -> floa
     if not selection.unnamed and named < ABOVE_FLOOR * floor:
         return 0.0
     if above > (ABOVE_FLOOR - 1.0) * floor:
-        return float(min(max((named - floor) / above, 0.0), 1.0))
+        share = (named - floor) / above
+        return float(min(share, 1.0)) if share > WORTH_SAYING else 0.0
     return _unexplained_surprise(selection)
 
 

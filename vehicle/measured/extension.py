@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import effect
+from vehicle.effects import LIMIT, SLOPE, effect
 from vehicle.measured.bench import Bench
 from vehicle.measured.fitting import Fit, block_sums
 from vehicle.measured.heldout import Pieces, steps_without
@@ -19,6 +19,7 @@ from vehicle.measured.naming import robust_covariance
 from vehicle.measured.openloop import Term, Terms, moved, pieces_of, settings_in, to_neutral
 from vehicle.measured.record import Array
 from vehicle.measured.replay import Settings
+from vehicle.measured.verdict import Finding
 from vehicle.rest import BY_NAME
 from vehicle.tractor import EffectSetting, Rest, Tractor
 
@@ -159,10 +160,10 @@ def value_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str,
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     if knobs.id in BY_NAME:
         return {knobs.id: (value[knobs.id] - SURE * float(sigma[0]), value[knobs.id] + SURE * float(sigma[0]))}
-    if knobs.id == "side_slip":
+    if effect(knobs.id).kind == LIMIT:
         wide = max(SURE * float(sigma[0]), 0.12 * float(term.at[0]))
         return {"limit_g": (1.0 / (float(term.at[0]) + wide), 1.0 / max(float(term.at[0]) - wide, 0.2))}
-    if knobs.id == "cross_slope_drift":
+    if effect(knobs.id).kind == SLOPE:
         return _slope_interval(tractor, term, covariance)
     size = effect(knobs.id).size
     wide = math.hypot(SURE * float(sigma[0]), finest_of(tractor, knobs.id))
@@ -188,24 +189,25 @@ def _slope_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str
 
 
 def extended_tractor(
-    bench: Bench, tractor: Tractor, extension: Extension, named: Collection[str], alike: Mapping[str, Sequence[str]],
+    bench: Bench, tractor: Tractor, extension: Extension, named: Collection[str], alike: Mapping[str, Finding],
     kept: Collection[str],
 ) -> Tractor:  # fmt: skip
     """The tractor with the terms of an extension, their intervals and the logs they came from.
 
-    `named` are the effects that carry a name, `alike` the ones the logs cannot tell an effect from. Effects that the
-    file had and these logs say nothing of (`kept`) stay as they are.
+    `named` are the effects that carry a name, `alike` those that the logs cannot tell from others: their intervals
+    reach to neutral. Effects that the file had and these logs say nothing of (`kept`) stay as they are.
     """
     effects = {name: setting for name, setting in tractor.effects.items() if name in kept}
     amounts: dict[str, float] = {}
     spread: dict[str, Interval] = {}
     for term in main_terms(extension.terms, driven_seconds(bench)):
-        name, value = term.knobs.id, term.knobs.values(term.at)
-        interval = dict(extension.intervals[name])
+        name, value, interval = term.knobs.id, term.knobs.values(term.at), dict(extension.intervals[term.knobs.id])
         if name in BY_NAME:
             amounts, spread = amounts | value, spread | interval
             continue
-        same = tuple(alike.get(name, ()))
+        same: tuple[str, ...] = ()
+        if name in alike:
+            interval, same = alike[name].interval or interval, alike[name].equivalent_to
         effects[name] = EffectSetting(
             value=value, interval=interval, logs=bench.course.names, named=name in named, equivalent_to=same
         )

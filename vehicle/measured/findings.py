@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.effects import CATALOGUE, STEERING, Effect, effect
+from vehicle.effects import CATALOGUE, CIRCLE, LIMIT, STEERING, Effect, effect, neutral
 from vehicle.measured.bench import Bench
-from vehicle.measured.extension import Extension, driven_seconds, main_terms
+from vehicle.measured.extension import Extension, Interval, driven_seconds, main_terms
 from vehicle.measured.fitting import Fit
 from vehicle.measured.horizons import Halves, Squares, chain, run_squares, total_error
 from vehicle.measured.knobs import Knobs, finest_of, knobs_for, settings_of
@@ -91,7 +91,7 @@ def look_alikes(bench: Bench, fit: Fit, name: str) -> dict[str, dict[str, float]
     gain = rest.loss - fit.loss
     found = {}
     for entry in CATALOGUE:
-        if entry.id in fit.settings or entry.id == "grip_patch":
+        if entry.id in fit.settings or entry.kind == CIRCLE:
             continue
         knobs = knobs_for(tractor, entry.id)
         other = tried(bench, rest, knobs, project)
@@ -131,10 +131,19 @@ def _in_model(case: Case, entry: Effect, status: str, rivals: Rivals) -> Finding
         f"{sized(entry, value)} looks like {sized(effect(other), values)} of {other}"
         for other, values in others.items()
     )
+    spread = dict(case.extension.intervals[entry.id])
+    if status == EQUIVALENT:
+        spread[entry.size.name] = with_neutral(case.tractor, entry, spread[entry.size.name])
     return Finding(
-        entry.id, status, value, dict(case.extension.intervals[entry.id]), gain, interval, visible(case, entry),
+        entry.id, status, value, spread, gain, interval, visible(case, entry),
         entry.size.unit, entry.block, entry.words(value), tuple(others), exchange,
     )  # fmt: skip
+
+
+def with_neutral(tractor: Tractor, entry: Effect, interval: Interval) -> Interval:
+    """The interval of a cause that another one may stand for altogether: it reaches to neutral."""
+    zero = neutral(entry.id, tractor.steering)[entry.size.name]
+    return min(interval[0], zero), max(interval[1], zero)
 
 
 def sized(entry: Effect, value: Mapping[str, float]) -> str:
@@ -158,7 +167,7 @@ def _absent(case: Case, entry: Effect) -> Finding:
     smallest = visible(case, entry)
     typical = entry.size.for_wheelbase(case.tractor.wheelbase_m).typical
     # The finer limit is the larger one: a limit that is never reached is no limit.
-    finer = smallest is not None and (smallest >= typical if entry.id == "side_slip" else smallest <= 1.001 * typical)
+    finer = smallest is not None and (smallest >= typical if entry.kind == LIMIT else smallest <= 1.001 * typical)
     status = REFUTED if finer else NOT_VISIBLE
     return Finding(entry.id, status, None, None, None, None, smallest, entry.size.unit, entry.block, "")
 
@@ -182,7 +191,7 @@ def visible(case: Case, entry: Effect) -> float | None:
 
 def _size(tractor: Tractor, knobs: Knobs, at: Array, share: float, strength: float) -> float | None:
     """Size at which a trace, growing with the square of the size, would just show."""
-    if knobs.id == "side_slip":
+    if effect(knobs.id).kind == LIMIT:
         return 1.0 / float(at[0])
     smaller = share * math.sqrt(2.0 * LEAST_GAIN / strength) * knobs.typical[0]
     return finite(max(finest_of(tractor, knobs.id), smaller))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import Effect, effect, neutral
+from vehicle.effects import CIRCLE, LIMIT, SLOPE, Effect, effect, neutral
 from vehicle.measured.record import Array
 from vehicle.rest import BY_NAME, REST
 from vehicle.tractor import Tractor
@@ -41,10 +41,10 @@ class Knobs:
         if self.id in BY_NAME:
             return {self.id: float(at[0])}
         names = [param.name for param in effect(self.id).params]
-        if self.id == "cross_slope_drift":
+        if effect(self.id).kind == SLOPE:
             bearing = math.degrees(math.atan2(at[0], at[1])) % 360.0
-            return {"ratio": float(np.hypot(at[0], at[1])), "bearing_deg": bearing}
-        if self.id == "side_slip":
+            return {"ratio": min(float(np.hypot(at[0], at[1])), effect(self.id).size.high), "bearing_deg": bearing}
+        if effect(self.id).kind == LIMIT:
             return {"limit_g": math.inf if at[0] <= 0.0 else 1.0 / float(at[0])}
         return dict(zip(names, [*map(float, at), *self.fixed], strict=True))
 
@@ -57,35 +57,19 @@ class Knobs:
         return np.clip(at, self.low, self.high)
 
 
-_SEARCHED = {
-    "steering_dead_time": (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7, 0.9),
-    "steering_backlash": (0.5, 1.5, 3.0),
-    "side_slip": (1.2, 2.0, 4.0, 8.0, 12.0, 18.0),
-    "gnss_latency": (0.1, 0.25),
-    "understeer": (1.0, -0.5),
-}
-_SHARES = {
-    "steering_lag": (0.5, 1.6, 2.5, 4.0, 7.0),
-    "steering_rate": (0.3, 0.55, 0.8, 1.3),
-    "steering_deadband": (2.5, 5.0, 10.0, 20.0),
-}
-
-
 def knobs_for(tractor: Tractor, name: str, patch: tuple[float, float, float] | None = None) -> Knobs:
     """Coordinates of an effect on a tractor; a `patch` (east, north, radius) is searched for beforehand and fixed."""
     entry = effect(name)
     start = neutral(name, tractor.steering)
-    if name == "cross_slope_drift":
+    if entry.kind == SLOPE:
         typical = entry.size.typical
         return Knobs(name, (0.0, 0.0), (typical, typical), (-0.5, -0.5), (0.5, 0.5), ((0.0, 0.0),))
-    if name == "side_slip":
-        return Knobs(name, (0.0,), (4.0,), (0.0,), (50.0,), _singles(_SEARCHED[name]))
+    if entry.kind == LIMIT:
+        return Knobs(name, (0.0,), (4.0,), (0.0,), (50.0,), _singles(entry.starts))
     size = entry.size.for_wheelbase(tractor.wheelbase_m)
     zero = start[size.name]
-    starts = _singles(_SEARCHED[name]) if name in _SEARCHED else ((zero,),)
-    if name in _SHARES:
-        starts = _singles(tuple(zero * share for share in _SHARES[name]))
-    fixed = patch if name == "grip_patch" and patch else ()
+    starts = _singles((*entry.starts, *[zero * share for share in entry.start_shares]) or (zero,))
+    fixed = patch if entry.kind == CIRCLE and patch else ()
     return Knobs(name, (zero,), (size.typical,), (size.low,), (size.high,), starts, fixed)
 
 

@@ -18,7 +18,7 @@ from vehicle.effects import CATALOGUE, Effect
 from vehicle.measured.bench import Bench
 from vehicle.measured.fitting import FIRST_STEP, solve
 from vehicle.measured.knobs import Knobs, finest_of, knobs_for, rest_knobs
-from vehicle.measured.naming import ONE_PLACE, deviation
+from vehicle.measured.naming import deviation
 from vehicle.measured.openloop import (
     Model,
     OpenLoop,
@@ -156,7 +156,7 @@ def candidates(
     """Every effect and term of the rest that is not in the model, each at its best with the others following."""
     found = []
     for entry in CATALOGUE:
-        if entry.id in model.ids | skip or entry.id in ONE_PLACE:
+        if entry.id in model.ids | skip or entry.stands_in:
             continue
         step()
         found += _of_effect(loop, model, tractor, entry)

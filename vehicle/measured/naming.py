@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import CATALOGUE
+from vehicle.effects import CATALOGUE, CIRCLE, LIMIT, effect
 from vehicle.measured.bench import Bench, first_noise, prepare
 from vehicle.measured.dependence import Dependence, Score, columns, scores
 from vehicle.measured.fitting import (
@@ -46,7 +46,6 @@ MOST_EASINGS, EASING, WRONG_EVERYWHERE = 12, 1.6, 2.0
 FEW_RUNS = 3
 HARM, HELPED = 0.1, 10.0
 PATCH_HANDICAP = 1.3
-ONE_PLACE = ("grip_patch", "grip_drift")  # would stand in for whatever differs from run to run
 MATERIAL = 0.003  # of the number of surprises: less is within what simulators differ
 Progress = Callable[[str], None]
 
@@ -241,7 +240,7 @@ def scan(bench: Bench, fit: Fit, tractor: Tractor, skip: set[str], progress: Pro
         knobs = knobs_for(tractor, entry.id)
         if not bench.has_wheel:
             knobs = knobs.with_fewer_starts()
-        if entry.id == "grip_patch":
+        if entry.kind == CIRCLE:
             patch = best_patch(bench, fit)
             if patch is None:
                 continue
@@ -254,7 +253,7 @@ def scan(bench: Bench, fit: Fit, tractor: Tractor, skip: set[str], progress: Pro
 
 def _rank(one: Tried) -> float:
     """Order of the candidates: a circle that chose its own place must explain clearly more than a plain effect."""
-    if one.knobs.id == "grip_patch":
+    if effect(one.knobs.id).kind == CIRCLE:
         return -(one.gain / PATCH_HANDICAP - LEAST_GAIN)
     return -one.gain
 
@@ -359,7 +358,7 @@ def exchanged(bench: Bench, fit: Fit, tractor: Tractor, threshold: float) -> Fit
         if not is_nameable(bench, fit, tractor, knobs.id):
             continue
         rest = without(bench, fit, knobs.id)
-        found = scan(bench, rest, tractor, {knobs.id, "grip_patch"})
+        found = scan(bench, rest, tractor, {knobs.id, *(entry.id for entry in CATALOGUE if entry.kind == CIRCLE)})
         if found and found[0].gain > rest.loss - fit.loss + LEAST_GAIN:
             return refined(bench, joined(bench, rest, found[0]))
     return fit
@@ -386,7 +385,7 @@ def pruned(bench: Bench, fit: Fit, threshold: float) -> Fit:
 
 def deviation(tractor: Tractor, knobs: Knobs, at: Array) -> float:
     """How far an effect is from neutral, in the unit of its size."""
-    if knobs.id == "side_slip":
+    if effect(knobs.id).kind == LIMIT:
         return float(at[0])
     return float(np.linalg.norm(at - np.array(knobs.neutral)))
 

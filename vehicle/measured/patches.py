@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from vehicle.measured.bench import Bench
@@ -94,21 +96,13 @@ def _gain(response: Response, circle: Circle) -> float:
 
 
 def _polished(response: Response, circle: Circle, cell: float) -> tuple[float, Circle]:
-    """Pattern search over centre and radius."""
+    """Pattern search over centre and radius together: one edge may stay where it is while the other moves."""
     if circle[2] <= 0.0:
         return 0.0, circle
     best, step = _gain(response, circle), cell
     while step > 0.15 * cell:
-        moves = (
-            (step, 0.0, 0.0),
-            (-step, 0.0, 0.0),
-            (0.0, step, 0.0),
-            (0.0, -step, 0.0),
-            (0.0, 0.0, step),
-            (0.0, 0.0, -step),
-        )
         tried = []
-        for de, dn, dr in moves:
+        for de, dn, dr in product((-step, 0.0, step), repeat=3):
             other = (circle[0] + de, circle[1] + dn, max(circle[2] + dr, 0.5 * cell))
             tried.append((_gain(response, other), other))
         gain, other = max(tried)
