@@ -11,6 +11,8 @@ from planner.results import PlanResult, Ranking
 from planner.scenario import Scenario, clock
 from planner.site import Site, prepare
 from strategies.registry import FORMATIONS
+from vehicle.effects import REST_KEY
+from vehicle.tractor import Tractor
 
 Progress = Callable[[int, int], None]
 SAME_S = 0.05
@@ -65,6 +67,7 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         before=None if scenario.before_s is None else clock(scenario.before_s),
         allowed_s=scenario.allowed_s,
         assumptions=assumptions(site),
+        tractor_effects=tractor_effects(site.tractor),
     )
 
 
@@ -77,6 +80,14 @@ def _front(feasible: list[PlanResult]) -> list[PlanResult]:
                 continue
             front.append(result)
     return front
+
+
+def tractor_effects(tractor: Tractor) -> dict[str, dict[str, float]]:
+    """Effects of a tractor file with their values, and the amounts of its rest under "rest" if that is switched on."""
+    found = {name: dict(setting.value) for name, setting in tractor.effects.items()}
+    if tractor.rest is not None and tractor.rest.on:
+        found[REST_KEY] = dict(tractor.rest.amounts)
+    return found
 
 
 def assumptions(site: Site) -> tuple[str, ...]:

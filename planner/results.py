@@ -46,7 +46,11 @@ class PlanResult:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All plans of a scenario, best first, infeasible and refused ones last."""
+    """All plans of a scenario, best first, infeasible and refused ones last.
+
+    `tractor_effects` are the values of the effects of the tractor file by id, and under "rest" the amounts of a rest
+    that is switched on: what logs have shown of the tractor that was simulated.
+    """
 
     field_name: str
     area_ha: float
@@ -56,6 +60,7 @@ class Ranking:
     before: str | None = None
     allowed_s: float | None = None
     assumptions: tuple[str, ...] = ()
+    tractor_effects: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
     def best(self) -> PlanResult | None:

@@ -14,6 +14,7 @@ from reports.paths import STATES, check_drive
 from reports.wording import (
     clearance,
     duration,
+    effects_words,
     feasible,
     headline,
     members,
@@ -80,7 +81,7 @@ def plan_page(ranking: Ranking, drive: Drive | None) -> str:
 
 
 def _content(ranking: Ranking, drive: Drive | None) -> dict[str, Any]:
-    plans = feasible(ranking)
+    plans, effects = feasible(ranking), effects_words(ranking)
     columns = [*_COLUMNS, _DEADLINE] if any(plan.meets_deadline is not None for plan in plans) else list(_COLUMNS)
     return {
         "name": ranking.field_name,
@@ -100,7 +101,7 @@ def _content(ranking: Ranking, drive: Drive | None) -> dict[str, Any]:
             {"count": len(group.plans), "reason": group.reason, "alike": group.alike, "members": members(group)}
             for group in refusals(refused(ranking))
         ],
-        "assumptions": ranking.assumptions,
+        "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
         "states": list(STATES),
         "state_colours": palette.STATES,
         "tractor_colours": list(zip(palette.TRACTORS, palette.TRACTORS_ON_DARK, strict=True)),

@@ -18,6 +18,7 @@ from reports.wording import (
     NOTHING,
     clearance,
     duration,
+    effects_words,
     feasible,
     headline,
     members,
@@ -121,6 +122,8 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown." if more else ""
         parts.append(Text(starred + hidden, style="dim"))
         parts += [Text(sentence, style="dim") for sentence in remarks(shown)]
+    effects = effects_words(ranking)
+    parts += [Text(effects, style="dim")] if effects else []
     parts += _refused_part(refused(ranking))
     return Group(*parts)
 

@@ -126,6 +126,16 @@ def remarks(plans: Sequence[PlanResult]) -> list[str]:
     return [f"{name} with {listed(sorted(set(n)))}: {remark}." for (name, remark), n in groups.items()]
 
 
+def effects_words(ranking: Ranking) -> str | None:
+    """What of the tractor file's effects and rest is in use, a sentence; None when it has none."""
+    rest = "rest" in ranking.tractor_effects
+    parts = [
+        f"{name} ({', '.join(f'{key} {value:.3g}' for key, value in values.items())})"
+        for name, values in ranking.tractor_effects.items() if name != "rest"
+    ] + (["a rest told from data"] if rest else [])
+    return f"Simulated with what the tractor file has from measured logs: {listed(parts)}." if parts else None
+
+
 def moment(text: str | None) -> datetime | None:
     """A clock time ``08:00`` or a date and time in ISO 8601; None when it is neither."""
     if text is None:

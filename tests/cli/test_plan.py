@@ -30,7 +30,8 @@ def answer(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
 
 
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
-    assert list(answer) == ["field", "seed", "plans", "best"]
+    assert list(answer) == ["field", "seed", "plans", "best", "tractor_effects"]
+    assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
     assert answer["seed"] == 5
     assert len(answer["plans"]) == 4
@@ -204,3 +205,24 @@ class TestProcess:
 def test_a_strategy_named_twice_is_tried_once(headland: Callable[..., Any], small: Path) -> None:
     outcome = headland("plan", small, "--local", "--tractors", "1", "--strategies", "split-field,split-field", "--json")
     assert len(json.loads(outcome.out)["plans"]) == 1
+
+
+def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+    from vehicle.measured.save import tractor_toml
+    from vehicle.tractor import EffectSetting, Rest, load_tractor
+
+    found = {"steering_offset": EffectSetting(value={"angle_deg": 1.25})}
+    rest = Rest(amounts={"angle_by_speed": 0.3}, speed_mps=(0.0, 3.0), angle_deg=(-30.0, 30.0))
+    machine = tmp_path / "mine.toml"
+    page = tmp_path / "plan.html"
+    words = "Simulated with what the tractor file has from measured logs: steering_offset (angle_deg 1.25)"
+    for one, last in ((rest, " and a rest told from data."), (rest.model_copy(update={"on": False}), ".")):
+        extended = load_tractor("eg105").model_copy(update={"effects": found, "rest": one})
+        machine.write_text(tractor_toml(extended), encoding="utf-8")
+        base = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--tractor", machine)
+        told = " ".join(headland(*base, "--html", page).out.split())
+        assert words + last in told
+        assert words + last in page.read_text(encoding="utf-8")
+        effects = json.loads(headland(*base, "--json").out)["tractor_effects"]
+        assert effects == {"steering_offset": {"angle_deg": 1.25}} | ({"rest": {"angle_by_speed": 0.3}} if one.on else {})
+    assert "measured logs" not in headland(*base[:-2]).out

@@ -47,7 +47,7 @@ def no_constant(name: str) -> float:
 
 def test_keys_and_order(ranking: Ranking) -> None:
     data = json.loads(ranking_json(ranking), parse_constant=no_constant)
-    assert list(data) == ["field", "seed", "plans", "best"]
+    assert list(data) == ["field", "seed", "plans", "best", "tractor_effects"]
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}
     assert data["seed"] == 7
     assert all(list(plan) == CONTRACT for plan in [*data["plans"], data["best"]])
