@@ -224,5 +224,6 @@ def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], smal
         assert words + last in told
         assert words + last in page.read_text(encoding="utf-8")
         effects = json.loads(headland(*base, "--json").out)["tractor_effects"]
-        assert effects == {"steering_offset": {"angle_deg": 1.25}} | ({"rest": {"angle_by_speed": 0.3}} if one.on else {})
+        seen = {"rest": {"angle_by_speed": 0.3}} if one.on else {}
+        assert effects == {"steering_offset": {"angle_deg": 1.25}} | seen
     assert "measured logs" not in headland(*base[:-2]).out
