@@ -6,14 +6,13 @@ import math
 
 import numpy as np
 
-from vehicle.effects import REST_KEY
 from vehicle.measured.anchoring import HEADING_TRUST_RAD, POSITION_TRUST_M
 from vehicle.measured.bench import Bench, first_noise
 from vehicle.measured.course import Stretch, make_course
 from vehicle.measured.horizons import anchored, chain, errors_of, pieces, run_squares
 from vehicle.measured.logs import read_log, remarks
 from vehicle.measured.record import Array
-from vehicle.measured.replay import Settings, make_rig
+from vehicle.measured.replay import Settings, own_rig
 from vehicle.measured.verdict import Replayed, ReplayedStretch
 from vehicle.tractor import load_tractor
 
@@ -28,10 +27,8 @@ def replayed(log: str, tractor: str, ground: str, fixes: tuple[str, ...] = ()) -
     machine = load_tractor(tractor)
     run = read_log(log, fixes, machine.wheelbase_m)
     course = make_course([run])
-    bench = Bench(course, make_rig(machine, ground, course.origin), first_noise(course), (), (), ())
-    settings: Settings = {name: dict(one.value) for name, one in machine.effects.items()}
-    if machine.rest is not None and machine.rest.on:
-        settings = {**settings, REST_KEY: dict(machine.rest.amounts)}
+    rig, settings = own_rig(machine, ground, course.origin)
+    bench = Bench(course, rig, first_noise(course), (), (), ())
     errors = errors_of(run_squares(bench, {0: settings}))
     stretches = tuple(_stretch(bench, stretch, settings) for stretch in course.stretches)
     left_out = course.rows_read - course.rows

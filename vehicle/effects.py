@@ -113,6 +113,12 @@ def _compass(bearing: float) -> str:
     return names[round(bearing / 45.0) % 8]
 
 
+def _limit_words(v: Values) -> str:
+    if math.isinf(v["limit_g"]):
+        return "The tyres do not slide sideways at any lateral acceleration that was driven."
+    return f"The tyres slide sideways above {v['limit_g']:.2f} g of lateral acceleration."
+
+
 def _slope_fields(v: Values) -> Fields:
     bearing = math.radians(v["bearing_deg"])
     return {"slope_east": v["ratio"] * math.sin(bearing), "slope_north": v["ratio"] * math.cos(bearing)}
@@ -186,7 +192,7 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         "side_slip", PATH, (Param("limit_g", "g", math.inf, 0.1, 0.0, 0.02, math.inf),),
         lambda v: {"slide": 0.0 if math.isinf(v["limit_g"]) else 1.0 / v["limit_g"]},
-        lambda v: f"The tyres slide sideways above {v['limit_g']:.2f} g of lateral acceleration.",
+        _limit_words,
         "lateral acceleration, above a limit", "the same circle slowly and fast",
         plot=(TURN, SIDE_FORCE), of_ground=True, starts=(1.2, 2.0, 4.0, 8.0, 12.0, 18.0), kind=LIMIT,
     ),

@@ -12,7 +12,7 @@ from tests.truth.effects import NEUTRAL, PLACES, scaled
 from tests.truth.model import make_logs
 from vehicle.measured.diagnose import diagnose
 from vehicle.measured.logs import log_from_frame
-from vehicle.measured.verdict import EQUIVALENT, Diagnosis
+from vehicle.measured.verdict import EQUIVALENT, NOT_VISIBLE, Diagnosis
 from vehicle.tractor import Tractor, load_tractor
 
 BRIEF = ("straight_090", "straight_270", "circles_right", "circles_left", "steps", "speed_steps", "implement_straight")
@@ -45,23 +45,31 @@ def diagnosed(
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a diagnosis stands to what was hidden."""
+    """How a diagnosis stands to what was hidden; `close` is None where nothing was found that could be."""
 
     found: bool
+    announced: bool
     wrong: tuple[str, ...]
-    close: bool
+    close: bool | None
     at_floor: bool
     text: str
 
 
 def judge(found: Diagnosis, effects: dict[str, dict[str, float]]) -> Verdict:
-    """Found: every hidden effect is named or in a set; wrong: named and not hidden; close: within 15 % or interval."""
+    """How a diagnosis stands to what was hidden.
+
+    Found: every hidden effect is named or in a set. Announced: each one that is not is `not-visible`, never refuted.
+    Wrong: named and not hidden. Close: what was found is within 15 % of the truth, or the truth in its interval.
+    """
     in_sets = {one.id for one in found.findings if one.status == EQUIVALENT}
     wrong = tuple(name for name in found.named if name not in effects)
-    values = {one.id: one for one in found.findings if one.value is not None}
-    close = all(_close(values[name], name, effects[name]) for name in effects if name in values)
+    by_id = {one.id: one for one in found.findings}
+    told = [name for name in effects if name in by_id and (name in found.named or name in in_sets)]
+    close = all(_close(by_id[name], name, effects[name]) for name in told) if told else None
+    missed = [name for name in effects if name in by_id and name not in told]
+    announced = all(by_id[name].status == NOT_VISIBLE for name in missed)
     text = f"named {list(found.named)} sets {sorted(in_sets)} unexplained {found.unexplained_share:.2f}"
-    return Verdict(all(n in found.named or n in in_sets for n in effects), wrong, close, at_floor(found), text)
+    return Verdict(not missed, announced, wrong, close, at_floor(found), text)
 
 
 def _close(one: Any, name: str, truth: dict[str, float]) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import REST_KEY, SPEED, STEERING, effect
+from vehicle.effects import SPEED, STEERING, effect
 from vehicle.measured.bench import Bench, first_noise, prepare
 from vehicle.measured.course import make_course
 from vehicle.measured.curves import best_curve
@@ -27,13 +27,14 @@ from vehicle.measured.extension import (
 from vehicle.measured.findings import Case, Rivals, findings, look_alikes
 from vehicle.measured.fitting import Fit, empty_fit, linear_extra
 from vehicle.measured.horizons import errors_of, floor_squares, run_squares, total_error
-from vehicle.measured.mending import Mended, irreplaceable, mend
+from vehicle.measured.mending import Mended, clear_levels, irreplaceable, mend
 from vehicle.measured.naming import Projector, Selection, is_nameable, retuned, select, without
 from vehicle.measured.nextdrive import next_drive
 from vehicle.measured.noise import tuned
 from vehicle.measured.openloop import Term, settings_in
 from vehicle.measured.record import Array, Log
-from vehicle.measured.replay import Settings, make_rig
+from vehicle.measured.remarks import remarks
+from vehicle.measured.replay import make_rig, own_rig
 from vehicle.measured.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, Diagnosis, Finding, Grounds
 from vehicle.tractor import Tractor
 
@@ -135,7 +136,8 @@ def _answer(
 ) -> Diagnosis:  # fmt: skip
     bench, fit, case = selection.bench, selection.fit, found.case
     extension, course = case.extension, base.course
-    before = run_squares(bench, dict.fromkeys(range(len(course.names)), _of_file(tractor)))
+    own, settings = own_rig(tractor, ground, course.origin)
+    before = run_squares(replace(bench, rig=own), dict.fromkeys(range(len(course.names)), settings))
     after = run_squares(bench, extension.held_out)
     # Most important first: by the held-out error that comes back without the effect.
     named = [one.id for one in sorted(told, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
@@ -169,16 +171,8 @@ def _answer(
             bench, {run: settings_in(extension.terms, run) for run in range(len(course.names))},
             named or list(rivals), selection.unnamed,
         ),
-        grounds=_grounds(bench, extension),
+        grounds=_grounds(found),
     )  # fmt: skip
-
-
-def _of_file(tractor: Tractor) -> Settings:
-    """Settings that the tractor file has already."""
-    found = {name: dict(one.value) for name, one in tractor.effects.items()}
-    if tractor.rest is not None and tractor.rest.on:
-        found[REST_KEY] = dict(tractor.rest.amounts)
-    return found
 
 
 def _about_file(tractor: Tractor, told: Collection[Finding]) -> tuple[str, ...]:
@@ -263,27 +257,23 @@ def _blocks(bench: Bench, fit: Fit) -> dict[str, tuple[float, float]]:
     }  # fmt: skip
 
 
-def _grounds(bench: Bench, extension: Extension) -> tuple[Grounds, ...]:
-    """Effects with two levels: which runs were at which, the longer driving first."""
+def _grounds(found: _Explained) -> tuple[Grounds, ...]:
+    """Effects with two levels: which runs were clearly at which, the longer driving first."""
+    if found.mended is None:
+        return ()
+    bench = found.case.bench
     seconds, names = driven_seconds(bench), bench.course.names
-    found = []
-    for term in extension.terms:
-        if term.runs is not None:
-            runs = sorted(term.runs)
-            entry, value = effect(term.knobs.id), term.knobs.values(term.at)
-            told = Grounds(entry.id, value, entry.words(value), tuple(names[run] for run in runs))
-            found.append((-float(seconds[runs].sum()), told))
-    return tuple(one for _, one in sorted(found, key=lambda pair: pair[0]))
+    told = []
+    for term, runs in clear_levels(found.mended):
+        entry, value = effect(term.knobs.id), term.knobs.values(term.at)
+        one = Grounds(entry.id, value, entry.words(value), tuple(names[run] for run in runs))
+        told.append((-float(seconds[list(runs)].sum()), one))
+    return tuple(one for _, one in sorted(told, key=lambda pair: pair[0]))
 
 
 def _notes(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
     """What the reader should know about the rows and columns."""
-    found = []
-    rules: dict[str, int] = {}
-    for log in logs:
-        for gate in log.gated:
-            rules[gate.rule] = rules.get(gate.rule, 0) + gate.rows
-    found += [f"{rows} rows left out: {rule}." for rule, rows in rules.items()]
+    found = [line for log in logs for line in remarks(log)]
     if not bench.has_wheel:
         found.append(
             "No wheel angle was logged: faults of the steering system and of the path cannot be told apart well."
@@ -292,8 +282,6 @@ def _notes(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
         found.append("No commanded speed was logged: the speed block was not looked at.")
     if any(not one.heading_seen for one in bench.course.stretches):
         found.append("No heading was logged: the course of the positions stands in for it.")
-    if any((log.shuttle < 0).any() for log in logs):
-        found.append("Rows driven in reverse were not used.")
     if len(logs) == 1:
         found.append("One run only: its own 20 s windows stand in for runs not used for fitting.")
     return tuple(found)

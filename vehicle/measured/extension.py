@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from vehicle.measured.fitting import Fit, block_sums
 from vehicle.measured.heldout import Pieces, steps_without
 from vehicle.measured.horizons import Halves, chain, squares
 from vehicle.measured.knobs import Knobs, finest_of
-from vehicle.measured.mending import Mended
+from vehicle.measured.mending import Mended, level_of
 from vehicle.measured.naming import robust_covariance
 from vehicle.measured.openloop import Term, Terms, moved, pieces_of, settings_in, to_neutral
 from vehicle.measured.record import Array
@@ -134,14 +134,6 @@ def _halves(bench: Bench, run: int, terms: Terms, steps: tuple[Array, Array]) ->
     return found[0], found[1]
 
 
-def level_of(terms: Terms, level: int) -> Terms:
-    """Terms with the first (0) or second (1) level of every effect that has two, in all runs."""
-    seen: dict[str, list[Term]] = {}
-    for term in terms:
-        seen.setdefault(term.knobs.id, []).append(term)
-    return tuple(replace(levels[min(level, len(levels) - 1)], runs=None) for levels in seen.values())
-
-
 def _loss(bench: Bench, run: int, settings: Mapping[str, Mapping[str, float]], half: int) -> float:
     """Squared error across over 1 s of one half of a run."""
     total = 0.0
@@ -162,7 +154,8 @@ def value_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str,
         return {knobs.id: (value[knobs.id] - SURE * float(sigma[0]), value[knobs.id] + SURE * float(sigma[0]))}
     if effect(knobs.id).kind == LIMIT:
         wide = max(SURE * float(sigma[0]), 0.12 * float(term.at[0]))
-        return {"limit_g": (1.0 / (float(term.at[0]) + wide), 1.0 / max(float(term.at[0]) - wide, 0.2))}
+        most, least = float(term.at[0]) + wide, float(term.at[0]) - wide
+        return {"limit_g": (1.0 / most if most > 0.0 else math.inf, 1.0 / least if least > 0.0 else math.inf)}
     if effect(knobs.id).kind == SLOPE:
         return _slope_interval(tractor, term, covariance)
     size = effect(knobs.id).size
@@ -205,6 +198,8 @@ def extended_tractor(
         if name in BY_NAME:
             amounts, spread = amounts | value, spread | interval
             continue
+        if not all(math.isfinite(one) for one in value.values()):
+            continue  # a limit that is never reached: one of two grounds, on which nothing slides
         same: tuple[str, ...] = ()
         if name in alike:
             interval, same = alike[name].interval or interval, alike[name].equivalent_to

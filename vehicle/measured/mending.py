@@ -8,7 +8,7 @@ had no part in its fit are simulated clearly better.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -40,6 +40,7 @@ PAIRED = 0.93  # of the loss of the best single candidate, for a pair to go firs
 TWO_LEVELS = 0.9  # of the loss of one level, to believe in two grounds
 FEWEST_RUNS = 2
 MARKED = 0.2  # of the squared error that an effect must take away to carry a name
+CLEARLY_AT = 0.05  # of the squared error of a run, to say at which of two levels it was
 RIVALS_LEAVE = 1.5  # times the squared error that is left with the effect
 Step = Callable[[], None]
 
@@ -251,6 +252,26 @@ def irreplaceable(mended: Mended, tractor: Tractor, step: Step) -> list[str]:
         if best > RIVALS_LEAVE * model.loss:
             found.append(name)
     return found
+
+
+def clear_levels(mended: Mended) -> list[tuple[Term, tuple[int, ...]]]:
+    """Terms of effects with two levels, each with the runs that are clearly worse off with the other one."""
+    loop, terms = mended.loop, mended.model.terms
+    losses = [loop.by_run(loop.errors(level_of(terms, level))) for level in (0, 1)]
+    clear = np.abs(losses[0] - losses[1]) > CLEARLY_AT * np.maximum(losses[0], losses[1])
+    found = []
+    for term in terms:
+        if term.runs is not None:
+            found.append((term, tuple(run for run in sorted(term.runs) if clear[run])))
+    return found
+
+
+def level_of(terms: Terms, level: int) -> Terms:
+    """Terms with the first (0) or second (1) level of every effect that has two, in all runs."""
+    seen: dict[str, list[Term]] = {}
+    for term in terms:
+        seen.setdefault(term.knobs.id, []).append(term)
+    return tuple(replace(levels[min(level, len(levels) - 1)], runs=None) for levels in seen.values())
 
 
 def _clearly_large(model: Model, tractor: Tractor, name: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,13 @@ from vehicle.calibration import steering_tables
 from vehicle.chassis import body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
-from vehicle.effects import effect_fields
+from vehicle.effects import REST_KEY, effect_fields
 from vehicle.ground import ground_index
 from vehicle.jit import compiled
 from vehicle.layout import STATE
 from vehicle.measured.course import DT_S, Stretch
 from vehicle.measured.record import Array
+from vehicle.rest import range_fields
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
@@ -71,18 +72,22 @@ def replay_steps(  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A tractor ready for replay: its compiled model without effects, the ground, and the steering table."""
+    """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
+
+    `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none.
+    """
 
     tractor: Tractor
     model: Any
     ground: Any
     table: Array
     origin: tuple[float, float] = (0.0, 0.0)
+    ranges: Mapping[str, float] = field(default_factory=dict)
 
     def with_effects(self, settings: Settings) -> Any:
         """The model record with effects; places in the field are moved to the origin of the course."""
         model = self.model.copy()
-        fields = effect_fields(settings)
+        fields = effect_fields(settings) | dict(self.ranges)
         fields["affected"] = 1.0
         fields["patch_east"] -= self.origin[0]
         fields["patch_north"] -= self.origin[1]
@@ -93,11 +98,22 @@ class Rig:
 
 def make_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rig:
     """The tractor as its file describes it, without the effects of the file."""
-    bare = tractor.model_copy(update={"effects": {}})
+    bare = tractor.model_copy(update={"effects": {}, "rest": None})
     index = ground_index(ground)
     model = np.zeros(1, dtype=compile_model(bare, Implement()).dtype)
     model[0] = compile_model(bare, Implement())
     return Rig(bare, model, compile_grounds()[index : index + 1], steering_tables(bare)[index], origin)
+
+
+def own_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple[Rig, Settings]:
+    """The tractor of make_rig, and what its file has from logs: effects, and the rest where it was seen."""
+    rig = make_rig(tractor, ground, origin)
+    settings: dict[str, Mapping[str, float]] = {name: one.value for name, one in tractor.effects.items()}
+    rest = tractor.rest
+    if rest is None or not rest.on:
+        return rig, settings
+    ranges = range_fields(rest.speed_mps, rest.angle_deg)
+    return replace(rig, ranges=ranges), settings | {REST_KEY: rest.amounts}
 
 
 def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, from_speed: bool) -> Array:

@@ -1,0 +1,93 @@
+"""Parts of the extension: coordinates for data held out, two grounds, and what a tractor file gets."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.diagnosis.hiding import eg105, hidden
+from tests.truth.drives import default_programme
+from tests.truth.model import make_logs
+from vehicle.measured.demo import demo_logs, draw_hidden
+from vehicle.measured.diagnose import diagnose
+from vehicle.measured.heldout import Pieces, half_of, steps_without
+from vehicle.measured.logs import log_from_frame
+from vehicle.tractor import EffectSetting
+
+FAST = ("fast_circles", "fast_steps", "speed_steps", "circles_right")
+
+
+def pieces_of(columns: np.ndarray, left: np.ndarray, runs: np.ndarray, halves: np.ndarray) -> Pieces:
+    """Every row a piece of its own."""
+    return Pieces(np.einsum("ri,rj->rij", columns, columns), columns * left[:, None], runs, halves)
+
+
+@given(st.integers(0, 10**6))
+def test_a_run_held_out_is_a_fit_without_its_rows(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns, left = rng.standard_normal((60, 3)), rng.standard_normal(60)
+    runs, halves = np.repeat(np.arange(3), 20), np.tile([0, 1], 30)
+    steps = steps_without(pieces_of(columns, left, runs, halves), np.zeros(3))
+    for run in range(3):
+        kept = runs != run
+        exact = np.linalg.lstsq(columns[kept], -left[kept], rcond=None)[0]
+        assert np.allclose(steps[run][0], exact, atol=1e-6) and np.array_equal(*steps[run])
+
+
+@given(st.integers(0, 10**6))
+def test_what_one_run_alone_tells_is_told_by_its_other_half(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    runs, halves = np.repeat([0, 1], 20), np.tile([0, 1], 20)
+    columns, left = rng.standard_normal((40, 2)), rng.standard_normal(40)
+    columns[runs == 0, 1] = 0.0
+    steps = steps_without(pieces_of(columns, left, runs, halves), np.array([9.0, 9.0]))
+    for half in (0, 1):
+        kept = (runs != 1) | (halves != half)
+        exact = np.linalg.lstsq(columns[kept], -left[kept], rcond=None)[0]
+        assert np.allclose(steps[1][half], exact, atol=1e-6)
+
+
+def test_what_nothing_else_tells_goes_back_to_neutral() -> None:
+    columns, left = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]), np.array([1.0, 1.0, 3.0])
+    pieces = pieces_of(columns, left, np.array([0, 1, 1]), np.array([0, 0, 1]))
+    steps = steps_without(pieces, np.array([5.0, -7.0]))
+    assert steps[0][0] == pytest.approx([-3.0, -1.0])
+    assert steps[1][0] == pytest.approx([-2.0, -7.0]) and steps[1][1] == pytest.approx([-1.0, -1.0])
+
+
+def test_halves_change_every_twenty_seconds() -> None:
+    assert half_of(np.array([0.0, 19.9, 20.0, 39.9, 40.0])).tolist() == [0, 0, 1, 1, 0]
+
+
+def test_two_grounds_are_told_apart() -> None:
+    drives = [drive for drive in default_programme() if drive.name in FAST]
+    logs = []
+    for ground, limit, seed in (("dry", 0.16, 5), ("wet", 0.07, 6)):
+        frames = make_logs({"side_slip": {"limit_g": limit}}, seed, drives)
+        logs += [log_from_frame(frame, f"{ground} {frame.attrs['name']}") for frame in frames]
+    found = diagnose(logs, eg105(), "soil")
+    assert set(found.named) <= {"side_slip"}
+    runs = [set(one.runs) for one in sorted(found.grounds, key=lambda one: one.value["limit_g"])]
+    assert runs == [{"wet fast_circles", "wet fast_steps"}, {"dry fast_circles", "dry fast_steps"}]
+    assert found.after[5.0].cross_cm < 0.7 * found.before[5.0].cross_cm
+
+
+def test_effects_of_the_file_count_before_and_are_fitted_anew() -> None:
+    hiding = draw_hidden(4, eg105(), "steering_offset")
+    known = EffectSetting(value=hiding.values)
+    unseen = EffectSetting(value={"limit_g": 0.3})
+    tractor = eg105().model_copy(update={"effects": {"steering_offset": known, "side_slip": unseen}})
+    straight = [log for log in demo_logs(hiding, eg105(), "soil", 4) if log.name.startswith("straight")]
+    found = diagnose(straight, tractor, "soil")
+    assert found.before[5.0].cross_cm < 1.1 * found.floor[5.0].cross_cm
+    assert "steering_offset" in found.tractor.effects
+    assert found.tractor.effects["side_slip"] == unseen
+    assert any("already" in note for note in found.notes)
+
+
+def test_one_run_is_held_out_by_its_own_windows() -> None:
+    frames = make_logs(hidden(["steering_offset"]), 3, [d for d in default_programme() if d.name == "figure_eight"])
+    found = diagnose([log_from_frame(frames[0], "only")], eg105(), "soil")
+    offset = next(one for one in found.findings if one.id == "steering_offset")
+    assert offset.gain_pct is not None and offset.gain_pct > 0.0
+    assert any("20 s windows" in note for note in found.notes)
