@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from planner.errors import ScenarioError
+from planner.errors import REFUSALS, ScenarioError
 from planner.evaluate import Candidate, drive
 from planner.scenario import Scenario
 from planner.site import Site, prepare
@@ -20,9 +19,12 @@ from vehicle.measured.record import Log
 from vehicle.measured.verdict import Diagnosis, PlanGain
 from vehicle.run import DONE, Run
 from vehicle.tractor import Tractor, load_tractor
+from vehicle.world import World
 
 PLAN_FIELD = "iwamizawa"
 PLAN_WIDTH_M = 3.0
+SMALLEST_M = 1.0
+PATIENCE = 3.0  # times as long as the plan takes by the file: whoever is not done by then never will be
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,8 @@ def diagnosed(order: Order, progress: Progress | None = None) -> tuple[Diagnosis
     hidden = draw_hidden(order.seed, tractor, order.hide) if order.demo else None
     logs = _logs(order, tractor, hidden)
     found = diagnose(logs, tractor, order.ground, progress)
-    return replace(found, plan=plan_gain(tractor, found.tractor)), hidden
+    gain, why_not = plan_gain(order.tractor, tractor, found.tractor)
+    return replace(found, plan=gain, notes=(*found.notes, *([why_not] if why_not else []))), hidden
 
 
 def _logs(order: Order, tractor: Tractor, hidden: Hidden | None) -> list[Log]:
@@ -60,18 +63,31 @@ def _logs(order: Order, tractor: Tractor, hidden: Hidden | None) -> list[Log]:
     )
 
 
-def plan_gain(before: Tractor, after: Tractor) -> PlanGain | None:
-    """Time and tracking of a small plan driven by both tractors under guidance; None when nothing was extended.
+def plan_gain(where: str, before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
+    """A small plan made for a tractor (`where` is its name or file), driven by it and by the extended one.
 
-    The plan is made for the tractor of the file; the extended one drives it as the real one would.
+    Turning radius, headland and legs are those of the tractor of the file; the extended one drives the same plan as
+    the logs say the real one would. Without a plan the second value says why, in a sentence, if there is more to say
+    than that nothing was added.
     """
-    if not after.effects or before.length_m < 1.0:
-        return None
-    site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractors=(1,), strategies=("row-by-row",)))
-    runs = [drive(replace(site, tractor=tractor), Candidate("row-by-row", 1))[0] for tractor in (before, after)]
-    times = [float(run.duration_s) if run.outcome == DONE else None for run in runs]
-    lateral = [_lateral_cm(site, run) for run in runs]
-    return PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1])
+    if (after.effects, after.rest) == (before.effects, before.rest):
+        kept = after.effects or after.rest
+        return None, "The tractor stays as its file has it, so no plan was driven to compare." if kept else ""
+    if before.length_m < SMALLEST_M:
+        return None, (
+            f"No plan was driven to compare: {before.name} is {before.length_m:g} m long, and plans are for tractors "
+            f"of {SMALLEST_M:g} m or more."
+        )
+    try:
+        site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where))
+        first = drive(site, Candidate("row-by-row", 1))[0]
+    except REFUSALS as refusal:
+        return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
+    world = World(first.plan, after, site.implement, seed=site.scenario.seed)
+    second = world.run(max_time_s=PATIENCE * float(first.time_s[-1]))
+    times = [float(run.duration_s) if run.outcome == DONE else None for run in (first, second)]
+    lateral = [_lateral_cm(site, run) for run in (first, second)]
+    return PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1]), ""
 
 
 def _lateral_cm(site: Site, run: Run) -> float:
@@ -85,8 +101,3 @@ def _lateral_cm(site: Site, run: Run) -> float:
     off = points[:, None, :] - starts[None]
     cross = np.abs(off[:, :, 0] * along[None, :, 1] - off[:, :, 1] * along[None, :, 0]).min(axis=1)
     return 100.0 * float(np.sqrt(np.mean(cross**2)))
-
-
-def saved_names(order: Order) -> Sequence[str]:
-    """Names of the logs of an order, as given."""
-    return order.files

@@ -1,0 +1,71 @@
+"""What a diagnosis changes in a plan: for the tractor it is about, and told when there is no plan."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.diagnosis import PLAN_FIELD, PLAN_WIDTH_M, SMALLEST_M, plan_gain
+from planner.evaluate import Candidate, evaluate
+from planner.scenario import Scenario
+from planner.site import prepare
+from vehicle.measured.save import tractor_toml
+from vehicle.tractor import EffectSetting, Tractor, load_tractor
+
+OFFSET = {"steering_offset": EffectSetting(value={"angle_deg": 2.0})}
+CRAWL = {"wheel_slip": EffectSetting(value={"ratio": 0.85})}
+
+
+def like_eg105(**changes: Any) -> Tractor:
+    return load_tractor("eg105").model_copy(update=changes)
+
+
+@pytest.fixture
+def wide(tmp_path: Path) -> tuple[str, Tractor]:
+    """A tractor with little lock, as a file."""
+    path = tmp_path / "wide.toml"
+    path.write_text(tractor_toml(like_eg105(name="wide", max_steering_deg=25.0)), encoding="utf-8")
+    return str(path), load_tractor(path)
+
+
+def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tractor]) -> None:
+    where, machine = wide
+    gain, why_not = plan_gain(where, machine, machine.model_copy(update={"effects": OFFSET}))
+    assert gain is not None and why_not == ""
+    scenario = Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where)
+    alone = evaluate(prepare(scenario), Candidate("row-by-row", 1))
+    assert gain.time_before_s == pytest.approx(alone.time_s, abs=1e-6)
+    assert gain.time_after_s is not None
+    # The guidance knows nothing of the offset: it holds against it from beside the track.
+    assert gain.lateral_after_cm > gain.lateral_before_cm + 2.0
+
+
+def test_a_plan_that_the_real_tractor_would_not_finish_has_no_time() -> None:
+    gain, _ = plan_gain("eg105", like_eg105(), like_eg105(effects=CRAWL))
+    assert gain is not None and gain.time_before_s is not None and gain.time_after_s is None
+
+
+def test_nothing_added_needs_no_words_and_what_was_kept_does() -> None:
+    assert plan_gain("eg105", like_eg105(), like_eg105()) == (None, "")
+    kept = like_eg105(effects=OFFSET)
+    gain, why_not = plan_gain("eg105", kept, kept)
+    assert gain is None and why_not == "The tractor stays as its file has it, so no plan was driven to compare."
+
+
+def test_a_model_car_drives_no_plan() -> None:
+    car = like_eg105(name="car", length_m=0.3)
+    gain, why_not = plan_gain("eg105", car, car.model_copy(update={"effects": OFFSET}))
+    assert gain is None
+    assert why_not == (
+        f"No plan was driven to compare: car is 0.3 m long, and plans are for tractors of {SMALLEST_M:g} m or more."
+    )
+
+
+def test_a_tractor_whose_radii_are_not_known_there_is_diagnosed_all_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "unknown.toml"
+    path.write_text(tractor_toml(like_eg105(radius={})), encoding="utf-8")
+    machine = load_tractor(path)
+    gain, why_not = plan_gain(str(path), machine, machine.model_copy(update={"effects": OFFSET}))
+    assert gain is None
+    assert why_not.startswith("No plan was driven to compare: No turning radii of Yanmar EG105 are known on 'soil'")
+    assert why_not.endswith(".") and not why_not.endswith("..")
