@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from reports.diagnosis_words import is_calibration
 from vehicle.measured.verdict import Diagnosis, Errors, Finding
 
-
-def diagnosis_json(diagnosis: Diagnosis) -> str:
-    """The diagnosis as a JSON object; numbers that JSON cannot hold are null."""
-    return json.dumps(_clean(diagnosis_dict(diagnosis)), indent=2, allow_nan=False) + "\n"
+if TYPE_CHECKING:
+    from vehicle.measured.demo import Hidden
 
 
-def diagnosis_dict(diagnosis: Diagnosis) -> dict[str, Any]:
+def diagnosis_json(diagnosis: Diagnosis, hidden: Hidden | None = None) -> str:
+    """The diagnosis as a JSON object; numbers that JSON cannot hold are null.
+
+    `hidden` is what a demonstration had hidden.
+    """
+    return json.dumps(_clean(diagnosis_dict(diagnosis, hidden)), indent=2, allow_nan=False) + "\n"
+
+
+def diagnosis_dict(diagnosis: Diagnosis, hidden: Hidden | None = None) -> dict[str, Any]:
     """The diagnosis as plain values."""
     drive, plan = diagnosis.next_drive, diagnosis.plan
     return {
@@ -22,6 +29,7 @@ def diagnosis_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         "rows_used": diagnosis.rows_used,
         "rows_gated": diagnosis.rows_gated,
         "verdict": diagnosis.headline,
+        "grounds": [{"id": one.id, "value": one.value, "runs": list(one.runs)} for one in diagnosis.grounds],
         "error_before": _errors(diagnosis.before),
         "error_after": _errors(diagnosis.after),
         "noise_floor": _errors(diagnosis.floor),
@@ -38,6 +46,7 @@ def diagnosis_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         "plan": None if plan is None else plan.__dict__,
         "notes": list(diagnosis.notes),
         "tractor": diagnosis.tractor.model_dump(mode="python"),
+        "hidden": None if hidden is None else {"id": hidden.id, "value": hidden.values, "words": hidden.words},
     }  # fmt: skip
 
 
@@ -47,7 +56,7 @@ def _errors(errors: Errors) -> dict[str, dict[str, float]]:
 
 def _effect(one: Finding) -> dict[str, Any]:
     return {
-        "id": one.id, "status": one.status, "value": one.value,
+        "id": one.id, "status": one.status, "calibrated": is_calibration(one), "value": one.value,
         "interval": None if one.interval is None else {key: list(pair) for key, pair in one.interval.items()},
         "gain_pct": one.gain_pct, "gain_interval": one.gain_interval, "smallest_visible": one.smallest_visible,
         "unit": one.unit, "block": one.block, "equivalent_to": list(one.equivalent_to), "exchange": one.exchange,

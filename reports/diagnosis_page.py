@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+import math
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from reports import palette
-from reports.diagnosis_table import remarks, value_text, visible_text
-from vehicle.measured.verdict import Curve, Diagnosis, Errors, Finding
+from reports.diagnosis_words import (
+    FITTED,
+    SMALLEST_VISIBLE,
+    exchange_words,
+    gain_text,
+    ground_words,
+    held_out_words,
+    is_calibration,
+    ordered,
+    plan_words,
+    rest_terms,
+    rest_words,
+    size_words,
+    status_words,
+    unexplained_words,
+    value_text,
+    visible_text,
+)
+from reports.wording import number
+from vehicle.effects import effect
+from vehicle.measured.verdict import EQUIVALENT, NOT_VISIBLE, Curve, Diagnosis, Finding
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720.0, 300.0, 64.0, 44.0, 12.0
-ORDER = ("named", "equivalent", "refuted", "not-visible")
+SHOWN_S = 5.0
+KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Heading", "deg", "heading_deg", 2))
 
 
 def diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
@@ -25,85 +46,112 @@ def diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
 
 
 def _content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
+    rest = diagnosis.tractor.rest
     return {
         "headline": diagnosis.headline,
+        "grounds": ground_words(diagnosis.grounds),
         "tractor": diagnosis.tractor.name,
         "ground": diagnosis.ground,
-        "runs": len(diagnosis.names),
-        "minutes": f"{diagnosis.minutes:.1f}",
-        "used": diagnosis.rows_used,
-        "gated": diagnosis.rows_gated,
+        "size": size_words(diagnosis),
         "hidden": hidden,
         "facts": _facts(diagnosis),
+        "held_out": held_out_words(diagnosis),
         "errors": _errors(diagnosis),
-        "bars": _bars(diagnosis.before, diagnosis.after, diagnosis.floor),
+        "bars": [_bars(diagnosis, *kind) for kind in KINDS if _is_known(diagnosis, kind[2])],
         "guilty": diagnosis.guilty_block,
         "blocks": [(name, f"{b:.2f}", f"{a:.2f}") for name, (b, a) in diagnosis.block_error.items()],
         "curve": None if diagnosis.curve is None else _curve(diagnosis.curve),
-        "effects": [_effect(one) for one in sorted(diagnosis.findings, key=lambda o: ORDER.index(o.status))],
+        "shown_by": _shown_by(diagnosis),
+        "effects": [_effect(one) for one in ordered(diagnosis.findings)],
+        "smallest_visible": SMALLEST_VISIBLE,
+        "fitted": FITTED if any(is_calibration(one) for one in diagnosis.findings) else None,
+        "rest": None if rest is None else {"terms": rest_terms(rest), "words": rest_words(rest)},
         "drive": diagnosis.next_drive,
-        "exchanges": [f"{one.id}: {one.exchange}." for one in diagnosis.findings if one.exchange and one.interval],
-        "unexplained": f"{100.0 * diagnosis.unexplained_share:.0f}",
-        "depends": diagnosis.depends_on,
-        "calibration": _calibration(diagnosis),
-        "plan": diagnosis.plan,
+        "exchanges": exchange_words(diagnosis),
+        "unexplained": unexplained_words(diagnosis),
+        "plan": plan_words(diagnosis),
         "notes": diagnosis.notes,
-        "remarks": remarks(diagnosis),
         "before_colour": palette.TRACTORS[1],
         "after_colour": palette.TRACTORS[0],
     }
 
 
+def _trio(diagnosis: Diagnosis, horizon: float, key: str) -> tuple[float, float, float]:
+    """Error before, after and of noise alone."""
+    before, after, floor = (
+        float(getattr(errors[horizon], key)) for errors in (diagnosis.before, diagnosis.after, diagnosis.floor)
+    )
+    return before, after, floor
+
+
+def _is_known(diagnosis: Diagnosis, key: str) -> bool:
+    return any(math.isfinite(_trio(diagnosis, horizon, key)[0]) for horizon in diagnosis.before)
+
+
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    if 5.0 not in diagnosis.before:
+    """The errors over one horizon, label and value."""
+    if SHOWN_S not in diagnosis.before:
         return []
-    pairs = [
-        (name, *(getattr(errors[5.0], key) for errors in (diagnosis.before, diagnosis.after, diagnosis.floor)))
-        for name, key in (("Across, cm", "cross_cm"), ("Along, cm", "along_cm"), ("Heading, deg", "heading_deg"))
-    ]
-    return [(f"{name} after 5 s", f"{b:.2f} → {a:.2f} (noise {f:.2f})") for name, b, a, f in pairs]
+    found = []
+    for name, unit, key, _ in KINDS:
+        if _is_known(diagnosis, key):
+            before, after, floor = (number(value, 2) for value in _trio(diagnosis, SHOWN_S, key))
+            found.append((f"{name}, {unit}, pieces of {SHOWN_S:g} s", f"{before} → {after} (noise {floor})"))
+    return found
 
 
 def _errors(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    rows = []
-    for horizon, before in diagnosis.before.items():
-        trio = (before, diagnosis.after[horizon], diagnosis.floor[horizon])
-        cells = [f"{getattr(e, key):.{digits}f}" for key, digits in
-                 (("cross_cm", 1), ("along_cm", 1), ("heading_deg", 2)) for e in trio]  # fmt: skip
-        rows.append({"horizon": f"{horizon:g} s", "cells": cells})
-    return rows
-
-
-def _bars(before: Errors, after: Errors, floor: Errors) -> list[dict[str, Any]]:
-    """Error across by horizon as shares of the largest."""
-    largest = max((e.cross_cm for errors in (before, after, floor) for e in errors.values()), default=1.0) or 1.0
     return [
         {
-            "horizon": f"{h:g} s",
-            "bars": [
-                {"name": name, "share": 100.0 * errors[h].cross_cm / largest, "text": f"{errors[h].cross_cm:.1f} cm"}
-                for name, errors in (("before", before), ("after", after), ("noise", floor))
-            ],
+            "horizon": f"{horizon:g} s",
+            "cells": [number(e, digits) for _, _, key, digits in KINDS for e in _trio(diagnosis, horizon, key)],
         }
-        for h in before
+        for horizon in diagnosis.before
     ]
 
 
-def _effect(one: Finding) -> dict[str, Any]:
-    gain = f"{one.gain_pct:.0f}" if one.interval else ""
-    if one.gain_interval:
-        gain += f" ({one.gain_interval[0]:.0f} to {one.gain_interval[1]:.0f})"
+def _bars(diagnosis: Diagnosis, name: str, unit: str, key: str, digits: int) -> dict[str, Any]:
+    """One kind of error by horizon as shares of the largest."""
+    rows = {h: dict(zip(("before", "after", "noise"), _trio(diagnosis, h, key), strict=True)) for h in diagnosis.before}
+    known = [value for row in rows.values() for value in row.values() if math.isfinite(value)]
+    largest = max(known, default=0.0) or 1.0
     return {
-        "id": one.id, "status": one.status, "block": one.block, "value": value_text(one), "gain": gain,
-        "visible": visible_text(one), "same": ", ".join(one.equivalent_to),
+        "name": f"{name}, {unit}",
+        "rows": [
+            {
+                "horizon": f"{h:g} s",
+                "bars": [
+                    {"name": who, "share": 100.0 * value / largest if math.isfinite(value) else 0.0,
+                     "text": number(value, digits)}
+                    for who, value in row.items()
+                ],
+            }
+            for h, row in rows.items()
+        ],
     }  # fmt: skip
 
 
-def _calibration(diagnosis: Diagnosis) -> list[str]:
-    return [
-        f"{name}: {', '.join(f'{key} {value:.3g}' for key, value in values.items())}"
-        for name, values in diagnosis.calibration.items()
-    ]
+def _effect(one: Finding) -> dict[str, Any]:
+    gain = gain_text(one)
+    if one.gain_interval:
+        low, high = (number(value, 0) for value in one.gain_interval)
+        gain += f" ({low} to {high})"
+    unseen = one.status == NOT_VISIBLE and not is_calibration(one)
+    return {
+        "id": one.id, "kind": "fitted" if is_calibration(one) else one.status, "status": status_words(one),
+        "block": one.block, "value": value_text(one), "gain": gain, "visible": visible_text(one),
+        "same": ", ".join(one.equivalent_to), "regressor": effect(one.id).regressor,
+        "drive": effect(one.id).drive if unseen else None,
+    }  # fmt: skip
+
+
+def _shown_by(diagnosis: Diagnosis) -> str:
+    """Whose curve is drawn, and what it goes with."""
+    alike = [one.id for one in diagnosis.findings if one.status == EQUIVALENT and one.interval]
+    names = list(diagnosis.named[:1]) or (alike if len(alike) == 1 else [])
+    if names:
+        return f"{names[0]} shows with: {effect(names[0]).regressor}."
+    return "" if alike or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
 
 
 def _curve(curve: Curve) -> dict[str, Any]:
@@ -114,10 +162,11 @@ def _curve(curve: Curve) -> dict[str, Any]:
     pad = 0.06 * max(high - low, 1e-6)
     low, high = low - pad, high + pad
     left, right = float(curve.at.min()), float(curve.at.max())
-    span = max(right - left, 1e-9)
+    if right - left < 1e-6 * max(abs(left), abs(right), 1.0):
+        left, right = left - 1.0, right + 1.0
 
     def x(value: float) -> float:
-        return LEFT + (value - left) / span * (WIDTH - LEFT - 20.0)
+        return LEFT + (value - left) / (right - left) * (WIDTH - LEFT - 20.0)
 
     def y(value: float) -> float:
         return TOP + (high - value) / (high - low) * (HEIGHT - TOP - BOTTOM)
@@ -135,14 +184,16 @@ def _curve(curve: Curve) -> dict[str, Any]:
         "width": WIDTH, "height": HEIGHT, "zero": y(0.0), "left": LEFT, "right": WIDTH - 20.0,
         "bottom": HEIGHT - BOTTOM,
         "series": series, "regressor": curve.regressor, "quantity": curve.quantity,
-        "xticks": [(x(t), f"{t:.3g}") for t in _ticks(left, right)],
-        "yticks": [(y(t), f"{t:.3g}") for t in _ticks(low, high)],
+        "xticks": [(x(value), text) for value, text in ticks(left, right)],
+        "yticks": [(y(value), text) for value, text in ticks(low, high)],
     }  # fmt: skip
 
 
-def _ticks(low: float, high: float) -> list[float]:
-    """About five round values."""
-    span = max(high - low, 1e-9)
-    step = 10.0 ** np.floor(np.log10(span / 4.0))
+def ticks(low: float, high: float) -> list[tuple[float, str]]:
+    """About five round values of a range (`low` below `high`) with texts that tell them apart."""
+    span = high - low
+    step = 10.0 ** math.floor(math.log10(span / 4.0))
     step *= min((1.0, 2.0, 5.0, 10.0), key=lambda m: abs(span / (m * step) - 5.0))
-    return [float(round(t, 10)) for t in np.arange(np.ceil(low / step) * step, high + 1e-9, step)]
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [(n * step, number(n * step, decimals)) for n in range(first, last + 1)]

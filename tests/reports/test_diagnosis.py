@@ -1,0 +1,373 @@
+"""A diagnosis in words, as table, page and JSON: every case is said as it is."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from reports.diagnosis_export import diagnosis_json
+from reports.diagnosis_page import diagnosis_page, ticks
+from reports.diagnosis_table import diagnosis_table
+from vehicle.effects import CATALOGUE, effect
+from vehicle.measured.demo import Hidden
+from vehicle.measured.horizons import Error
+from vehicle.measured.verdict import (
+    EQUIVALENT,
+    NAMED,
+    NOT_VISIBLE,
+    REFUTED,
+    Curve,
+    Diagnosis,
+    Finding,
+    Grounds,
+    NextDrive,
+    PlanGain,
+)
+from vehicle.tractor import EffectSetting, Rest, load_tractor
+
+REST = Rest(
+    amounts={"angle_by_speed": 0.4, "grip_to_east": 0.05, "grip_to_north": -0.02}, speed_mps=(0.2, 2.1),
+    angle_deg=(-20.0, 25.5), interval={"angle_by_speed": (0.3, 0.5)},
+)  # fmt: skip
+PLAN = PlanGain("iwamizawa", 4938.0, 4962.0, 2.31, 20.14)
+
+
+def finding(name: str, status: str = REFUTED, **more: Any) -> Finding:
+    entry = effect(name)
+    values: dict[str, Any] = {
+        "value": None, "interval": None, "gain_pct": None, "gain_interval": None, "smallest_visible": 0.125,
+        "unit": entry.size.unit, "block": entry.block, "words": "",
+    }  # fmt: skip
+    return Finding(entry.id, status, **(values | more))
+
+
+def in_model(name: str, status: str, value: float, **more: Any) -> Finding:
+    entry, key = effect(name), effect(name).size.name
+    values: dict[str, Any] = {
+        "value": {key: value}, "interval": {key: (0.9 * value, 1.1 * value)}, "gain_pct": 40.4,
+        "gain_interval": (30.2, 50.7), "words": entry.words({key: value}),
+    }  # fmt: skip
+    return finding(name, status, **(values | more))
+
+
+def diagnosis(*told: Finding, **more: Any) -> Diagnosis:
+    """A diagnosis in which what is not told is refuted."""
+    by_id = {one.id: one for one in told}
+    errors = {h: Error(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+    half = {h: Error(0.5 * h, h, 0.05 * h) for h in (1.0, 5.0)}
+    at = np.array([-1.0, 0.0, 2.0])
+    values: dict[str, Any] = {
+        "names": ("a", "b"), "rows_used": 2000, "rows_gated": 3, "minutes": 1.7, "ground": "soil", "before": errors,
+        "after": half, "floor": half, "guilty_block": None, "block_error": {"speed": (1.5, 1.0)},
+        "findings": tuple(by_id.get(entry.id) or finding(entry.id) for entry in CATALOGUE),
+        "named": tuple(one.id for one in told if one.status == NAMED), "unexplained_share": 0.0, "depends_on": (),
+        "next_drive": None, "tractor": load_tractor("eg105"), "calibration": {},
+        "curve": Curve("wheel angle, deg", "turning rate left over, deg/s", at, at, 0 * at, 0 * at, 0 * at),
+    }  # fmt: skip
+    return Diagnosis(**(values | more))
+
+
+def extended(rest: Rest | None = None, **settings: EffectSetting) -> Any:
+    return load_tractor("eg105").model_copy(update={"effects": settings, "rest": rest})
+
+
+def setting(**more: Any) -> EffectSetting:
+    return EffectSetting(value={"angle_deg": 1.0}, **more)
+
+
+def printed(what: Diagnosis, width: int = 80) -> str:
+    console = Console(width=width, file=io.StringIO(), force_terminal=False)
+    console.print(diagnosis_table(what))
+    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+
+
+def flat(text: str) -> str:
+    return " ".join(text.split())
+
+
+def page_text(what: Diagnosis, hidden: str | None = None) -> str:
+    """The words of the page in the order a reader meets them."""
+    body = diagnosis_page(what, hidden).split("</style>")[1]
+    return flat(unescape(re.sub(r"<[^>]+>", " ", body)))
+
+
+def both(what: Diagnosis) -> list[str]:
+    return [flat(printed(what, 100)), page_text(what)]
+
+
+class TestGrounds:
+    LEVELS = (
+        Grounds("side_slip", {"limit_g": 0.77}, effect("side_slip").words({"limit_g": 0.77}), ("a", "b", "c")),
+        Grounds("side_slip", {"limit_g": 0.35}, effect("side_slip").words({"limit_g": 0.35}), ("d",)),
+    )
+
+    def test_each_level_with_its_runs_before_the_figures(self) -> None:
+        said = (
+            "These runs were made on two grounds (side_slip). On a, b and c: The tyres slide sideways above 0.77 g of "
+            "lateral acceleration. On d: The tyres slide sideways above 0.35 g of lateral acceleration. The tractor "
+            "file gets the first."
+        )
+        for text in both(diagnosis(grounds=self.LEVELS)):
+            assert said in text
+            assert text.index(said) < text.index("5 s")
+
+    def test_one_ground_is_not_worth_a_word(self) -> None:
+        assert all("grounds" not in text for text in both(diagnosis()))
+
+    def test_json(self) -> None:
+        assert json.loads(diagnosis_json(diagnosis(grounds=self.LEVELS)))["grounds"] == [
+            {"id": "side_slip", "value": {"limit_g": 0.77}, "runs": ["a", "b", "c"]},
+            {"id": "side_slip", "value": {"limit_g": 0.35}, "runs": ["d"]},
+        ]
+
+
+class TestCalibrations:
+    def test_are_told_from_what_is_not_visible_and_stand_before_what_is_refuted(self) -> None:
+        what = diagnosis(in_model("grip_drift", NOT_VISIBLE, 0.05), finding("understeer", NOT_VISIBLE))
+        lines = [line for line in printed(what).splitlines() if re.match("│ [a-z_]{6,} ", line)]
+        assert "fitted, no name" in lines[0] and "grip_drift" in lines[0] and "0.05 (0.045" in lines[0]
+        assert "not-visible" in lines[-1] and "understeer" in lines[-1]
+        assert "refuted" not in lines[0]
+        rows = re.findall(r'<tr class="(.*?)"><td class="id">(.*?)</td>', diagnosis_page(what))
+        assert rows[0] == ("fitted", "grip_drift") and rows[-1] == ("not-visible", "understeer")
+        assert all("Fitted, no name: it lowers the error" in text for text in both(what))
+
+    def test_are_marked_in_json(self) -> None:
+        told = (in_model("grip_drift", NOT_VISIBLE, 0.05), in_model("steering_offset", NAMED, 1.0))
+        found = json.loads(diagnosis_json(diagnosis(*told)))["effects"]
+        assert {one["id"]: one["calibrated"] for one in found if one["value"]} == {
+            "grip_drift": True, "steering_offset": False,
+        }  # fmt: skip
+        assert {one["status"] for one in found} == {NAMED, REFUTED, NOT_VISIBLE}
+
+
+class TestRest:
+    def test_says_what_it_is_where_it_is_trusted_and_how_to_switch_it_off(self) -> None:
+        for text in both(diagnosis(tractor=extended(REST))):
+            assert "an extra wheel angle that depends on speed: 0.4 (0.3 to 0.5) deg per m/s" in text
+            assert (
+                "a change of grip that depends on the direction of travel: 0.05 towards east and -0.02 towards north"
+                in text
+            )
+            assert "only where these logs were: at 0.2 to 2.1 m/s and wheel angles of -20.0 to 25.5 degrees" in text
+            assert 'The line "on = false" under [rest] in the tractor file switches it off.' in text
+            assert "The tractor file gets: a rest." in text
+
+    def test_a_push_is_not_said_to_fade(self) -> None:
+        amounts = {"push_to_east": 0.1, "push_to_north": 0.0}
+        only = REST.model_copy(update={"amounts": amounts, "interval": {}})
+        for text in both(diagnosis(tractor=extended(only))):
+            assert "fades" not in text and "a push acts at every speed" in text
+        mixed = REST.model_copy(update={"amounts": {**amounts, "angle_by_speed": 0.4}})
+        for text in both(diagnosis(tractor=extended(mixed))):
+            assert "fades to nothing" in text and "A push acts at every speed." in text
+
+
+class TestPlan:
+    def test_nothing_added(self) -> None:
+        for text in both(diagnosis()):
+            assert "Nothing was added to the tractor, so plans stay as they are." in text
+
+    def test_added_and_driven(self) -> None:
+        what = diagnosis(
+            in_model("steering_offset", NAMED, 1.0), plan=PLAN, tractor=extended(steering_offset=setting())
+        )
+        for text in both(what):
+            assert "The tractor file gets: steering_offset." in text
+            assert "Simulated by that file: 82.3 min, 2.3 cm off the tracks" in text
+            assert "As these logs say the tractor drives: 82.7 min, 20.1 cm off the tracks" in text
+            assert "Nothing was added" not in text
+
+    @pytest.mark.parametrize(("before", "after"), [(4938.0, None), (None, 4962.0), (None, None)])
+    def test_a_plan_that_is_not_finished_is_said_to_be_so(self, before: float | None, after: float | None) -> None:
+        plan = replace(PLAN, time_before_s=before, time_after_s=after)
+        tractor = extended(steering_offset=setting())
+        for text in both(diagnosis(in_model("steering_offset", NAMED, 1.0), plan=plan, tractor=tractor)):
+            assert ("Simulated by that file: it is not finished" in text) == (before is None)
+            assert ("the tractor drives: it is not finished" in text) == (after is None)
+            assert "Nothing was added" not in text
+
+    def test_added_but_not_driven(self) -> None:
+        what = diagnosis(
+            in_model("steering_offset", NAMED, 1.0), tractor=extended(steering_offset=setting()),
+            notes=("No plan was driven to compare: too small.",),
+        )  # fmt: skip
+        for text in both(what):
+            assert "The tractor file gets: steering_offset." in text and "No plan was driven to compare" in text
+            assert "Nothing was added" not in text and "min," not in text
+
+    def test_taken_away(self) -> None:
+        for text in both(diagnosis(plan=PLAN)):
+            assert "The tractor file loses the effects it had." in text and "82.7 min" in text
+
+    def test_how_sure_each_saved_effect_is(self) -> None:
+        told = (
+            in_model("steering_gain", NAMED, 1.1), in_model("steering_offset", EQUIVALENT, 1.0),
+            in_model("grip_drift", NOT_VISIBLE, 0.05), finding("side_slip", NOT_VISIBLE),
+        )  # fmt: skip
+        tractor = extended(
+            side_slip=EffectSetting(value={"limit_g": 0.5}), steering_gain=EffectSetting(value={"ratio": 1.1}),
+            steering_offset=setting(named=False, equivalent_to=("cross_slope_drift", "heading_bias")),
+            grip_drift=EffectSetting(value={"per_minute": 0.05}, named=False),
+        )  # fmt: skip
+        for text in both(diagnosis(*told, tractor=tractor)):
+            assert (
+                "The tractor file gets: side_slip (kept as it was), steering_gain, steering_offset (or "
+                "cross_slope_drift or heading_bias) and grip_drift (fitted, no name)."
+            ) in text
+
+
+class TestWords:
+    def test_one_of_a_kind(self) -> None:
+        for text in both(diagnosis(names=("a",), rows_used=1, rows_gated=1)):
+            assert "1 run, 1.7 minutes, 1 row used, 1 left out" in text
+            assert "1 runs" not in text and "1 rows" not in text
+            assert "windows of 20 s" in text
+
+    @pytest.mark.parametrize(
+        ("share", "depends", "said"),
+        [
+            (0.0, (), "Nothing is left that depends on anything these logs hold."),
+            (0.0, ("a push",), "Less than 1 % of WRONG has no name. The logs show there: a push."),
+            (0.42, ("a push", "a pull"), "42 % of WRONG has no name. The logs show there: a push; a pull."),
+            (0.3, (), "30 % of WRONG has no name, and it depends on nothing that was looked for."),
+        ],
+    )
+    def test_what_stays_unexplained(self, share: float, depends: tuple[str, ...], said: str) -> None:
+        for text in both(diagnosis(unexplained_share=share, depends_on=depends)):
+            assert said.replace("WRONG", "what is wrong beyond the noise") in text
+            assert not re.search(r"\b0 % of", text)
+
+    def test_errors_are_said_to_be_those_of_pieces(self) -> None:
+        for text in both(diagnosis()):
+            assert "root mean square" in text and "best turn and shift" in text and "after 5 s" not in text
+
+    def test_the_smallest_visible_is_a_deviation_and_of_a_limit_a_limit(self) -> None:
+        for text in both(diagnosis()):
+            assert "the smallest deviation from the tractor file" in text
+            assert "limit 0.12 g" in text and text.count("limit 0.1") == 1
+
+    def test_no_drive_without_need_and_rivals_with_their_drive(self) -> None:
+        alike = in_model("steering_offset", EQUIVALENT, 1.0, exchange="1 deg looks like 0.017 of cross_slope_drift",
+                         equivalent_to=("cross_slope_drift",))  # fmt: skip
+        pair = ("steering_offset", "cross_slope_drift")
+        drive = NextDrive("there-and-back", "Drive there and back.", 40.0, pair, 80.0)
+        for text in both(diagnosis(alike, next_drive=drive)):
+            assert "1 deg looks like 0.017 of cross_slope_drift." in text and "Drive there and back." in text
+        for text in both(diagnosis(alike)):
+            assert "1 deg looks like" in text and "Drive there and back." not in text
+        assert "cannot tell apart" not in page_text(diagnosis())
+
+    def test_stand_ins_have_no_gain(self) -> None:
+        other = finding("heading_bias", EQUIVALENT, value={"angle_deg": 1.5}, equivalent_to=("steering_offset",))
+        what = diagnosis(in_model("steering_offset", EQUIVALENT, 1.0), other)
+        row = next(line for line in printed(what).splitlines() if "heading_bias" in line)
+        cells = [cell.strip() for cell in row.split("│")[1:-1]]
+        assert cells == ["heading_bias", "equivalent", "1.5 deg", "", "0.12 deg"]
+
+
+class TestTable:
+    @pytest.mark.parametrize("width", [80, 100])
+    def test_no_id_and_no_status_is_cut(self, width: int) -> None:
+        told = (in_model("steering_asymmetry", NAMED, 1.1), in_model("implement_side_draft", NOT_VISIBLE, 0.0123))
+        text = printed(diagnosis(*told), width)
+        assert max(map(len, text.splitlines())) <= width and "…" not in text
+        for entry in CATALOGUE:
+            assert re.search(rf"│ {entry.id} +│", text)
+        assert "│ fitted, no name │" in text
+
+
+class TestPage:
+    def test_what_is_not_visible_comes_with_the_drive_that_would_show_it(self) -> None:
+        for entry in CATALOGUE:
+            text = page_text(diagnosis(finding(entry.id, NOT_VISIBLE)))
+            assert f"Drive to see it: {entry.drive}" in text
+            assert text.count("Drive to see it") == 1 and entry.regressor in text
+
+    def test_a_calibration_needs_no_drive(self) -> None:
+        assert "Drive to see it" not in page_text(diagnosis(in_model("grip_drift", NOT_VISIBLE, 0.05)))
+
+    def test_the_curve_says_what_the_effect_goes_with(self) -> None:
+        what = diagnosis(in_model("steering_gain", NAMED, 1.1))
+        assert "steering_gain shows with: wheel angle." in page_text(what)
+        assert "No known cause: a push." in page_text(diagnosis(depends_on=("a push",)))
+
+    def test_bars_for_all_kinds_and_none_for_a_heading_that_was_not_logged(self) -> None:
+        assert re.findall("<h3>(.*?)</h3>", diagnosis_page(diagnosis())) == ["Across, cm", "Along, cm", "Heading, deg"]
+        blind = {h: Error(1.0, 1.0, math.nan) for h in (1.0, 5.0)}
+        page = diagnosis_page(diagnosis(before=blind, after=blind, floor=blind))
+        assert re.findall("<h3>(.*?)</h3>", page) == ["Across, cm", "Along, cm"]
+        assert "nan" not in page and "nan" not in printed(diagnosis(before=blind, after=blind, floor=blind))
+        widths = [float(width) for width in re.findall(r'"bar \w+" style="width: (.*?)%', page)]
+        assert len(widths) == 12 and max(widths) == 100.0
+
+    def test_a_curve_with_one_point_has_ticks_that_differ(self) -> None:
+        one = np.array([9.0])
+        curve = Curve("wheel angle, deg", "turning rate left over, deg/s", one, one, 0 * one, 0 * one, 0 * one)
+        page = diagnosis_page(diagnosis(curve=curve))
+        labels = re.findall(r'text-anchor="middle">(.*?)<', page)
+        assert len(set(labels)) == len(labels) >= 3 and "9.0" in labels
+
+    def test_names_are_escaped_and_nothing_is_asked_of_the_outside(self) -> None:
+        page = diagnosis_page(diagnosis(notes=("<b>x",), depends_on=("<b>y",)), "<b>z")
+        assert "<b>" not in page and page.count("&lt;b&gt;") >= 3
+        assert not re.search(r"""(?:src|href)=["'](?!data:|#)|https?:|url\(|@import""", page)
+
+    @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4))
+    def test_ticks_lie_inside_at_even_steps_and_read_apart(self, low: float, span: float) -> None:
+        found = ticks(low, low + span)
+        values, texts = zip(*found, strict=True)
+        assert 3 <= len(found) <= 11 and len(set(texts)) == len(texts) and "-0" not in texts
+        assert all(low - 1e-6 * span <= value <= low + span * (1 + 1e-6) for value in values)
+        assert np.allclose(np.diff(values), values[1] - values[0])
+        assert all(float(text) == pytest.approx(value, abs=1e-6 * span) for value, text in found)
+
+
+class TestJson:
+    KEYS = (
+        "runs", "rows_used", "rows_gated", "verdict", "grounds", "error_before", "error_after", "noise_floor",
+        "guilty_block", "effects", "named", "unexplained_share", "unexplained_depends_on", "next_drive", "calibration",
+        "plan", "notes", "tractor", "hidden",
+    )  # fmt: skip
+    EFFECT_KEYS = (
+        "id", "status", "calibrated", "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit",
+        "block", "equivalent_to", "exchange",
+    )  # fmt: skip
+
+    def test_keys(self) -> None:
+        found = json.loads(diagnosis_json(diagnosis()))
+        assert tuple(found) == self.KEYS
+        assert all(tuple(one) == self.EFFECT_KEYS for one in found["effects"])
+        assert list(found["error_before"]["5"]) == ["cross_cm", "along_cm", "heading_deg"]
+
+    def test_the_readme_names_every_key(self) -> None:
+        readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+        section = readme.split("## Find out what the simulation gets wrong")[1].split("## How it is built")[0]
+        for key in (*self.KEYS, *self.EFFECT_KEYS):
+            assert f"`{key}`" in section
+
+    def test_what_was_hidden(self) -> None:
+        hidden = Hidden("steering_offset", {"angle_deg": 1.5})
+        assert json.loads(diagnosis_json(diagnosis(), hidden))["hidden"] == {
+            "id": "steering_offset", "value": {"angle_deg": 1.5},
+            "words": "The wheels stand 1.5 degrees to the right when the sensor says straight ahead.",
+        }  # fmt: skip
+        assert json.loads(diagnosis_json(diagnosis()))["hidden"] is None
+
+    def test_what_json_cannot_hold_is_null(self) -> None:
+        told = in_model("side_slip", EQUIVALENT, 0.5, interval={"limit_g": (0.4, math.inf)})
+        found = json.loads(diagnosis_json(diagnosis(told)))
+        assert next(one for one in found["effects"] if one["id"] == "side_slip")["interval"] == {"limit_g": [0.4, None]}
+        assert "0.5 (0.4 to no limit) g" in page_text(diagnosis(told))
