@@ -99,7 +99,7 @@ def _print(found: Diagnosis, hidden: Hidden | None, json: bool) -> None:
     if json:
         from reports.diagnosis_export import diagnosis_json
 
-        typer.echo(diagnosis_json(found), nl=False)
+        typer.echo(diagnosis_json(found, hidden), nl=False)
         return
     from planner.commands.show import out
     from reports.diagnosis_table import diagnosis_table
