@@ -49,7 +49,7 @@ def _content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
     rest = diagnosis.tractor.rest
     return {
         "headline": diagnosis.headline,
-        "grounds": ground_words(diagnosis.grounds),
+        "grounds": ground_words(diagnosis),
         "tractor": diagnosis.tractor.name,
         "ground": diagnosis.ground,
         "size": size_words(diagnosis),

@@ -37,7 +37,7 @@ def diagnosis_table(diagnosis: Diagnosis) -> Group:
     from rich.text import Text
 
     parts: list[object] = [Text(diagnosis.headline, style="bold")]
-    parts += [Text(line) for line in ground_words(diagnosis.grounds)]
+    parts += [Text(line) for line in ground_words(diagnosis)]
     parts.append(Text(f"{size_words(diagnosis)}."))
     if diagnosis.guilty_block:
         parts.append(Text(f"Guilty block: {diagnosis.guilty_block}."))

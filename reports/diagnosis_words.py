@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from reports.wording import listed, number
 from vehicle.effects import LIMIT, effect
-from vehicle.measured.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, Grounds, PlanGain
+from vehicle.measured.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, PlanGain
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Rest
 
 FITTED = "fitted, no name"
+PLACES = ("first", "second")
 ORDER = (NAMED, EQUIVALENT, FITTED, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
     "Smallest visible: the smallest deviation from the tractor file that these logs would have shown, as a change of "
@@ -81,18 +82,22 @@ def held_out_words(diagnosis: Diagnosis) -> str:
     return "windows of 20 s" if len(diagnosis.names) == 1 else "runs"
 
 
-def ground_words(grounds: Sequence[Grounds]) -> list[str]:
-    """A sentence or more per effect that runs had at two levels."""
+def ground_words(diagnosis: Diagnosis) -> list[str]:
+    """Sentences per effect that runs had at two levels: the runs that show each, and which the tractor file gets."""
     found = []
-    for name in dict.fromkeys(one.id for one in grounds):
-        levels = [one for one in grounds if one.id == name]
-        said = " ".join(f"On {listed(one.runs)}: {one.words}" for one in levels)
-        found.append(f"These runs were made on {_two(len(levels))} ({name}). {said} The tractor file gets the first.")
+    for name in dict.fromkeys(one.id for one in diagnosis.grounds):
+        levels = [one for one in diagnosis.grounds if one.id == name]
+        told = {run for one in levels for run in one.runs}
+        parts = [f"These runs were made on two grounds ({name})."]
+        elsewhere = "Elsewhere" if told else "On some runs"
+        parts += [f"{f'On {listed(one.runs)}' if one.runs else elsewhere}: {one.words}" for one in levels]
+        if told and told < set(diagnosis.names):
+            parts.append("The other runs do not clearly show which.")
+        setting = diagnosis.tractor.effects.get(name)
+        kept = [place for place, one in zip(PLACES, levels, strict=False) if setting and one.value == setting.value]
+        parts += [f"The tractor file gets the {kept[0]}."] if kept else []
+        found.append(" ".join(parts))
     return found
-
-
-def _two(count: int) -> str:
-    return "two grounds" if count == 2 else counted(count, "ground")
 
 
 def rest_terms(rest: Rest) -> list[str]:
@@ -170,7 +175,10 @@ def plan_words(diagnosis: Diagnosis) -> list[str]:
     if not saved and diagnosis.plan is None:
         return ["Nothing was added to the tractor, so plans stay as they are."]
     first = [saved or "The tractor file loses the effects it had."]
-    return first if diagnosis.plan is None else [*first, *_driven_words(diagnosis.plan)]
+    if diagnosis.plan is None:
+        return first
+    unsure = [name for name, one in diagnosis.tractor.effects.items() if one.equivalent_to]
+    return [*first, *_driven_words(diagnosis.plan), *([f"That holds if it is {listed(unsure)}."] if unsure else [])]
 
 
 def _driven_words(plan: PlanGain) -> list[str]:

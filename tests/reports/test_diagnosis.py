@@ -116,12 +116,21 @@ class TestGrounds:
     def test_each_level_with_its_runs_before_the_figures(self) -> None:
         said = (
             "These runs were made on two grounds (side_slip). On a, b and c: The tyres slide sideways above 0.77 g of "
-            "lateral acceleration. On d: The tyres slide sideways above 0.35 g of lateral acceleration. The tractor "
-            "file gets the first."
+            "lateral acceleration. On d: The tyres slide sideways above 0.35 g of lateral acceleration."
         )
-        for text in both(diagnosis(grounds=self.LEVELS)):
-            assert said in text
+        kept = extended(side_slip=EffectSetting(value={"limit_g": 0.77}))
+        for text in both(diagnosis(grounds=self.LEVELS, names=("a", "b", "c", "d"), tractor=kept)):
+            assert f"{said} The tractor file gets the first." in text
             assert text.index(said) < text.index("5 s")
+
+    def test_only_what_is_known_of_runs_and_file(self) -> None:
+        levels = (self.LEVELS[0], replace(self.LEVELS[1], runs=()))
+        kept = extended(side_slip=EffectSetting(value={"limit_g": 0.35}))
+        for text in both(diagnosis(grounds=levels, names=("a", "b", "c", "d"), tractor=kept)):
+            assert "Elsewhere: The tyres slide sideways above 0.35 g" in text
+            assert "The other runs do not clearly show which. The tractor file gets the second." in text
+        for text in both(diagnosis(grounds=self.LEVELS, names=("a", "b", "c", "d"))):
+            assert "do not clearly show" not in text and "The tractor file gets the" not in text
 
     def test_one_ground_is_not_worth_a_word(self) -> None:
         assert all("grounds" not in text for text in both(diagnosis()))
@@ -211,6 +220,14 @@ class TestPlan:
     def test_taken_away(self) -> None:
         for text in both(diagnosis(plan=PLAN)):
             assert "The tractor file loses the effects it had." in text and "82.7 min" in text
+
+    def test_a_plan_driven_with_one_of_several_causes_says_so(self) -> None:
+        alike = in_model("steering_offset", EQUIVALENT, 1.0, equivalent_to=("heading_bias",))
+        tractor = extended(steering_offset=setting(named=False, equivalent_to=("heading_bias",)))
+        for text in both(diagnosis(alike, plan=PLAN, tractor=tractor)):
+            assert "That holds if it is steering_offset." in text
+        for text in both(diagnosis(in_model("steering_offset", NAMED, 1.0), plan=PLAN, tractor=extended(a=setting()))):
+            assert "That holds" not in text
 
     def test_how_sure_each_saved_effect_is(self) -> None:
         told = (
