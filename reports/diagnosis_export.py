@@ -40,7 +40,7 @@ def diagnosis_dict(diagnosis: Diagnosis, hidden: Hidden | None = None) -> dict[s
         "unexplained_depends_on": list(diagnosis.depends_on),
         "next_drive": None if drive is None else {
             "id": drive.id, "words": drive.words, "seconds": drive.seconds, "separates": list(drive.separates),
-            "score": drive.score,
+            "score": drive.score, "decides": drive.decides,
         },
         "calibration": diagnosis.calibration,
         "plan": None if plan is None else plan.__dict__,

@@ -58,7 +58,8 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
     drive = diagnosis.next_drive
     if drive:
         length = counted(round(drive.seconds), "second")
-        found.append(f"To tell {' and '.join(drive.separates)} apart: {drive.words} That takes {length}.")
+        doubt = "" if drive.decides else " It tells most of the drives that are known, but perhaps not enough."
+        found.append(f"To tell {' and '.join(drive.separates)} apart: {drive.words} That takes {length}.{doubt}")
     return [*found, unexplained_words(diagnosis), *plan_words(diagnosis), *diagnosis.notes]
 
 

@@ -117,16 +117,11 @@ def rest_terms(rest: Rest) -> list[str]:
 def rest_words(rest: Rest) -> str:
     """Where a rest is trusted, and how it is switched off."""
     (slow, fast), (left, right) = rest.speed_mps, rest.angle_deg
-    pushes = [name.startswith("push_") for name in rest.amounts]
     where = (
         f"where these logs were: at {slow:.2g} to {fast:.2g} m/s and wheel angles of {left:.1f} to {right:.1f} degrees "
         "(positive right)"
     )
     trusted = f"so it is trusted only {where}, and fades to nothing within a tenth of these ranges beyond them."
-    if all(pushes):
-        trusted = f"and was seen only {where}; a push acts at every speed."
-    elif any(pushes):
-        trusted += " A push acts at every speed."
     return (
         f"It is told from data and names no cause, {trusted} The line \"on = false\" under [rest] in the tractor file "
         f"switches it off.{'' if rest.on else ' It is off.'}"

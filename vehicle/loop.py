@@ -51,7 +51,7 @@ def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None
     turn_wheels(state, model, dt)
     along = slide = 0.0
     if model.affected != 0.0:
-        along, slide = ground_drift(forward, cosine, sine, model)
+        along, slide = ground_drift(state.play, forward, cosine, sine, model)
     drive = propel(state, model, grounds[ground], forward - along, dt)
     if model.affected == 0.0:
         tangent = math.tan(corrected_angle(state.steering, table, model.lock))

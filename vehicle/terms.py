@@ -118,7 +118,9 @@ def affected_tangent(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def ground_drift(forward: float, cosine: float, sine: float, model) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+def ground_drift(  # type: ignore[no-untyped-def]
+    play: float, forward: float, cosine: float, sine: float, model
+) -> tuple[float, float]:
     """Speed (m/s, ahead and to the right) at which the ground itself carries the tractor.
 
     Down a cross slope only sideways; as the rest pushes a tractor that moves, either way.
@@ -126,7 +128,7 @@ def ground_drift(forward: float, cosine: float, sine: float, model) -> tuple[flo
     pace = abs(forward)
     ahead, right = 0.0, pace * (model.slope_east * sine - model.slope_north * cosine)
     if model.rest != 0.0:
-        share = math.tanh(pace / CRAWL_MPS)
+        share = math.tanh(pace / CRAWL_MPS) * rest_trust(play, forward, model)
         ahead = share * (model.rest_push_to_east * cosine + model.rest_push_to_north * sine)
         right += share * (model.rest_push_to_east * sine - model.rest_push_to_north * cosine)
     return ahead, right

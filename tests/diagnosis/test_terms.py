@@ -124,9 +124,9 @@ def test_delay_reads_between_steps() -> None:
 
 def test_a_slope_pushes_downhill_whichever_way_one_drives() -> None:
     record = model(with_effect("cross_slope_drift", ratio=0.05, bearing_deg=90.0))
-    assert terms.ground_drift(2.0, math.cos(math.pi / 2), 1.0, record) == pytest.approx((0.0, 0.1))  # east is right
-    assert terms.ground_drift(2.0, math.cos(-math.pi / 2), -1.0, record) == pytest.approx((0.0, -0.1))
-    assert terms.ground_drift(2.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
+    assert terms.ground_drift(0.0, 2.0, math.cos(math.pi / 2), 1.0, record) == pytest.approx((0.0, 0.1))
+    assert terms.ground_drift(0.0, 2.0, math.cos(-math.pi / 2), -1.0, record) == pytest.approx((0.0, -0.1))
+    assert terms.ground_drift(0.0, 2.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
 
 
 def test_wheel_slip_slows_the_plan_in_proportion() -> None:
@@ -188,9 +188,10 @@ def test_the_rest_can_be_switched_off() -> None:
 
 def test_a_push_carries_a_tractor_that_drives_and_no_other() -> None:
     record = model(with_rest(Rest(amounts={"push_to_east": 0.1}, speed_mps=(0.0, 3.0), angle_deg=(-5.0, 5.0))))
-    assert terms.ground_drift(1.4, 1.0, 0.0, record) == pytest.approx((0.1, 0.0))
-    assert terms.ground_drift(1.4, 0.0, 1.0, record) == pytest.approx((0.0, 0.1))
-    assert terms.ground_drift(0.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
+    assert terms.ground_drift(0.0, 1.4, 1.0, 0.0, record) == pytest.approx((0.1, 0.0))
+    assert terms.ground_drift(0.0, 1.4, 0.0, 1.0, record) == pytest.approx((0.0, 0.1))
+    assert terms.ground_drift(0.0, 0.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
+    assert terms.ground_drift(math.radians(30.0), 1.4, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
 
 
 @pytest.mark.parametrize(

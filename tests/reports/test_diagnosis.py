@@ -174,15 +174,6 @@ class TestRest:
             assert 'The line "on = false" under [rest] in the tractor file switches it off.' in text
             assert "The tractor file gets: a rest." in text
 
-    def test_a_push_is_not_said_to_fade(self) -> None:
-        amounts = {"push_to_east": 0.1, "push_to_north": 0.0}
-        only = REST.model_copy(update={"amounts": amounts, "interval": {}})
-        for text in both(diagnosis(tractor=extended(only))):
-            assert "fades" not in text and "a push acts at every speed" in text
-        mixed = REST.model_copy(update={"amounts": {**amounts, "angle_by_speed": 0.4}})
-        for text in both(diagnosis(tractor=extended(mixed))):
-            assert "fades to nothing" in text and "A push acts at every speed." in text
-
 
 class TestPlan:
     def test_nothing_added(self) -> None:

@@ -193,21 +193,28 @@ def prepare(course: Course, rig: Rig, settings: Settings, noise: Noise | None = 
 
 
 def first_noise(course: Course) -> Noise:
-    """White noise from the third differences of positions and headings; the soil as an ordinary field has it."""
+    """White noise of positions and headings; the soil as an ordinary field has it."""
     position, heading = [], []
     for one in course.stretches:
-        position += [_white(one.east), _white(one.north)]
+        position += [white_noise(one.time, one.east), white_noise(one.time, one.north)]
         if one.heading_seen:
-            heading.append(_white(one.heading))
+            heading.append(white_noise(one.time, one.heading))
     p = max(float(np.median(position)), 2e-4)
     h = max(float(np.median(heading)), 2e-4) if heading else 1e3
     return Noise(p, 1.5 * p, h, min(1.0 * h, 0.1), 0.0025, 0.01)
 
 
-def _white(values: Array) -> float:
-    """Standard deviation of white noise on a smooth signal, robustly, from third differences."""
-    change = np.diff(values, 3)
-    return float(1.4826 * np.median(np.abs(change - np.median(change))) / np.sqrt(20.0))
+def white_noise(time: Array, values: Array) -> float:
+    """Standard deviation of white noise on a smooth signal (k,), robustly: what four rows are off a parabola.
+
+    Third divided differences, which no parabola changes however uneven the times are.
+    """
+    t = np.lib.stride_tricks.sliding_window_view(time, 4)
+    apart = t[:, :, None] - t[:, None, :] + np.eye(4)
+    weights = 1.0 / apart.prod(axis=2)
+    left = (weights * np.lib.stride_tricks.sliding_window_view(values, 4)).sum(axis=1)
+    scaled = left / np.sqrt((weights * weights).sum(axis=1))
+    return float(1.4826 * np.median(np.abs(scaled - np.median(scaled))))
 
 
 def _filters(bench: Bench, settings: Settings) -> tuple[Filter, ...]:

@@ -25,7 +25,7 @@ from vehicle.measured.extension import (
     of_mended,
 )
 from vehicle.measured.findings import Case, Rivals, findings, look_alikes
-from vehicle.measured.fitting import Fit, empty_fit, linear_extra
+from vehicle.measured.fitting import Fit, empty_fit
 from vehicle.measured.horizons import errors_of, floor_squares, run_squares, total_error
 from vehicle.measured.mending import Mended, clear_levels, irreplaceable, mend
 from vehicle.measured.naming import Projector, Selection, is_nameable, retuned, select, without
@@ -41,7 +41,7 @@ from vehicle.tractor import Tractor
 ABOVE_UNNAMED = 2.0
 WORTH_A_NAME_PCT = 0.5
 WORTH_OF_WHEEL_PCT = 10.0
-ABOVE_FLOOR = 1.5
+ABOVE_FLOOR = 1.3
 WORTH_SAYING = 0.02
 Progress = Callable[[int, int], None]
 
@@ -143,7 +143,7 @@ def _answer(
     named = [one.id for one in sorted(told, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
     guilty = _guilty(named, told, selection)
     alike = {one.id: one for one in told if one.status == EQUIVALENT}
-    share = _unexplained(selection, found, total_error(before, case.floor))
+    share = _unexplained(found, total_error(before, case.floor))
     unseen = [one.id for one in told if one.status == NOT_VISIBLE and one.value is None]
     seconds = driven_seconds(bench)
     return Diagnosis(
@@ -156,7 +156,7 @@ def _answer(
         after=errors_of(after),
         floor=errors_of(case.floor),
         guilty_block=guilty,
-        block_error=_blocks(bench, fit),
+        block_error=_blocks(with_real_noise(bench, fit), fit),
         findings=tuple(told),
         named=tuple(named),
         unexplained_share=share,
@@ -208,31 +208,15 @@ def _unnamed_gain(fit: Fit) -> float:
     return float(removed @ removed)
 
 
-def _unexplained(selection: Selection, found: _Explained, before: Array) -> float:
-    """Share of the error above the noise floor that no named effect takes away; 0 while the rest is within noise.
-
-    Where nothing rises above the floor over 5 s, the share of the surprises that only unnamed terms take away.
-    """
+def _unexplained(found: _Explained, before: Array) -> float:
+    """Share of the error above the noise floor that no named effect takes away; 0 while what they leave is noise."""
     case = found.case
     floor = float(total_error(case.floor, case.floor).sum())
     named = float(case.error(case.extension.only(found.names)).sum())
-    above = float(before.sum()) - floor
-    if not selection.unnamed and named < ABOVE_FLOOR * floor:
+    if named < ABOVE_FLOOR * floor:
         return 0.0
-    if above > (ABOVE_FLOOR - 1.0) * floor:
-        share = (named - floor) / above
-        return float(min(share, 1.0)) if share > WORTH_SAYING else 0.0
-    return _unexplained_surprise(selection)
-
-
-def _unexplained_surprise(selection: Selection) -> float:
-    fit = selection.fit
-    gain = _unnamed_gain(fit)
-    if gain <= 0.0:
-        return 0.0
-    first = selection.bench.surprise({})
-    whole = float(first @ first) - fit.loss
-    return float(min(1.0, gain / max(whole, gain)))
+    share = (named - floor) / max(float(before.sum()) - floor, named - floor)
+    return float(share) if share > WORTH_SAYING else 0.0
 
 
 def _guilty(named: list[str], told: list[Finding], selection: Selection) -> str | None:
@@ -247,7 +231,8 @@ def _guilty(named: list[str], told: list[Finding], selection: Selection) -> str 
 
 def _blocks(bench: Bench, fit: Fit) -> dict[str, tuple[float, float]]:
     """Per channel cut at the sensors, the surprise before and after (1 is noise alone)."""
-    first, last = bench.surprise({}), linear_extra(bench.surprise(fit.settings), fit.extra)
+    bench = prepare(bench.course, bench.rig, fit.settings, bench.noise)
+    first, last = bench.surprise({}), bench.surprise(fit.settings)
     rows = bench.course.rows
     cuts = {"wheel to path and antenna": slice(0, 3 * rows), "command to wheel": slice(3 * rows, 4 * rows),
             "speed": slice(4 * rows, 5 * rows)}  # fmt: skip
@@ -267,7 +252,7 @@ def _grounds(found: _Explained) -> tuple[Grounds, ...]:
     for term, runs in clear_levels(found.mended):
         entry, value = effect(term.knobs.id), term.knobs.values(term.at)
         one = Grounds(entry.id, value, entry.words(value), tuple(names[run] for run in runs))
-        told.append((-float(seconds[list(runs)].sum()), one))
+        told.append((-float(seconds[sorted(term.runs or ())].sum()), one))
     return tuple(one for _, one in sorted(told, key=lambda pair: pair[0]))
 
 

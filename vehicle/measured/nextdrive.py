@@ -78,7 +78,7 @@ def next_drive(bench: Bench, fit: Fit, tractor: Tractor, rivals: Mapping[str, Va
             scored = [(program, _score(bench, program, tractor, both, (name, other))) for program in LIBRARY]
             good = [one for one in scored if one[1] > DECISIVE]
             program, score = min(good, key=lambda o: o[0].seconds) if good else max(scored, key=lambda o: o[1])
-            return NextDrive(program.id, program.words, program.seconds, (name, other), score)
+            return NextDrive(program.id, program.words, program.seconds, (name, other), score, score > DECISIVE)
     return None
 
 

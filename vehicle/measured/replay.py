@@ -60,7 +60,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
         tangent = affected_tangent(
             state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
-        along, slide = ground_drift(forward, there, across, model)
+        along, slide = ground_drift(state.play, forward, there, across, model)
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
         x += ((forward + along) * cosine + right * sine) * dt

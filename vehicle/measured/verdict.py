@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,13 +52,17 @@ class Grounds:
 
 @dataclass(frozen=True)
 class NextDrive:
-    """The cheapest drive that tells rival causes apart: what to drive, for how long, and how clearly it decides."""
+    """The cheapest drive that tells rival causes apart: what to drive, for how long, and how clearly it decides.
+
+    Without `decides` it is the most telling drive of those known, but may not be enough.
+    """
 
     id: str
     words: str
     seconds: float
     separates: tuple[str, str]
     score: float
+    decides: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +127,16 @@ class Diagnosis:
         if self.depends_on:
             return (
                 "No known cause explains these logs: what the simulation gets wrong is "
-                f"{' and '.join(self.depends_on)}."
+                f"{listed(self.depends_on)}."
             )
         return "Nothing found: the tractor drives as its file says, as far as these logs can show."
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Clauses as one: a; b; and c."""
+    if len(parts) < 3:
+        return " and ".join(parts)
+    return "; ".join(parts[:-1]) + "; and " + parts[-1]
 
 
 def finite(value: float) -> float | None:
