@@ -119,6 +119,11 @@ class Bench:
         return all(stretch.wheel is not None for stretch in self.course.stretches)
 
     @cached_property
+    def row_s(self) -> float:
+        """Median time from row to row (s)."""
+        return float(np.median(np.concatenate([np.diff(stretch.time) for stretch in self.course.stretches])))
+
+    @cached_property
     def runs(self) -> npt.NDArray[np.int64]:
         """Run of every entry of the vector."""
         rows = np.concatenate([np.full(one.rows, one.run) for one in self.course.stretches])

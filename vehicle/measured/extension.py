@@ -67,7 +67,7 @@ def of_fit(bench: Bench, fit: Fit, names: Collection[str]) -> Extension:
     steps = steps_without(pieces, np.concatenate([to_neutral(terms), np.zeros(extra)]))
     covariance = robust_covariance(bench, fit) if fit.slope.size else np.zeros((0, 0))
     intervals = {
-        term.knobs.id: value_interval(bench.rig.tractor, term, covariance[place, place])
+        term.knobs.id: value_interval(bench, term, covariance[place, place])
         for term, place in zip(terms, _places(terms), strict=True)
     }
     held_out: dict[int, Halves] = {
@@ -85,10 +85,10 @@ def of_mended(mended: Mended) -> Extension:
     steps = steps_without(pieces, to_neutral(model.terms))
     inverse = np.linalg.pinv(pieces.squares.sum(axis=0), hermitian=True)
     covariance = inverse @ (pieces.sides.T @ pieces.sides) @ inverse
-    tractor, seconds = loop.bench.rig.tractor, driven_seconds(loop.bench)
+    seconds = driven_seconds(loop.bench)
     longest = main_terms(model.terms, seconds)
     intervals = {
-        term.knobs.id: value_interval(tractor, term, covariance[place, place])
+        term.knobs.id: value_interval(loop.bench, term, covariance[place, place])
         for term, place in zip(model.terms, _places(model.terms), strict=True) if term in longest
     }  # fmt: skip
     held_out = {run: _halves(loop.bench, run, model.terms, both) for run, both in steps.items()}
@@ -143,12 +143,13 @@ def _loss(bench: Bench, run: int, settings: Mapping[str, Mapping[str, float]], h
     return total
 
 
-def value_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str, Interval]:
+def value_interval(bench: Bench, term: Term, covariance: Array) -> dict[str, Interval]:
     """95 % interval of the values of a term from the covariance of its coordinates, never finer than the tolerance.
 
-    Where an effect is, as of a patch, was searched for and not fitted: no interval is claimed for it.
+    Where an effect is, as of a patch, was searched for and not fitted: no interval is claimed for it. Times are not
+    told finer than half a row of the log.
     """
-    knobs, value = term.knobs, term.knobs.values(term.at)
+    knobs, value, tractor = term.knobs, term.knobs.values(term.at), bench.rig.tractor
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     if knobs.id in BY_NAME:
         return {knobs.id: (value[knobs.id] - SURE * float(sigma[0]), value[knobs.id] + SURE * float(sigma[0]))}
@@ -159,7 +160,10 @@ def value_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str,
     if effect(knobs.id).kind == SLOPE:
         return _slope_interval(tractor, term, covariance)
     size = effect(knobs.id).size
-    wide = math.hypot(SURE * float(sigma[0]), finest_of(tractor, knobs.id))
+    finest = finest_of(tractor, knobs.id)
+    if size.unit == "s":
+        finest = max(finest, 0.5 * bench.row_s)
+    wide = math.hypot(SURE * float(sigma[0]), finest)
     return {size.name: _clipped(knobs, value[size.name] - wide, value[size.name] + wide)}
 
 

@@ -41,7 +41,7 @@ TWO_LEVELS = 0.9  # of the loss of one level, to believe in two grounds
 FEWEST_RUNS = 2
 MARKED = 0.2  # of the squared error that an effect must take away to carry a name
 CLEARLY_AT = 0.05  # of the squared error of a run, to say at which of two levels it was
-RIVALS_LEAVE = 1.5  # times the squared error that is left with the effect
+RIVALS_LEAVE = 5.0 / 3.0  # times the squared error that is left with the effect
 Step = Callable[[], None]
 
 
