@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.commands.options import AsJson, TractorOption, check_output, write_text
+from planner.commands.options import AsJson, TractorOption, check_kept, check_output, write_text
 
 if TYPE_CHECKING:
     from planner.diagnosis import Order
@@ -46,7 +46,7 @@ def diagnose(
     check_output(html, ".html")
     check_output(save, ".toml")
     _check_demo(demo, seed, hide, fix)
-    check_kept(logs or (), html, save)
+    check_kept(log_inputs(logs or ()), html, save)
     order = Order(tuple(logs or ()), tractor, ground, tuple(fix or ()), demo, 1 if seed is None else seed, hide)
     found, hidden = _found(order)
     _print(found, hidden, json)
@@ -73,18 +73,11 @@ def _check_demo(demo: bool, seed: int | None, hide: str | None, fix: list[str] |
         raise ScenarioError(f"--seed {seed} is negative; use 0 or more.")
 
 
-def check_kept(logs: Sequence[str], *outputs: Path | None) -> None:
-    """Raise ScenarioError when a result would replace a log, or two results would go to one file."""
-    from planner.errors import ScenarioError
+def log_inputs(logs: Sequence[str]) -> dict[Path, str]:
+    """The log files of an order, as check_kept takes them."""
     from vehicle.measured.logs import log_files
 
-    taken = {path.resolve(): f"the log {path}" for path in (log_files(logs) if logs else ())}
-    for path in outputs:
-        if path is None:
-            continue
-        if path.resolve() in taken:
-            raise ScenarioError(f"{path} would overwrite {taken[path.resolve()]}; choose another file.")
-        taken[path.resolve()] = "another result"
+    return {path: f"the log {path}" for path in (log_files(logs) if logs else ())}
 
 
 def _found(order: Order) -> tuple[Diagnosis, Hidden | None]:

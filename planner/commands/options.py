@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -59,9 +60,14 @@ def check_output(path: Path | None, kind: str = "") -> None:
 
 def check_distinct(field: str, *outputs: Path | None) -> None:
     """Raise ScenarioError when two results would go to one file, or a result would replace the field file."""
+    check_kept({Path(field.rpartition("#")[0] or field): "the field"}, *outputs)
+
+
+def check_kept(inputs: Mapping[Path, str], *outputs: Path | None) -> None:
+    """Raise ScenarioError when a result would replace an input (path: what it is), or two would go to one file."""
     from planner.errors import ScenarioError
 
-    taken = {Path(field.rpartition("#")[0] or field).resolve(): "the field"}
+    taken = {path.resolve(): what for path, what in inputs.items()}
     for path in outputs:
         if path is None:
             continue

@@ -7,8 +7,8 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.commands.diagnose import Fixes, Ground, check_kept
-from planner.commands.options import AsJson, TractorOption, check_output, write_text
+from planner.commands.diagnose import Fixes, Ground, log_inputs
+from planner.commands.options import AsJson, TractorOption, check_kept, check_output, write_text
 
 
 def replay(
@@ -32,7 +32,7 @@ def replay(
 
     check_output(png, ".png")
     check_output(html, ".html")
-    check_kept([log], png, html)
+    check_kept(log_inputs([log]), png, html)
     found, remarks = replayed(log, tractor, ground, tuple(fix or ()))
     if json:
         typer.echo(replay_json(found, remarks), nl=False)
