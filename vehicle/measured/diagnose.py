@@ -156,7 +156,7 @@ def _answer(
         after=errors_of(after),
         floor=errors_of(case.floor),
         guilty_block=guilty,
-        block_error=_blocks(with_real_noise(bench, fit), fit),
+        block_error=_blocks(with_real_noise(bench, fit), extension),
         findings=tuple(told),
         named=tuple(named),
         unexplained_share=share,
@@ -229,10 +229,15 @@ def _guilty(named: list[str], told: list[Finding], selection: Selection) -> str 
     return selection.unnamed[0].block if selection.unnamed else None
 
 
-def _blocks(bench: Bench, fit: Fit) -> dict[str, tuple[float, float]]:
+def _blocks(bench: Bench, extension: Extension) -> dict[str, tuple[float, float]]:
     """Per channel cut at the sensors, the surprise before and after (1 is noise alone)."""
-    bench = prepare(bench.course, bench.rig, fit.settings, bench.noise)
-    first, last = bench.surprise({}), bench.surprise(fit.settings)
+    main = settings_in([replace(term, runs=None) for term in main_terms(extension.terms, driven_seconds(bench))], 0)
+    bench = prepare(bench.course, bench.rig, main, bench.noise)
+    first, last = bench.surprise({}), np.zeros(5 * bench.course.rows)
+    own = {run: settings_in(extension.terms, run) for run in range(len(bench.course.names))}
+    for settings in {str(one): one for one in own.values()}.values():
+        mine = np.isin(bench.runs, [run for run, one in own.items() if one == settings])
+        last[mine] = bench.surprise(settings)[mine]
     rows = bench.course.rows
     cuts = {"wheel to path and antenna": slice(0, 3 * rows), "command to wheel": slice(3 * rows, 4 * rows),
             "speed": slice(4 * rows, 5 * rows)}  # fmt: skip

@@ -43,6 +43,11 @@ class Case:
         """The tractor without effects."""
         return self.bench.rig.tractor
 
+    @cached_property
+    def misfit(self) -> float:
+        """Squared error that is left, in units of the noise floor, at least 1: it hides small effects."""
+        return max(1.0, float(self.final.sum()) / float(total_error(self.floor, self.floor).sum()))
+
     def error(self, settings: Mapping[int, Halves]) -> Array:
         """Error of every run as one number."""
         return total_error(run_squares(self.bench, settings), self.floor)
@@ -173,7 +178,7 @@ def _absent(case: Case, entry: Effect) -> Finding:
 
 
 def visible(case: Case, entry: Effect) -> float | None:
-    """Smallest size, in the unit of the effect, whose trace in these logs would rise above chance and tolerance."""
+    """Smallest size, in the unit of the effect, whose trace would rise above chance, tolerance and what is left."""
     bench, fit, tractor = case.bench, case.fit, case.tractor
     settings = {k: v for k, v in fit.settings.items() if k != entry.id}
     parts = [part for part in fit.parts if part[0].id != entry.id]
@@ -184,8 +189,8 @@ def visible(case: Case, entry: Effect) -> float | None:
         at = knobs.inside(np.array(knobs.neutral) + share * np.array(knobs.typical))
         trace = project(bench.change(settings_of([*parts, (knobs, at)]), bare, frozenset({entry.block})) - bare)
         strength = float(trace @ trace)
-        if strength > 2.0 * LEAST_GAIN:
-            return _size(tractor, knobs, at, share, strength)
+        if strength > 2.0 * LEAST_GAIN * case.misfit:
+            return _size(tractor, knobs, at, share, strength / case.misfit)
     return None
 
 

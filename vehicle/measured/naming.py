@@ -283,8 +283,9 @@ def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> 
             continue
         bench = retuned(bench, larger)
         fit = restarted(bench, larger.parts, unnamed)
-    fit = pruned(bench, exchanged(bench, fit, tractor, threshold), threshold)
-    return Selection(bench, fit, unnamed, threshold)
+    if not unnamed:
+        fit = exchanged(bench, fit, tractor, threshold)
+    return Selection(bench, pruned(bench, fit, threshold), unnamed, threshold)
 
 
 def _left(fit: Fit, found: list[Tried]) -> Array:
