@@ -74,14 +74,15 @@ class PowerLaw(_Frozen):
 class EffectSetting(_Frozen):
     """An effect of vehicle.effects found in measured logs: its values, their intervals, and the logs they came from.
 
-    Without `named` it is a calibration: it lowers the error, but the logs do not show that it is the cause. The causes
-    that the logs cannot tell it from are in `equivalent_to`.
+    `ground` is what the logs were made on. Without `named` it is a calibration: it lowers the error, but the logs do
+    not show that it is the cause. The causes that the logs cannot tell it from are in `equivalent_to`.
     """
 
     value: dict[str, float]
     interval: dict[str, tuple[float, float]] = {}
     named: bool = True
     equivalent_to: tuple[str, ...] = ()
+    ground: str = ""
     logs: tuple[str, ...] = ()
 
 

@@ -162,7 +162,7 @@ def _answer(
         unexplained_share=share,
         depends_on=tuple(one.words for one in selection.unnamed) if share > 0.0 else (),
         next_drive=next_drive(bench, fit, bench.rig.tractor, rivals),
-        tractor=extended_tractor(bench, tractor, extension, named, alike, unseen),
+        tractor=extended_tractor(bench, tractor, ground, extension, named, alike, unseen),
         calibration={
             term.knobs.id: term.knobs.values(term.at)
             for term in main_terms(extension.terms, seconds) if term.knobs.id not in found.names

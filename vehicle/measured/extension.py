@@ -25,6 +25,7 @@ from vehicle.tractor import EffectSetting, Rest, Tractor
 
 Interval = tuple[float, float]
 SURE = 1.96
+DIGITS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,8 +187,8 @@ def _slope_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str
 
 
 def extended_tractor(
-    bench: Bench, tractor: Tractor, extension: Extension, named: Collection[str], alike: Mapping[str, Finding],
-    kept: Collection[str],
+    bench: Bench, tractor: Tractor, ground: str, extension: Extension, named: Collection[str],
+    alike: Mapping[str, Finding], kept: Collection[str],
 ) -> Tractor:  # fmt: skip
     """The tractor with the terms of an extension, their intervals and the logs they came from.
 
@@ -207,11 +208,20 @@ def extended_tractor(
         same: tuple[str, ...] = ()
         if name in alike:
             interval, same = alike[name].interval or interval, alike[name].equivalent_to
+        runs = range(len(bench.course.names)) if term.runs is None else sorted(term.runs)
         effects[name] = EffectSetting(
-            value=value, interval=interval, logs=bench.course.names, named=name in named, equivalent_to=same
-        )
+            value={key: _short(one) for key, one in value.items()},
+            interval={key: (_short(low), _short(high)) for key, (low, high) in interval.items()},
+            named=name in named, equivalent_to=same, ground=ground,
+            logs=tuple(bench.course.names[run] for run in runs),
+        )  # fmt: skip
     rest = _rest(bench, amounts, spread) if amounts else None
     return tractor.model_copy(update={"effects": effects, "rest": rest})
+
+
+def _short(value: float) -> float:
+    """A value with as many digits as a file needs."""
+    return float(f"{value:.{DIGITS}g}")
 
 
 def _rest(bench: Bench, amounts: dict[str, float], spread: dict[str, Interval]) -> Rest:
@@ -224,6 +234,7 @@ def _rest(bench: Bench, amounts: dict[str, float], spread: dict[str, Interval]) 
     if high - low < 1.0:
         low, high = low - 0.5, high + 0.5
     return Rest(
-        amounts=amounts, speed_mps=(max(slow, 0.0), max(fast, 0.01)), angle_deg=(low, high), interval=spread,
-        logs=bench.course.names,
+        amounts={name: _short(amount) for name, amount in amounts.items()},
+        speed_mps=(_short(max(slow, 0.0)), _short(max(fast, 0.01))), angle_deg=(_short(low), _short(high)),
+        interval={name: (_short(one), _short(two)) for name, (one, two) in spread.items()}, logs=bench.course.names,
     )  # fmt: skip
