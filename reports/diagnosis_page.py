@@ -193,7 +193,9 @@ def ticks(low: float, high: float) -> list[tuple[float, str]]:
     """About five round values of a range (`low` below `high`) with texts that tell them apart."""
     span = high - low
     step = 10.0 ** math.floor(math.log10(span / 4.0))
-    step *= min((1.0, 2.0, 5.0, 10.0), key=lambda m: abs(span / (m * step) - 5.0))
+    step *= min((1.0, 2.0, 2.5, 5.0, 10.0), key=lambda m: abs(span / (m * step) - 5.0))
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    if abs(step * 10**decimals - round(step * 10**decimals)) > 0.1:
+        decimals += 1  # a step of two and a half
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [(n * step, number(n * step, decimals)) for n in range(first, last + 1)]
