@@ -227,14 +227,14 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"The tractor drives {100 * abs(v['ratio']):.0f} % {'slower' if v['ratio'] > 0 else 'faster'} over "
                   "ground than commanded.",
         "commanded speed", "straight ahead at a steady speed, implement up",
-        plot=(PACE, TARGET), of_ground=True,
+        plot=(PACE, TARGET), of_ground=True, starts=(0.1,),
     ),
     Effect(
         "implement_slip", SPEED, (Param("ratio", "", 0.0, 0.10, 0.015, -0.5, 0.9),),
         lambda v: {"tool_slip": v["ratio"]},
         lambda v: f"With the implement working the tractor loses {100 * v['ratio']:.0f} % of its speed.",
         "implement working", "straight ahead, implement down and up in turn",
-        plot=(PACE, TOOL), of_ground=True,
+        plot=(PACE, TOOL), of_ground=True, starts=(0.1,),
     ),
     Effect(
         "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0, metres=1),),

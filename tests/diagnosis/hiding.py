@@ -63,6 +63,8 @@ def judge(found: Diagnosis, effects: dict[str, dict[str, float]]) -> Verdict:
     """
     in_sets = {one.id for one in found.findings if one.status == EQUIVALENT}
     wrong = tuple(name for name in found.named if name not in effects)
+    if in_sets and not in_sets & set(effects):
+        wrong = (*wrong, *sorted(in_sets))
     by_id = {one.id: one for one in found.findings}
     told = [name for name in effects if name in by_id and (name in found.named or name in in_sets)]
     close = all(_close(by_id[name], name, effects[name]) for name in told) if told else None
@@ -82,6 +84,7 @@ def _close(one: Any, name: str, truth: dict[str, float]) -> bool:
 
 
 def at_floor(found: Diagnosis, horizon: float = 5.0) -> bool:
-    """Whether the held-out error across and of the heading is within a tenth of the noise floor."""
+    """Whether the held-out error is within a tenth of the noise floor, of every kind."""
     after, floor = found.after[horizon], found.floor[horizon]
-    return after.cross_cm <= FLOOR_SLACK * floor.cross_cm and after.heading_deg <= FLOOR_SLACK * floor.heading_deg
+    kinds = ("cross_cm", "along_cm", "heading_deg")
+    return all(getattr(after, kind) <= FLOOR_SLACK * getattr(floor, kind) for kind in kinds)

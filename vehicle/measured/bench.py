@@ -23,6 +23,7 @@ from vehicle.measured.whitening import Increments, Noise, increments, innovation
 BLOCK_S = 10.0
 TIMING_S = 0.02  # commands come at the beat of a controller, not of the log
 TRANSIENT_S = 0.3  # how far off in time a speed change may be: drive lines differ
+DRIVE_LINE_S = 0.2  # and how far one of another make is: what that leaves is not the fault of a cause
 MOST_MEMORY = 0.9
 OUTLIER = 4.0
 Parts = dict[str, Array]
@@ -41,8 +42,8 @@ class Filter:
 class Channel:
     """Weights of a directly compared channel of one stretch: standard deviation per row and memory from row to row.
 
-    `scatter` is the part of the standard deviation that is known without any model: how far the channel scatters while
-    nothing changes, and how far commands are off in time.
+    `scatter` is the part of the standard deviation that a true model would leave: how far the channel scatters in a run
+    while nothing changes, and how far commands and drive lines are off in time.
     """
 
     sigma: Array
@@ -258,7 +259,7 @@ def _channels(bench: Bench, settings: Settings) -> tuple[tuple[Channel | None, .
         speed.append(
             (stretch.speed - pace, TRANSIENT_S * _rate(stretch.time, pace)) if stretch.target is not None else None
         )
-    return _weights(wheel, 5e-4), _weights(speed, 0.005)
+    return _weights(wheel, 5e-4, 1.0), _weights(speed, 0.005, DRIVE_LINE_S / TRANSIENT_S)
 
 
 def _rate(time: Array, values: Array) -> Array:
@@ -270,13 +271,13 @@ def _rate(time: Array, values: Array) -> Array:
     return out
 
 
-def _weights(pairs: list[tuple[Array, Array] | None], least: float) -> tuple[Channel | None, ...]:
+def _weights(pairs: list[tuple[Array, Array] | None], least: float, share: float) -> tuple[Channel | None, ...]:
+    """Weights of all stretches; `share` is how much of being off in time a true model would have as well."""
     known = [pair for pair in pairs if pair is not None]
     if not known:
         return tuple(None for _ in pairs)
-    off = np.concatenate([one for one, _ in known])
-    moving = np.concatenate([two for _, two in known])
-    steady = off[moving <= np.median(moving)]
+    moving = float(np.median(np.concatenate([two for _, two in known])))
+    steady = np.concatenate([_about_middle(off[rate <= moving]) for off, rate in known])
     low, high = np.quantile(steady, (0.16, 0.84))
     spread = max(0.5 * float(high - low), least)
     scaled = [one / np.hypot(spread, two) for one, two in known]
@@ -286,5 +287,14 @@ def _weights(pairs: list[tuple[Array, Array] | None], least: float) -> tuple[Cha
     memory = min(max(memory, 0.0), MOST_MEMORY)
     fresh = huber((np.concatenate([s[1:] - memory * s[:-1] for s in scaled])) / np.sqrt(1.0 - memory * memory))
     size = max(float(np.sqrt(np.mean(fresh * fresh))), 0.3)
-    scatters = [None if pair is None else np.hypot(spread, pair[1]) for pair in pairs]
-    return tuple(None if one is None else Channel(size * one, memory, one) for one in scatters)
+    wide = [None if pair is None else np.hypot(spread, pair[1]) for pair in pairs]
+    scatters = [None if pair is None else np.hypot(spread, share * pair[1]) for pair in pairs]
+    return tuple(
+        None if one is None or plain is None else Channel(size * one, memory, plain)
+        for one, plain in zip(wide, scatters, strict=True)
+    )
+
+
+def _about_middle(values: Array) -> Array:
+    """Values about their own median: what differs from run to run is no noise."""
+    return values - np.median(values) if len(values) else values

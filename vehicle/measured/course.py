@@ -12,7 +12,7 @@ from vehicle.measured.errors import LogError
 from vehicle.measured.record import Array, Log, Rows
 
 DT_S = 1.0 / 60.0
-SHORTEST_S = 4.0
+SHORTEST_S = 5.0
 CHORD_S = 0.6
 _SHOWN_LOGS = 3
 

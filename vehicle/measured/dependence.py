@@ -98,7 +98,7 @@ def _rate(stretch: Stretch) -> Array:
     return rate
 
 
-def _waves(period: float) -> list[Dependence]:
+def _waves(period: float, longest: float) -> list[Dependence]:
     def bent(stretch: Stretch, move: Increments, base: Array) -> Terms:
         phase = 2.0 * np.pi * stretch.time[:-1] / period
         return [_bend(move, wave(phase), base) for wave in (np.sin, np.cos)]
@@ -107,7 +107,8 @@ def _waves(period: float) -> list[Dependence]:
         phase = 2.0 * np.pi * stretch.time[:-1] / period
         return [_grip(move, wave(phase)) for wave in (np.sin, np.cos)]
 
-    on = f"time, coming back every {period:.1f} s"
+    back = period <= 0.5 * longest
+    on = f"time, coming back every {period:.1f} s" if back else "time, changing slowly during a run"
     return [Dependence(on, "an extra wheel angle", bent, True), Dependence(on, "a change of grip", gripped, True)]
 
 
@@ -141,11 +142,13 @@ def dependences(bench: Bench) -> list[Dependence]:
             "the wheel angle", DISTANCE, lambda s, m, b: [_faster(m, np.abs(_steering(s)))]
         ),
     ]  # fmt: skip
+    if not all(stretch.speed_seen for stretch in bench.course.stretches):
+        found = [one for one in found if one.changes != DISTANCE]
     longest = max(stretch.time[-1] for stretch in bench.course.stretches)
     fastest = 8.0 * max(float(np.median(np.diff(stretch.time))) for stretch in bench.course.stretches)
     for period in PERIODS_S:
         if fastest < period < 1.3 * longest:
-            found += _waves(period)
+            found += _waves(period, longest)
     return found
 
 

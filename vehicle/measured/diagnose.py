@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import SPEED, STEERING, effect
+from vehicle.effects import SPEED, STEERING, effect, neutral
 from vehicle.measured.bench import Bench, first_noise, prepare
 from vehicle.measured.course import make_course
 from vehicle.measured.curves import best_curve
@@ -26,7 +26,7 @@ from vehicle.measured.extension import (
 )
 from vehicle.measured.findings import Case, Rivals, findings, look_alikes
 from vehicle.measured.fitting import Fit, empty_fit
-from vehicle.measured.horizons import errors_of, floor_squares, run_squares, total_error
+from vehicle.measured.horizons import errors_of, floor_squares, run_squares
 from vehicle.measured.mending import Mended, clear_levels, irreplaceable, mend
 from vehicle.measured.naming import Projector, Selection, is_nameable, retuned, select, without
 from vehicle.measured.nextdrive import next_drive
@@ -41,8 +41,14 @@ from vehicle.tractor import Tractor
 ABOVE_UNNAMED = 2.0
 WORTH_A_NAME_PCT = 0.5
 WORTH_OF_WHEEL_PCT = 10.0
-ABOVE_FLOOR = 1.3
+HARM_PCT = 2.0
+ABOVE_FLOOR, ABOVE_PER_ROW_S = 1.3, 1.0  # what happens between rows is not known
 WORTH_SAYING = 0.02
+SAME_ERROR = 1.02
+ON_OWN_GROUND = (
+    "The figures after are for every run on its own ground, told from the other half of the run; the tractor file has "
+    "one ground and does worse on the other."
+)
 Progress = Callable[[int, int], None]
 
 
@@ -66,7 +72,8 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     told = findings(found.case, found.names, rivals, count.step)
     answer = _answer(bench, selection, found, told, rivals, tractor, ground)
     count.finish()
-    return replace(answer, notes=(*_notes(logs, bench), *_about_file(tractor, told)))
+    notes = (*_notes(logs, bench), *_about_file(tractor, answer, told))
+    return replace(answer, notes=(*notes, ON_OWN_GROUND) if answer.grounds else notes)
 
 
 class _Counter:
@@ -100,15 +107,42 @@ class _Explained:
 def _explained(selection: Selection, names: list[str], tractor: Tractor, count: _Counter) -> _Explained:
     """Named effects alone where they explain what there is; else all that lowers the error of runs held out."""
     bench, fit = selection.bench, selection.fit
+    names = _holding(lambda kept: _case(selection, of_fit(bench, fit, kept)), names)
     case = _case(selection, of_fit(bench, fit, names))
-    names = [name for name in names if case.worth_of(name) >= _least_worth(bench, name)]
-    if not selection.unnamed:
-        return _Explained(_case(selection, of_fit(bench, fit, names)), names, None)
+    if not selection.unnamed and within_noise(case, case.final):
+        return _Explained(case, names, None)
     start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
     mended = mend(bench, tractor, start, count.step)
     case = _case(selection, of_mended(mended))
-    names += [name for name in irreplaceable(mended, tractor, count.step) if name not in names]
+    names = [name for name in names if holds(case, name)]
+    names += [name for name in irreplaceable(mended, tractor, count.step) if name not in names and holds(case, name)]
     return _Explained(case, names, mended)
+
+
+def _holding(case_of: Callable[[list[str]], Case], names: list[str]) -> list[str]:
+    """Names that hold together: one that does not may have been the partner of another, so each drop is followed."""
+    while names:
+        case = case_of(names)
+        kept = [name for name in names if holds(case, name)]
+        if kept == names:
+            break
+        names = kept
+    return names
+
+
+def holds(case: Case, name: str) -> bool:
+    """Whether an effect takes error away where it shows, without harm to the path, and is clearly not neutral."""
+    entry = effect(name)
+    worth, least = case.worth_of(name), _least_worth(case.bench, name)
+    low, high = case.extension.intervals[name][entry.size.name]
+    zero = neutral(name, case.tractor.steering)[entry.size.name]
+    return worth >= least and case.gain_of(name)[0] > -HARM_PCT and not low <= zero <= high
+
+
+def within_noise(case: Case, error: Array) -> bool:
+    """Whether an error is what noise, and what happens unseen between rows, would leave."""
+    floor = float(case.number(case.floor).sum())
+    return float(error.sum()) < (ABOVE_FLOOR + ABOVE_PER_ROW_S * case.bench.row_s) * floor
 
 
 def _case(selection: Selection, extension: Extension) -> Case:
@@ -143,7 +177,7 @@ def _answer(
     named = [one.id for one in sorted(told, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
     guilty = _guilty(named, told, selection)
     alike = {one.id: one for one in told if one.status == EQUIVALENT}
-    share = _unexplained(found, total_error(before, case.floor))
+    share = _unexplained(found, case.number(before))
     unseen = [one.id for one in told if one.status == NOT_VISIBLE and one.value is None]
     seconds = driven_seconds(bench)
     return Diagnosis(
@@ -162,7 +196,10 @@ def _answer(
         unexplained_share=share,
         depends_on=tuple(one.words for one in selection.unnamed) if share > 0.0 else (),
         next_drive=next_drive(bench, fit, bench.rig.tractor, rivals),
-        tractor=extended_tractor(bench, tractor, ground, extension, named, alike, unseen),
+        tractor=_with_rest(
+            tractor, extended_tractor(bench, tractor, ground, extension, named, alike, unseen),
+            case.number(before), case.final,
+        ),
         calibration={
             term.knobs.id: term.knobs.values(term.at)
             for term in main_terms(extension.terms, seconds) if term.knobs.id not in found.names
@@ -175,16 +212,30 @@ def _answer(
     )  # fmt: skip
 
 
-def _about_file(tractor: Tractor, told: Collection[Finding]) -> tuple[str, ...]:
-    """What became of the effects that the tractor file had."""
-    if not tractor.effects:
-        return ()
-    unseen = [one.id for one in told if one.id in tractor.effects and one.status == NOT_VISIBLE and one.value is None]
-    kept = f" These logs do not show {', '.join(unseen)}: kept as the file has it." if unseen else ""
-    return (
-        f"The tractor file has {', '.join(tractor.effects)} already: set aside and fitted anew; the error before is "
-        f"that of the file.{kept}",
-    )
+def _about_file(tractor: Tractor, answer: Diagnosis, told: Collection[Finding]) -> tuple[str, ...]:
+    """What became of the effects and the rest that the tractor file had."""
+    found = []
+    if tractor.effects:
+        unseen = [
+            one.id for one in told if one.id in tractor.effects and one.status == NOT_VISIBLE and one.value is None
+        ]
+        kept = f" These logs do not show {', '.join(unseen)}: kept as the file has it." if unseen else ""
+        found.append(
+            f"The tractor file has {', '.join(tractor.effects)} already: set aside and fitted anew; the error before "
+            f"is that of the file.{kept}"
+        )
+    if tractor.rest is not None:
+        kept = "kept, these logs do not speak against it" if answer.tractor.rest is tractor.rest else "replaced"
+        kept = "dropped, these logs speak against it" if answer.tractor.rest is None else kept
+        found.append(f"The tractor file has a rest: {kept}.")
+    return tuple(found)
+
+
+def _with_rest(tractor: Tractor, extended: Tractor, before: Array, after: Array) -> Tractor:
+    """The extended tractor with the rest of the file, unless there is a new one or these logs speak against it."""
+    if extended.rest is not None or tractor.rest is None or float(before.sum()) > SAME_ERROR * float(after.sum()):
+        return extended
+    return extended.model_copy(update={"rest": tractor.rest})
 
 
 def _nameable(selection: Selection, tractor: Tractor) -> list[str]:
@@ -211,9 +262,9 @@ def _unnamed_gain(fit: Fit) -> float:
 def _unexplained(found: _Explained, before: Array) -> float:
     """Share of the error above the noise floor that no named effect takes away; 0 while what they leave is noise."""
     case = found.case
-    floor = float(total_error(case.floor, case.floor).sum())
+    floor = float(case.number(case.floor).sum())
     named = float(case.error(case.extension.only(found.names)).sum())
-    if named < ABOVE_FLOOR * floor:
+    if within_noise(case, case.error(case.extension.only(found.names))):
         return 0.0
     share = (named - floor) / max(float(before.sum()) - floor, named - floor)
     return float(share) if share > WORTH_SAYING else 0.0

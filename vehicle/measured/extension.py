@@ -131,6 +131,8 @@ def _halves(bench: Bench, run: int, terms: Terms, steps: tuple[Array, Array]) ->
     for half, step in enumerate(steps):
         both = [settings_in(level_of(moved(terms, step), level), run) for level in (0, 1)]
         losses = [_loss(bench, run, one, 1 - half) for one in both]
+        if not any(losses):  # a run too short for two halves tells its ground by itself
+            losses = [_loss(bench, run, one, half) for one in both]
         found.append(both[int(losses[1] < losses[0])])
     return found[0], found[1]
 
@@ -161,10 +163,7 @@ def value_interval(bench: Bench, term: Term, covariance: Array) -> dict[str, Int
     if effect(knobs.id).kind == SLOPE:
         return _slope_interval(tractor, term, covariance)
     size = effect(knobs.id).size
-    finest = finest_of(tractor, knobs.id)
-    if size.unit == "s":
-        finest = max(finest, 0.5 * bench.row_s)
-    wide = math.hypot(SURE * float(sigma[0]), finest)
+    wide = math.hypot(SURE * float(sigma[0]), finest_of(tractor, knobs.id, bench.row_s))
     return {size.name: _clipped(knobs, value[size.name] - wide, value[size.name] + wide)}
 
 

@@ -13,6 +13,7 @@ FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of what was driven
 STANDSTILL_MPS = 0.1  # a speed sensor's noise about zero; larger negative speeds are a direction
 LOCK_DEG = 90.0
+MOST_HEADING_DEG, SPIKE_DEG = 720.0, 60.0
 GAP_SAMPLES = 5.0
 FIRST_ROW_LINE = 2
 _OPEN_CHAINS = 8
@@ -48,6 +49,7 @@ def gate_rows(columns: dict[str, Array]) -> Gate:
     for name in ("heading_deg", "steering_command_deg", "steering_deg"):
         if name in columns:
             gate.close(f"{name} missing or not a number", ~np.isfinite(columns[name]))
+    _gate_headings(gate, columns)
     for name in ("speed_mps", "speed_command_mps"):
         if name in columns:
             gate.close(f"{name} missing or not a number", ~np.isfinite(columns[name]))
@@ -55,6 +57,19 @@ def gate_rows(columns: dict[str, Array]) -> Gate:
             gate.close(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
     _gate_ranges(gate, columns)
     return gate
+
+
+def _gate_headings(gate: Gate, columns: dict[str, Array]) -> None:
+    """Headings that are no angle, and single ones that stand far out of their neighbours."""
+    if "heading_deg" not in columns:
+        return
+    heading = columns["heading_deg"]
+    gate.close(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
+    rows = np.flatnonzero(gate.used)
+    if len(rows) >= 3:
+        step = (np.diff(heading[rows]) + 180.0) % 360.0 - 180.0
+        alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
+        _apply(gate, f"heading_deg more than {SPIKE_DEG:g} deg off the rows about it", np.pad(alone, 1))
 
 
 def _gate_ranges(gate: Gate, columns: dict[str, Array]) -> None:

@@ -183,13 +183,17 @@ def _coloured_by(rng: np.random.Generator, keep: Array) -> Array:
     return out
 
 
-def total_error(totals: list[Squares], floor: list[Squares], horizon: float = 5.0) -> Array:
-    """Error of every run as one number: squares over those of noise alone, averaged over the three kinds (runs,)."""
+def total_error(totals: list[Squares], floor: list[Squares], along: bool = True, horizon: float = 5.0) -> Array:
+    """Error of every run as one number: squares over those of noise alone, averaged over the three kinds (runs,).
+
+    Without `along` the error along the way has no part in it, as where speeds were only derived from positions.
+    """
     scale = np.sum([one[horizon] for one in floor], axis=0)
     unit = scale[:3] / max(scale[3], 1.0)
     out = []
     for one in totals:
         rows = max(one[horizon][3], 1.0)
         shares = one[horizon][:3] / rows / np.maximum(unit, 1e-12)
+        shares = shares if along else np.delete(shares, 1)
         out.append(float(np.nanmean(shares)) if np.isfinite(shares).any() else 0.0)
     return np.array(out)

@@ -86,9 +86,10 @@ def rest_knobs() -> list[tuple[Knobs, ...]]:
     return [tuple(group) for group in groups.values()]
 
 
-def finest_of(tractor: Tractor, name: str) -> float:
-    """Smallest size of an effect that may be claimed on this tractor."""
-    return effect(name).size.for_wheelbase(tractor.wheelbase_m).finest
+def finest_of(tractor: Tractor, name: str, row_s: float = 0.0) -> float:
+    """Smallest size of an effect that may be claimed on this tractor; of a time never less than half a row (s)."""
+    size = effect(name).size.for_wheelbase(tractor.wheelbase_m)
+    return max(size.finest, 0.5 * row_s) if size.unit == "s" else size.finest
 
 
 def settings_of(parts: list[tuple[Knobs, Array]]) -> dict[str, dict[str, float]]:

@@ -124,7 +124,18 @@ def _accepted(loop: OpenLoop, model: Model, best: float, terms: Terms) -> tuple[
     larger = fitted(loop, terms)
     loss = held_out_loss(loop, larger)
     new = larger.terms[len(model.terms) :]
+    if not all(_beyond_tolerance(loop, term) for term in new if term.runs is None):
+        return None
     return (larger, loss) if loss < _worth(larger, model) * best and not _at_a_limit(new) else None
+
+
+def _beyond_tolerance(loop: OpenLoop, term: Term, times: float = 1.0) -> bool:
+    """Whether an effect is more than the tolerance of the tractor file; a term of the rest has none."""
+    name, bench = term.knobs.id, loop.bench
+    if name in BY_NAME:
+        return True
+    tractor = bench.rig.tractor
+    return deviation(tractor, term.knobs, term.at) > times * finest_of(tractor, name, bench.row_s)
 
 
 def _at_a_limit(terms: Terms) -> bool:
@@ -238,20 +249,24 @@ def irreplaceable(mended: Mended, tractor: Tractor, step: Step) -> list[str]:
     """Effects that may carry a name though parts of the error have none: nothing else lowers the error as they do.
 
     Without such an effect the others, fitted again, leave clearly more, and so does the best other effect or term of
-    the rest in its place.
+    the rest in its place (of those that may enter here).
     """
     loop, model = mended.loop, mended.model
     found = []
     for name in sorted(model.ids - frozenset(BY_NAME)):
         smaller = fitted(loop, tuple(term for term in model.terms if term.knobs.id != name), 2)
         step()
-        if model.loss > (1.0 - MARKED) * smaller.loss or not _clearly_large(model, tractor, name):
+        if model.loss > (1.0 - MARKED) * smaller.loss or not _clearly_large(loop, model, name):
             continue
         others = candidates(loop, smaller, tractor, step, frozenset({name}))
-        best = driven(loop, smaller, sorted(others, key=lambda one: one.loss)[:DRIVEN])[0][1]
-        if best > RIVALS_LEAVE * model.loss:
+        rivals = driven(loop, smaller, sorted(others, key=lambda one: one.loss)[:DRIVEN])[:TRIED]
+        if all(fitted(loop, terms, 2).loss > RIVALS_LEAVE * model.loss for terms, _ in rivals):
             found.append(name)
     return found
+
+
+def _clearly_large(loop: OpenLoop, model: Model, name: str) -> bool:
+    return any(_beyond_tolerance(loop, term, 2.0) for term in model.terms if term.knobs.id == name)
 
 
 def clear_levels(mended: Mended) -> list[tuple[Term, tuple[int, ...]]]:
@@ -272,11 +287,3 @@ def level_of(terms: Terms, level: int) -> Terms:
     for term in terms:
         seen.setdefault(term.knobs.id, []).append(term)
     return tuple(replace(levels[min(level, len(levels) - 1)], runs=None) for levels in seen.values())
-
-
-def _clearly_large(model: Model, tractor: Tractor, name: str) -> bool:
-    """Whether an effect is beyond the tolerance of the tractor file."""
-    return any(
-        deviation(tractor, term.knobs, term.at) > 2.0 * finest_of(tractor, name)
-        for term in model.terms if term.knobs.id == name
-    )  # fmt: skip

@@ -399,4 +399,4 @@ def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
     # Of a direction that the logs never tell, as of a slope driven one way only, nothing is asked.
     inverse = np.linalg.pinv(robust_covariance(bench, fit)[mine, mine], rcond=1e-12, hermitian=True)
     sigmas = float(np.sqrt(away @ inverse @ away))
-    return deviation(tractor, knobs, at) > finest_of(tractor, name) and sigmas > CLEAR_SIGMAS
+    return deviation(tractor, knobs, at) > finest_of(tractor, name, bench.row_s) and sigmas > CLEAR_SIGMAS

@@ -125,10 +125,13 @@ class Diagnosis:
         if sets:
             return "Several causes fit these logs equally well: " + " Or: ".join(one.words for one in sets)
         if self.depends_on:
-            return (
-                "No known cause explains these logs: what the simulation gets wrong is "
-                f"{listed(self.depends_on)}."
-            )
+            return f"No known cause explains these logs: what the simulation gets wrong is {listed(self.depends_on)}."
+        if self.unexplained_share > 0.0:
+            return "No known cause explains these logs, and what is wrong depends on nothing that was looked for."
+        if self.calibration or self.tractor.rest is not None:
+            return "No cause found; what was fitted lowers the error a little and has no name."
+        if any("already" in note for note in self.notes):
+            return "Nothing found beyond what the tractor file said already, or against it: see the notes."
         return "Nothing found: the tractor drives as its file says, as far as these logs can show."
 
 
