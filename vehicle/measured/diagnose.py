@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
+from vehicle.measured import openloop
 from vehicle.measured.bench import Bench, first_noise, prepare
 from vehicle.measured.course import make_course
 from vehicle.measured.curves import best_curve
@@ -115,7 +116,11 @@ def _explained(selection: Selection, names: list[str], tractor: Tractor, count: 
     mended = mend(bench, tractor, start, count.step)
     case = _case(selection, of_mended(mended))
     names = [name for name in names if holds(case, name)]
-    names += [name for name in irreplaceable(mended, tractor, count.step) if name not in names and holds(case, name)]
+    names += [
+        name
+        for name in irreplaceable(mended, tractor, noise_share(case), count.step)
+        if name not in names and holds(case, name)
+    ]
     return _Explained(case, names, mended)
 
 
@@ -137,6 +142,17 @@ def holds(case: Case, name: str) -> bool:
     low, high = case.extension.intervals[name][entry.size.name]
     zero = neutral(name, case.tractor.steering)[entry.size.name]
     return worth >= least and case.gain_of(name)[0] > -HARM_PCT and not low <= zero <= high
+
+
+def noise_share(case: Case) -> float:
+    """Share of the open-loop error without terms that noise alone would leave, every horizon and kind the same."""
+    runs = range(len(case.bench.course.names))
+    before = run_squares(case.bench, {run: {} for run in runs})
+    shares = []
+    for horizon in openloop.HORIZONS_S:
+        sums = [np.sum([one[horizon][:3] for one in squares], axis=0) for squares in (case.floor, before)]
+        shares += [float(noise / whole) for noise, whole in zip(*sums, strict=True) if whole > 0.0]
+    return min(float(np.mean(shares)), 1.0) if shares else 0.0
 
 
 def within_noise(case: Case, error: Array) -> bool:

@@ -39,6 +39,7 @@ DRIVEN, TRIED = 6, 3
 PAIRED = 0.93  # of the loss of the best single candidate, for a pair to go first
 TWO_LEVELS = 0.9  # of the loss of one level, to believe in two grounds
 FEWEST_RUNS = 2
+LEAST_LEFT = 0.05
 MARKED = 0.2  # of the squared error that an effect must take away to carry a name
 CLEARLY_AT = 0.05  # of the squared error of a run, to say at which of two levels it was
 RIVALS_LEAVE = 5.0 / 3.0  # times the squared error that is left with the effect
@@ -245,22 +246,28 @@ def best_pair(loop: OpenLoop, model: Model, found: Sequence[Candidate]) -> list[
     return [(terms, float(errors @ errors))]
 
 
-def irreplaceable(mended: Mended, tractor: Tractor, step: Step) -> list[str]:
+def irreplaceable(mended: Mended, tractor: Tractor, noise: float, step: Step) -> list[str]:
     """Effects that may carry a name though parts of the error have none: nothing else lowers the error as they do.
+
+    Losses count from what `noise` alone leaves, and from a twentieth of what can be taken away.
 
     Without such an effect the others, fitted again, leave clearly more, and so does the best other effect or term of
     the rest in its place (of those that may enter here).
     """
     loop, model = mended.loop, mended.model
+
+    def left(loss: float) -> float:
+        return max(loss - noise, LEAST_LEFT * (1.0 - noise))
+
     found = []
     for name in sorted(model.ids - frozenset(BY_NAME)):
         smaller = fitted(loop, tuple(term for term in model.terms if term.knobs.id != name), 2)
         step()
-        if model.loss > (1.0 - MARKED) * smaller.loss or not _clearly_large(loop, model, name):
+        if left(model.loss) > (1.0 - MARKED) * left(smaller.loss) or not _clearly_large(loop, model, name):
             continue
         others = candidates(loop, smaller, tractor, step, frozenset({name}))
         rivals = driven(loop, smaller, sorted(others, key=lambda one: one.loss)[:DRIVEN])[:TRIED]
-        if all(fitted(loop, terms, 2).loss > RIVALS_LEAVE * model.loss for terms, _ in rivals):
+        if all(left(fitted(loop, terms, 2).loss) > RIVALS_LEAVE * left(model.loss) for terms, _ in rivals):
             found.append(name)
     return found
 
