@@ -26,6 +26,7 @@ from vehicle.tractor import EffectSetting, Rest, Tractor
 Interval = tuple[float, float]
 SURE = 1.96
 DIGITS = 6
+KNEE_SHARE = 0.15  # of a limit: how tyres come to slide differs by as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +158,7 @@ def value_interval(bench: Bench, term: Term, covariance: Array) -> dict[str, Int
     if knobs.id in BY_NAME:
         return {knobs.id: (value[knobs.id] - SURE * float(sigma[0]), value[knobs.id] + SURE * float(sigma[0]))}
     if effect(knobs.id).kind == LIMIT:
-        wide = max(SURE * float(sigma[0]), 0.12 * float(term.at[0]))
+        wide = max(SURE * float(sigma[0]), KNEE_SHARE * float(term.at[0]))
         most, least = float(term.at[0]) + wide, float(term.at[0]) - wide
         return {"limit_g": (1.0 / most if most > 0.0 else math.inf, 1.0 / least if least > 0.0 else math.inf)}
     if effect(knobs.id).kind == SLOPE:
