@@ -264,15 +264,17 @@ def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> 
     unnamed: tuple[Dependence, ...] = ()
     refused: set[str] = set()
     threshold = LEAST_STRENGTH
+    found: list[Tried] | None = None
+    rival: Score | None = None
     while len(fit.parts) < MOST_PARTS:
-        found = scan(bench, fit, tractor, refused, progress)
+        if found is None:
+            found, rival = scan(bench, fit, tractor, refused, progress), _rival(bench, fit, unnamed)
         strength, chance = strengths(bench, found, _left(fit, found))
         threshold = max(LEAST_STRENGTH, 1.5 * chance)
         told = (one for one, s in zip(found, strength, strict=True) if one.gain > LEAST_GAIN and s > threshold)
         best = next(told, None)
-        rival = _rival(bench, fit, unnamed)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
-            unnamed = (*unnamed, rival.terms)
+            unnamed, found = (*unnamed, rival.terms), None
             fit = with_unnamed(bench, fit, unnamed)
             continue
         if best is None:
@@ -280,8 +282,9 @@ def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> 
         larger = refined(bench, joined(bench, fit, best), 2)
         if not helps(bench, fit, larger, threshold):
             refused.add(best.knobs.id)
+            found = [one for one in found if one.knobs.id != best.knobs.id]
             continue
-        bench = retuned(bench, larger)
+        bench, found = retuned(bench, larger), None
         fit = restarted(bench, larger.parts, unnamed)
     if not unnamed:
         fit = exchanged(bench, fit, tractor, threshold)
