@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from vehicle.measured.anchoring import HEADING_TRUST_RAD, POSITION_TRUST_M
+from vehicle.measured.anchoring import best_motion
 from vehicle.measured.bench import Bench, first_noise
 from vehicle.measured.course import Stretch, make_course
 from vehicle.measured.horizons import anchored, chain, errors_of, pieces, run_squares
@@ -43,17 +43,9 @@ def _stretch(bench: Bench, stretch: Stretch, settings: Settings) -> ReplayedStre
 
 
 def lay_on(stretch: Stretch, antenna: Array, heading: Array, seconds: float = LAID_S) -> tuple[Array, Array]:
-    """Turn (2, 2) and shift (2,) that lay the simulated start on the measured one.
-
-    Least squares over the first seconds, positions with the trust of `anchoring`; headings decide while it stands.
-    """
-    rows = slice(0, max(int(np.searchsorted(stretch.time, seconds)), 2))
-    measured = np.stack([stretch.east[rows], stretch.north[rows]], axis=1)
-    simulated = antenna[rows]
-    a, b = measured - measured.mean(axis=0), simulated - simulated.mean(axis=0)
-    apart = np.exp(1j * (stretch.heading[rows] - heading[rows]))
-    trust = (POSITION_TRUST_M / HEADING_TRUST_RAD) ** 2
-    both = complex(np.sum(a * b), np.sum(b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0])) + trust * complex(apart.sum())
-    angle = math.atan2(both.imag, both.real)
+    """Turn (2, 2) and shift (2,) that lay the first seconds of the simulation on the measurement."""
+    rows = max(int(np.searchsorted(stretch.time, seconds)), 2)
+    x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
+    angle, *middles = best_motion(0, rows, stretch.east, stretch.north, stretch.heading, x, y, heading)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    return turn, measured.mean(axis=0) - turn @ simulated.mean(axis=0)
+    return turn, np.array(middles[:2]) - turn @ np.array(middles[2:])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,11 +77,17 @@ def compile_model(tractor: Tractor, implement: Implement) -> Array:
 
 def extension_fields(tractor: Tractor) -> dict[str, float]:
     """Fields of MODEL for what logs have added to a tractor: its effects, and its rest unless that is switched off."""
-    settings = {name: setting.value for name, setting in tractor.effects.items()}
+    settings, ranges = learnt(tractor)
+    return effect_fields(settings) | ranges
+
+
+def learnt(tractor: Tractor) -> tuple[dict[str, Mapping[str, float]], dict[str, float]]:
+    """Settings of what logs have added to a tractor, and the fields that keep its rest to where it was seen."""
+    settings: dict[str, Mapping[str, float]] = {name: one.value for name, one in tractor.effects.items()}
     rest = tractor.rest
     if rest is None or not rest.on:
-        return effect_fields(settings)
-    return effect_fields(settings | {REST_KEY: rest.amounts}) | range_fields(rest.speed_mps, rest.angle_deg)
+        return settings, {}
+    return settings | {REST_KEY: rest.amounts}, range_fields(rest.speed_mps, rest.angle_deg)
 
 
 def compile_grounds() -> Array:

@@ -11,32 +11,42 @@ POSITION_TRUST_M = 0.01
 
 
 @compiled
+def best_motion(  # type: ignore[no-untyped-def]
+    first, end, east, north, heading, x, y, angle
+) -> tuple[float, float, float, float, float]:
+    """Turn that lays rows `first` to `end` of a simulation on the measurement, and the middles of both (east, north).
+
+    Positions decide the turn; headings only where the tractor hardly moves.
+    """
+    rows = end - first
+    pe = pn = qe = qn = sine = cosine = 0.0
+    for k in range(first, end):
+        pe += east[k] / rows
+        pn += north[k] / rows
+        qe += x[k] / rows
+        qn += y[k] / rows
+        sine += math.sin(heading[k] - angle[k])
+        cosine += math.cos(heading[k] - angle[k])
+    mean = math.atan2(sine, cosine)
+    trust = rows * (POSITION_TRUST_M / HEADING_TRUST_RAD) ** 2
+    sine, cosine = trust * math.sin(mean), trust * math.cos(mean)
+    for k in range(first, end):
+        ae, an, be, bn = east[k] - pe, north[k] - pn, x[k] - qe, y[k] - qn
+        sine += be * an - bn * ae
+        cosine += be * ae + bn * an
+    return math.atan2(sine, cosine), pe, pn, qe, qn
+
+
+@compiled
 def anchor_pieces(starts, ends, east, north, heading, x, y, angle, out) -> None:  # type: ignore[no-untyped-def]
     """Errors per row after the best rigid motion of each simulated piece: `out` (k, 3) gets cross, along, heading.
 
     `starts`, `ends` (p,) bound the pieces in rows; `east`, `north`, `heading` are measured, `x`, `y`, `angle`
-    simulated. Rows outside every piece are left as they are. Positions decide the turn; headings only where the
-    tractor hardly moves.
+    simulated. Rows outside every piece are left as they are.
     """
-    trust = (POSITION_TRUST_M / HEADING_TRUST_RAD) ** 2
     for piece in range(len(starts)):
         first, end = starts[piece], ends[piece]
-        rows = end - first
-        pe = pn = qe = qn = sine = cosine = 0.0
-        for k in range(first, end):
-            pe += east[k] / rows
-            pn += north[k] / rows
-            qe += x[k] / rows
-            qn += y[k] / rows
-            sine += math.sin(heading[k] - angle[k])
-            cosine += math.cos(heading[k] - angle[k])
-        mean = math.atan2(sine, cosine)
-        sine, cosine = rows * trust * math.sin(mean), rows * trust * math.cos(mean)
-        for k in range(first, end):
-            ae, an, be, bn = east[k] - pe, north[k] - pn, x[k] - qe, y[k] - qn
-            sine += be * an - bn * ae
-            cosine += be * ae + bn * an
-        turn = math.atan2(sine, cosine)
+        turn, pe, pn, qe, qn = best_motion(first, end, east, north, heading, x, y, angle)
         cosine, sine = math.cos(turn), math.sin(turn)
         for k in range(first, end):
             be, bn = x[k] - qe, y[k] - qn

@@ -7,7 +7,7 @@ name, unless nothing else could take its place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,7 +73,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     told = findings(found.case, found.names, rivals, count.step)
     answer = _answer(bench, selection, found, told, rivals, tractor, ground)
     count.finish()
-    notes = (*_notes(logs, bench), *_about_file(tractor, answer, told))
+    notes = (*_notes(logs, bench), *_about_file(tractor, answer))
     return replace(answer, notes=(*notes, ON_OWN_GROUND) if answer.grounds else notes)
 
 
@@ -108,8 +108,7 @@ class _Explained:
 def _explained(selection: Selection, names: list[str], tractor: Tractor, count: _Counter) -> _Explained:
     """Named effects alone where they explain what there is; else all that lowers the error of runs held out."""
     bench, fit = selection.bench, selection.fit
-    names = _holding(lambda kept: _case(selection, of_fit(bench, fit, kept)), names)
-    case = _case(selection, of_fit(bench, fit, names))
+    names, case = _holding(lambda kept: _case(selection, of_fit(bench, fit, kept)), names)
     if not selection.unnamed and within_noise(case, case.final):
         return _Explained(case, names, None)
     start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
@@ -124,15 +123,14 @@ def _explained(selection: Selection, names: list[str], tractor: Tractor, count: 
     return _Explained(case, names, mended)
 
 
-def _holding(case_of: Callable[[list[str]], Case], names: list[str]) -> list[str]:
-    """Names that hold together: one that does not may have been the partner of another, so each drop is followed."""
-    while names:
+def _holding(case_of: Callable[[list[str]], Case], names: list[str]) -> tuple[list[str], Case]:
+    """Names that hold together, with their case: one that does not may have been the partner of another."""
+    while True:
         case = case_of(names)
         kept = [name for name in names if holds(case, name)]
         if kept == names:
-            break
+            return names, case
         names = kept
-    return names
 
 
 def holds(case: Case, name: str) -> bool:
@@ -228,13 +226,11 @@ def _answer(
     )  # fmt: skip
 
 
-def _about_file(tractor: Tractor, answer: Diagnosis, told: Collection[Finding]) -> tuple[str, ...]:
+def _about_file(tractor: Tractor, answer: Diagnosis) -> tuple[str, ...]:
     """What became of the effects and the rest that the tractor file had."""
     found = []
     if tractor.effects:
-        unseen = [
-            one.id for one in told if one.id in tractor.effects and one.status == NOT_VISIBLE and one.value is None
-        ]
+        unseen = [name for name, one in tractor.effects.items() if answer.tractor.effects.get(name) is one]
         kept = f" These logs do not show {', '.join(unseen)}: kept as the file has it." if unseen else ""
         found.append(
             f"The tractor file has {', '.join(tractor.effects)} already: set aside and fitted anew; the error before "
@@ -279,9 +275,10 @@ def _unexplained(found: _Explained, before: Array) -> float:
     """Share of the error above the noise floor that no named effect takes away; 0 while what they leave is noise."""
     case = found.case
     floor = float(case.number(case.floor).sum())
-    named = float(case.error(case.extension.only(found.names)).sum())
-    if within_noise(case, case.error(case.extension.only(found.names))):
+    error = case.error(case.extension.only(found.names))
+    if within_noise(case, error):
         return 0.0
+    named = float(error.sum())
     share = (named - floor) / max(float(before.sum()) - floor, named - floor)
     return float(share) if share > WORTH_SAYING else 0.0
 

@@ -67,11 +67,10 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Mended:
-    """The model that was found, with its error on runs held out (as a share of the error without any term)."""
+    """The model that was found, and the open-loop error it lowers."""
 
     loop: OpenLoop
     model: Model
-    held_out: float
 
 
 def mend(bench: Bench, tractor: Tractor, start: Terms, step: Step) -> Mended:
@@ -84,8 +83,7 @@ def mend(bench: Bench, tractor: Tractor, start: Terms, step: Step) -> Mended:
         if larger is None:
             break
         model, best = larger
-    model, best = _pruned(loop, model, best, frozenset(term.knobs.id for term in start))
-    return Mended(loop, model, best)
+    return Mended(loop, _pruned(loop, model, best, frozenset(term.knobs.id for term in start)))
 
 
 def _enlarged(loop: OpenLoop, model: Model, best: float, tractor: Tractor, step: Step) -> tuple[Model, float] | None:
@@ -148,14 +146,14 @@ def _at_a_limit(terms: Terms) -> bool:
     )
 
 
-def _pruned(loop: OpenLoop, model: Model, best: float, kept: frozenset[str]) -> tuple[Model, float]:
+def _pruned(loop: OpenLoop, model: Model, best: float, kept: frozenset[str]) -> Model:
     """Leave out, one by one, what later terms have made superfluous."""
     for name in sorted({entry_of(name) for name in model.ids - kept}):
         smaller = fitted(loop, tuple(term for term in model.terms if entry_of(term.knobs.id) != name), 2)
         loss = held_out_loss(loop, smaller)
         if loss < best / (1.0 - WORTH):
             return _pruned(loop, smaller, loss, kept)
-    return model, best
+    return model
 
 
 def entry_of(name: str) -> str:

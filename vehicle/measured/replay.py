@@ -16,15 +16,14 @@ import numpy as np
 
 from vehicle.calibration import steering_tables
 from vehicle.chassis import body_step
-from vehicle.compile import compile_grounds, compile_model
+from vehicle.compile import compile_grounds, compile_model, learnt
 from vehicle.driveline import propel, turn_wheels
-from vehicle.effects import REST_KEY, effect_fields
+from vehicle.effects import effect_fields
 from vehicle.ground import ground_index
 from vehicle.jit import compiled
 from vehicle.layout import STATE
 from vehicle.measured.course import DT_S, Stretch
 from vehicle.measured.record import Array
-from vehicle.rest import range_fields
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
@@ -107,13 +106,8 @@ def make_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rig:
 
 def own_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple[Rig, Settings]:
     """The tractor of make_rig, and what its file has from logs: effects, and the rest where it was seen."""
-    rig = make_rig(tractor, ground, origin)
-    settings: dict[str, Mapping[str, float]] = {name: one.value for name, one in tractor.effects.items()}
-    rest = tractor.rest
-    if rest is None or not rest.on:
-        return rig, settings
-    ranges = range_fields(rest.speed_mps, rest.angle_deg)
-    return replace(rig, ranges=ranges), settings | {REST_KEY: rest.amounts}
+    settings, ranges = learnt(tractor)
+    return replace(make_rig(tractor, ground, origin), ranges=ranges), settings
 
 
 def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, from_speed: bool) -> Array:
