@@ -1,8 +1,55 @@
-"""The one error class of the fields room."""
+"""The base of every refusal of Headland, and the refusals of this room.
+
+    HeadlandError(ValueError)            one sentence: the value, the rule, the fix
+    ├── fields.errors.FieldError         a field, a field file or a layout request that cannot be used
+    ├── vehicle.errors.VehicleError      a tractor, implement, ground or log that cannot be
+    ├── strategies.errors.StrategyError  a strategy that cannot work this field with this fleet
+    ├── reports.errors.ReportError       a result that cannot be drawn or written
+    └── planner.errors.ScenarioError     a request that asks for the impossible
+
+It stands here because this room is the lowest of the house: every other one may know it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterable
+
+_OPEN, _CLOSE = "\ue000", "\ue001"  # private characters of Unicode: no sentence of a person holds them
+_NAMED = re.compile(f"{_OPEN}([^{_OPEN}{_CLOSE}]*){_CLOSE}")
 
 
-class FieldError(ValueError):
-    """A field, a field file or a layout request that cannot be used.
+def named(parameter: str) -> str:
+    """A parameter inside the sentence of a refusal; whoever shows it may call it by a name of its own."""
+    return f"{_OPEN}{parameter}{_CLOSE}"
 
-    The message is one sentence that names the value, the rule it breaks and the way to put it right.
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """ " (did you mean ...?)" when a known name is close, else nothing."""
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.4)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+class HeadlandError(ValueError):
+    """A refusal: one sentence that names the value, the rule it breaks and the way to put it right.
+
+    `parameter` is the name of the parameter at fault where one is; by default the first that the sentence names with
+    `named`. `spoken` gives the sentence with other names for its parameters, as the options of the command line.
     """
+
+    def __init__(self, sentence: str, *, parameter: str | None = None) -> None:
+        super().__init__(sentence)
+        first = _NAMED.search(sentence)
+        self.parameter = parameter or (first[1] if first else None)
+
+    def spoken(self, name: Callable[[str], str]) -> str:
+        """The sentence, every parameter in it called by `name` of it."""
+        return _NAMED.sub(lambda match: name(match[1]), str(self.args[0]))
+
+    def __str__(self) -> str:
+        return self.spoken(lambda parameter: parameter)
+
+
+class FieldError(HeadlandError):
+    """A field, a field file or a layout request that cannot be used."""

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.results import Drive
 from planner.site import Site
+from reports.results import Drive
 from strategies.turns import turn_depth
 
 

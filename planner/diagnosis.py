@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import REFUSALS, ScenarioError
+from planner.errors import HeadlandError, ScenarioError
 from planner.evaluate import Candidate, drive
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from vehicle.layout import WORKING
-from vehicle.measured.demo import Hidden, demo_logs, draw_hidden
-from vehicle.measured.diagnose import Progress, diagnose
-from vehicle.measured.logs import read_logs
-from vehicle.measured.record import Log
-from vehicle.measured.verdict import Diagnosis, PlanGain
+from vehicle.measured.answer.demo import Hidden, demo_logs, draw_hidden
+from vehicle.measured.answer.diagnose import Progress, diagnose
+from vehicle.measured.answer.verdict import Diagnosis, PlanGain
+from vehicle.measured.logs.reading import read_logs
+from vehicle.measured.logs.record import Log
 from vehicle.run import DONE, Run
 from vehicle.tractor import Tractor, load_tractor
 from vehicle.world import World
@@ -81,7 +81,7 @@ def plan_gain(where: str, before: Tractor, after: Tractor) -> tuple[PlanGain | N
     try:
         site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where))
         first = drive(site, Candidate("row-by-row", 1))[0]
-    except REFUSALS as refusal:
+    except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
     world = World(first.plan, after, site.implement, seed=site.scenario.seed)
     second = world.run(max_time_s=PATIENCE * float(first.time_s[-1]))

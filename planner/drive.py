@@ -6,8 +6,8 @@ import numpy as np
 
 from planner.evaluate import Candidate, drive
 from planner.measure import guided_point
-from planner.results import Drive, Ranking
 from planner.site import Site
+from reports.results import Drive, Ranking
 from vehicle.run import Run
 
 

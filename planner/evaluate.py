@@ -8,10 +8,10 @@ import numpy as np
 
 from planner.deconflict import MOST_REPAIRS, Simulate, without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
-from planner.results import PlanResult
 from planner.site import Site, gnss_errors
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.waiting import optimised
+from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
 from strategies.job import Job

@@ -58,11 +58,13 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except ValueError as error:
-        from planner.errors import REFUSALS
+        from planner.errors import HeadlandError
 
-        if not isinstance(error, REFUSALS):
+        if not isinstance(error, HeadlandError):
             raise
-        _fail(str(error), BAD_INPUT_STATUS)
+        from planner.commands.options import option_of
+
+        _fail(error.spoken(option_of), BAD_INPUT_STATUS)
 
 
 def _fail(sentence: str, status: int) -> None:

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from planner.evaluate import Candidate
 from planner.pool import evaluated
-from planner.results import PlanResult, Ranking
 from planner.scenario import Scenario, clock
 from planner.site import Site, prepare
+from reports.results import PlanResult, Ranking
 from strategies.registry import FORMATIONS
 from vehicle.effects import REST_KEY
 from vehicle.tractor import Tractor

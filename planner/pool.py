@@ -8,8 +8,8 @@ import signal
 from collections.abc import Iterator, Sequence
 
 from planner.evaluate import Candidate, evaluate
-from planner.results import PlanResult
 from planner.site import Site
+from reports.results import PlanResult
 
 
 def evaluated(work: Sequence[tuple[Site, Candidate]], processes: int | None = None) -> Iterator[PlanResult]:

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from vehicle.measured.anchoring import best_motion
-from vehicle.measured.bench import Bench, first_noise
-from vehicle.measured.course import Stretch, make_course
-from vehicle.measured.horizons import anchored, chain, errors_of, pieces, run_squares
-from vehicle.measured.logs import read_log, remarks
-from vehicle.measured.record import Array
-from vehicle.measured.replay import Settings, own_rig
-from vehicle.measured.verdict import Replayed, ReplayedStretch
+from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
+from vehicle.measured.fit.horizons import anchored, chain, errors_of, pieces, run_squares
+from vehicle.measured.logs.reading import read_log, remarks
+from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.anchoring import best_motion
+from vehicle.measured.replay.course import Stretch, make_course
+from vehicle.measured.replay.replaying import Settings, own_rig
+from vehicle.measured.surprise.bench import Bench, first_noise
 from vehicle.tractor import load_tractor
 
 LAID_S, PIECE_S = 5.0, 5.0

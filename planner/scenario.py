@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from dataclasses import dataclass
 
-from planner.errors import ScenarioError
+from planner.errors import ScenarioError, nearest
 from strategies.registry import STRATEGIES
 from strategies.turns import TURN_KINDS
 
@@ -70,12 +69,6 @@ def _check_names(scenario: Scenario) -> None:
     if scenario.turn not in ("auto", *TURN_KINDS):
         raise ScenarioError(f"Turn {scenario.turn!r} is unknown{nearest(scenario.turn, ('auto', *TURN_KINDS))}; "
                             f"use auto, {', '.join(TURN_KINDS)}.")  # fmt: skip
-
-
-def nearest(name: str, known: tuple[str, ...] | dict[str, str]) -> str:
-    """ " (did you mean ...?)" when a known name is close, else nothing."""
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.4)
-    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def _check_numbers(scenario: Scenario) -> None:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from planner.evaluate import Candidate
 from planner.pool import evaluated
-from planner.results import Claim, PlanResult, Study, StudyRow
 from planner.scenario import Scenario
 from planner.site import RADIUS_MARGIN, Site, prepare
+from reports.results import Claim, PlanResult, Study, StudyRow
 
 HEADLAND_M = 10.0
 COUNTS = (1, 3, 5, 7, 9, 11)

@@ -7,10 +7,10 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from reports.diagnosis_words import is_calibration
-from vehicle.measured.verdict import Diagnosis, Errors, Finding
+from vehicle.measured.answer.verdict import Diagnosis, Errors, Finding
 
 if TYPE_CHECKING:
-    from vehicle.measured.demo import Hidden
+    from vehicle.measured.answer.demo import Hidden
 
 
 def diagnosis_json(diagnosis: Diagnosis, hidden: Hidden | None = None) -> str:

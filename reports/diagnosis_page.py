@@ -29,7 +29,7 @@ from reports.diagnosis_words import (
 )
 from reports.wording import number
 from vehicle.effects import effect
-from vehicle.measured.verdict import EQUIVALENT, NOT_VISIBLE, Curve, Diagnosis, Finding
+from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Curve, Diagnosis, Finding
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720.0, 300.0, 64.0, 44.0, 12.0
 SHOWN_S = 5.0

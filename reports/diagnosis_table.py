@@ -24,7 +24,7 @@ from reports.diagnosis_words import (
     visible_text,
 )
 from reports.wording import number
-from vehicle.measured.verdict import EQUIVALENT, NAMED, Diagnosis
+from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, Diagnosis
 
 if TYPE_CHECKING:
     from rich.console import Group

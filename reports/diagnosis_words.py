@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from reports.wording import listed, number
 from vehicle.effects import LIMIT, effect
-from vehicle.measured.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, PlanGain
+from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, PlanGain
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Rest
 

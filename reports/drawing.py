@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from planner.results import Drive, PlanResult, Points, Ranking
 from reports.palette import TRACTORS
 from reports.paths import (
     REVERSING,
@@ -24,6 +23,7 @@ from reports.paths import (
     swath,
     waits,
 )
+from reports.results import Drive, PlanResult, Points, Ranking
 from reports.wording import duration, feasible
 
 MOST_POINTS = 60_000  # of all paths of a map
@@ -35,7 +35,7 @@ _FRONT = (560.0, 320.0, 62.0, 16.0, 12.0, 44.0)  # width, height, then room left
 
 
 @dataclass(frozen=True)
-class Frame:
+class Viewport:
     """Metres, y north, to whole centimetres from the upper left corner, y down."""
 
     west: float
@@ -58,7 +58,7 @@ def map_picture(drive: Drive) -> dict[str, Any]:
     box = extent(drive)
     size = box.size or 1.0
     margin = _MARGIN * size
-    frame = Frame(box.west - margin, box.north + margin)
+    frame = Viewport(box.west - margin, box.north + margin)
     bar = round_length(max(box.width, 0.5 * size) / 4)
     height = box.height + 2 * margin
     return {
@@ -77,7 +77,7 @@ def map_picture(drive: Drive) -> dict[str, Any]:
     }
 
 
-def _lanes(drive: Drive, frame: Frame) -> list[dict[str, Any]]:
+def _lanes(drive: Drive, frame: Viewport) -> list[dict[str, Any]]:
     tolerance_m = TOLERANCE_M
     cut = _cut(drive, tolerance_m)
     while sum(len(piece.points) for lane in cut for piece in lane) > MOST_POINTS and tolerance_m < 10.0:
@@ -90,7 +90,7 @@ def _cut(drive: Drive, tolerance_m: float) -> list[list[Piece]]:
     return [pieces(xy, status, tolerance_m) for xy, status in zip(drive.xy, drive.status, strict=True)]
 
 
-def _lane(drive: Drive, frame: Frame, number: int, lane: list[Piece]) -> dict[str, Any]:
+def _lane(drive: Drive, frame: Viewport, number: int, lane: list[Piece]) -> dict[str, Any]:
     back = [piece for piece in lane if piece.status == REVERSING]
     turning = [piece for piece in lane if piece.status not in (WORKING, REVERSING)]
     return {
@@ -115,7 +115,7 @@ def _time(sample: int, drive: Drive) -> float:
     return round(sample * drive.step_s, 3)
 
 
-def _animation(drive: Drive, frame: Frame) -> dict[str, Any]:
+def _animation(drive: Drive, frame: Viewport) -> dict[str, Any]:
     """Positions as differences in centimetres and one digit of status per sample, `step` seconds apart."""
     total = sum(len(xy) for xy in drive.xy)
     every = max(math.ceil(1.0 / drive.step_s - 1e-9), math.ceil(total / MOST_SAMPLES), 1)

@@ -8,7 +8,7 @@ import json
 import math
 from typing import Any
 
-from planner.results import PlanResult, Ranking, Study, StudyRow
+from reports.results import PlanResult, Ranking, Study, StudyRow
 from reports.wording import clearance
 
 PLAN_KEYS = (

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.results import Drive
 from reports import palette
 from reports.errors import ReportError
 from reports.paths import (
@@ -23,6 +22,7 @@ from reports.paths import (
     swath,
     waits,
 )
+from reports.results import Drive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
-from planner.results import Drive, PlanResult, Ranking
 from reports import palette
 from reports.drawing import bar_rows, front_picture, map_picture
 from reports.paths import STATES, check_drive
+from reports.results import Drive, PlanResult, Ranking
 from reports.wording import (
     clearance,
     duration,

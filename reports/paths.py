@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.results import Drive, Points
 from reports.errors import ReportError
+from reports.results import Drive, Points
 
 FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
 STATES = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reports import palette
-from vehicle.measured.verdict import Replayed, ReplayedStretch
+from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

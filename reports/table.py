@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from planner.results import Claim, PlanResult, Ranking, Study, StudyRow
+from reports.results import Claim, PlanResult, Ranking, Study, StudyRow
 from reports.wording import (
     NOTHING,
     clearance,

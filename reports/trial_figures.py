@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.trial_results import HeatMap, Line, Panel, Sheet
 from reports import palette
 from reports.errors import ReportError
+from vehicle.trials.sheets.sheet import HeatMap, Line, Panel, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

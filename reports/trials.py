@@ -15,9 +15,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from planner.trial_results import Comparison, Driven, HeatMap, Panel, Sheet, TextTable
 from reports.figures import to_svg
 from reports.trial_figures import panel_figure
+from vehicle.trials.sheets.sheet import Comparison, Driven, HeatMap, Panel, Sheet, TextTable
 
 NOTHING = "-"
 FAR_PCT = 15.0

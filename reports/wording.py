@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from planner.results import PlanResult, Ranking
+from reports.results import PlanResult, Ranking
 
 NOTHING = "-"
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")

@@ -1,8 +1,10 @@
 """Refusals of this room.
 
-    StrategyError(ValueError)    this strategy cannot work this field with this fleet
+    StrategyError(HeadlandError)    this strategy cannot work this field with this fleet
 """
 
+from fields.errors import HeadlandError
 
-class StrategyError(ValueError):
+
+class StrategyError(HeadlandError):
     """Why a strategy is not possible here: one sentence with value, rule and what would help."""

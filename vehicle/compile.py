@@ -103,7 +103,7 @@ def compile_grounds() -> Array:
 
 
 @dataclass(frozen=True)
-class Program:
+class CompiledPlan:
     """A plan as arrays: states (n,), legs, gates, path points (p, 2) and the distance along them (p,)."""
 
     states: Array
@@ -113,7 +113,7 @@ class Program:
     cumulative: Array
 
 
-def compile_plan(plan: Plan, tractor: Tractor) -> Program:
+def compile_plan(plan: Plan, tractor: Tractor) -> CompiledPlan:
     """All missions of a plan, one after another in shared arrays. Every tractor is of the same model."""
     states = np.zeros(plan.tractors, dtype=STATE)
     legs = np.zeros(sum(len(mission.legs) for mission in plan.missions), dtype=LEG)
@@ -134,7 +134,7 @@ def compile_plan(plan: Plan, tractor: Tractor) -> Program:
         first_leg += len(mission.legs)
         first_point += len(path)
     gates = _link(plan, states, legs)
-    return Program(states, legs, gates, np.concatenate(points), np.concatenate(cumulative))
+    return CompiledPlan(states, legs, gates, np.concatenate(points), np.concatenate(cumulative))
 
 
 def _body_start(mission: Mission, tractor: Tractor) -> tuple[float, float, float]:

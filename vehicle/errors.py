@@ -1,11 +1,14 @@
 """Refusals of this room.
 
-    VehicleError(ValueError)     a parameter file or value that no tractor can have
-    └── MissionError             a mission that no world can execute
+    VehicleError(HeadlandError)    a parameter file or value that no tractor can have
+    ├── MissionError             a mission that no world can execute
+    └── LogError (measured)      a log that cannot be used as it is
 """
 
+from fields.errors import HeadlandError
 
-class VehicleError(ValueError):
+
+class VehicleError(HeadlandError):
     """A tractor, ground or implement that cannot be: the message names value, rule and fix."""
 
 

@@ -51,7 +51,7 @@ MODELS = ("kinematic", "linear", "nonlinear")
 WHOLE_DEG = 90.0
 
 
-class Curve(BaseModel):
+class FrictionCurve(BaseModel):
     """Friction curve of a game engine's wheel: straight to the peak, straight to the slide, constant beyond.
 
     The slip it is read at is atan(sideways / (forward + ease)); some engines ease it by 1 m/s.
@@ -66,7 +66,7 @@ class Curve(BaseModel):
     ease_mps: float = Field(default=0.0, ge=0)
 
 
-ENGINE_CURVE = Curve()
+ENGINE_CURVE = FrictionCurve()
 
 
 class Tyres(BaseModel):
@@ -84,7 +84,7 @@ class Tyres(BaseModel):
     rear_limit_deg: float = Field(gt=0, le=WHOLE_DEG)
     rolling_resistance: float = Field(default=0.0, ge=0, lt=1)
     grip: float | None = Field(default=None, gt=0)
-    curve: Curve | None = None
+    curve: FrictionCurve | None = None
 
 
 # Slope and limit per degree, front and rear, of the non-linear model, and slopes of the linear one; rolling
@@ -98,7 +98,7 @@ _TYRES = {
 TYRE_GROUNDS = tuple(_TYRES)
 
 
-def tyres_on(ground: str, model: str, *, curve: Curve | None = ENGINE_CURVE) -> Tyres:
+def tyres_on(ground: str, model: str, *, curve: FrictionCurve | None = ENGINE_CURVE) -> Tyres:
     """Tyres of the thesis on a ground (section 4.3 and 4.4); the kinematic model has no curve and no circle.
 
     Raises VehicleError for an unknown ground or model.
@@ -121,7 +121,7 @@ STIFF_PER_DEG = 50.0  # "a very large constant value" (section 4.3): 0.01 degree
 
 def _tyres(
     front: float, front_limit: float, rear: float, rear_limit: float, rolling: float, grip: float | None,
-    curve: Curve | None,
+    curve: FrictionCurve | None,
 ) -> Tyres:  # fmt: skip
     return Tyres(
         front_slope_per_deg=front, front_limit_deg=front_limit, rear_slope_per_deg=rear, rear_limit_deg=rear_limit,

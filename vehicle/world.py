@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pymunk
 
 from vehicle.calibration import BASE_LOCK_DEG, CIRCLE_SPEED_MPS, identity_table, steering_tables
-from vehicle.compile import Program, compile_grounds, compile_model, compile_plan, outline
+from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compile_plan, outline
 from vehicle.engine import Engine, EngineUnavailable
 from vehicle.gnss import NO_ERROR, error_keys
 from vehicle.ground import GROUNDS, ground_index
@@ -70,7 +70,7 @@ class World:
     ) -> None:  # fmt: skip
         check_plan(plan)
         self.plan = plan
-        self.program: Program = compile_plan(plan, tractor)
+        self.program: CompiledPlan = compile_plan(plan, tractor)
         self.models = np.array([compile_model(tractor, implement)])
         self.grounds = compile_grounds()
         self.tables = (steering_tables(tractor) if tables is None else tables)[None]

@@ -23,8 +23,8 @@ def design(
     """
     from planner.commands.show import out, warm_up
     from planner.commands.validate import write_pictures
-    from planner.validate import STUDIES, check_name
-    from planner.validate import design as run
+    from vehicle.trials.sheets.catalogue import STUDIES, check_name
+    from vehicle.trials.sheets.catalogue import design as run
 
     check_output(html, ".html")
     check_output(png, ".png")

@@ -12,8 +12,8 @@ from planner.commands.options import AsJson, TractorOption, check_kept, check_ou
 
 if TYPE_CHECKING:
     from planner.diagnosis import Order
-    from vehicle.measured.demo import Hidden
-    from vehicle.measured.verdict import Diagnosis
+    from vehicle.measured.answer.demo import Hidden
+    from vehicle.measured.answer.verdict import Diagnosis
 
 Fixes = Annotated[
     Optional[list[str]],  # noqa: UP045 - typer reads this at run time
@@ -55,7 +55,7 @@ def diagnose(
 
         write_text(html, diagnosis_page(found, None if hidden is None else hidden.words))
     if save:
-        from vehicle.measured.save import tractor_toml
+        from vehicle.measured.answer.save import tractor_toml
 
         write_text(save, tractor_toml(found.tractor))
 
@@ -75,7 +75,7 @@ def _check_demo(demo: bool, seed: int | None, hide: str | None, fix: list[str] |
 
 def log_inputs(logs: Sequence[str]) -> dict[Path, str]:
     """The log files of an order, as check_kept takes them."""
-    from vehicle.measured.logs import log_files
+    from vehicle.measured.logs.reading import log_files
 
     return {path: f"the log {path}" for path in (log_files(logs) if logs else ())}
 

@@ -36,8 +36,8 @@ def drive(
     """
     from planner.commands.show import out, warm_up
     from planner.commands.validate import write_pictures
-    from planner.steered import Request, sentence, sheet
-    from planner.steered import drive as run
+    from vehicle.trials.sheets.steered import Request, sentence, sheet
+    from vehicle.trials.sheets.steered import drive as run
 
     check_output(html, ".html")
     check_output(png, ".png")

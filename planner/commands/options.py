@@ -32,6 +32,20 @@ TractorOption = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
 
 
+_OPTIONS = {"field": "the field", "counts": "--tractors"}
+_UNITS = ("_mps", "_m", "_s", "_deg", "_per_deg")
+
+
+def option_of(parameter: str) -> str:
+    """What a parameter of a program is called on the command line: width_m is --width, speed_mps is --speed-kmh."""
+    if parameter in _OPTIONS:
+        return _OPTIONS[parameter]
+    stem = parameter.removesuffix("_mps") + "_kmh" if parameter.endswith("_mps") else parameter
+    for unit in _UNITS:
+        stem = stem.removesuffix(unit)
+    return "--" + stem.replace("_", "-")
+
+
 def check_output(path: Path | None, kind: str = "") -> None:
     """Raise ScenarioError when a result could not be written to `path` later; leaves the file system as it was.
 

@@ -21,9 +21,9 @@ from planner.commands.options import (
 )
 
 if TYPE_CHECKING:
-    from planner.results import Ranking
     from planner.scenario import Scenario
     from planner.site import Site
+    from reports.results import Ranking
 
 NO_PLAN_STATUS = 3
 TURN_KMH = 5.0  # faster, the wheels cannot be turned over in time for arcs near full lock

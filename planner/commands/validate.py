@@ -10,7 +10,7 @@ import typer
 from planner.commands.options import AsJson, check_output, write_text
 
 if TYPE_CHECKING:
-    from planner.trial_results import Sheet
+    from vehicle.trials.sheets.sheet import Sheet
 
 Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]  # noqa: UP045
 Png = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]  # noqa: UP045
@@ -32,8 +32,8 @@ def validate(
     """
     from planner.commands.show import progress_bar, warm_up
     from planner.errors import ScenarioError
-    from planner.validate import EXPERIMENTS, check_name
-    from planner.validate import validate as run
+    from vehicle.trials.sheets.catalogue import EXPERIMENTS, check_name
+    from vehicle.trials.sheets.catalogue import validate as run
 
     check_output(html, ".html")
     check_output(png, ".png")

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from planner.evaluate import Candidate, evaluate
 from planner.plan import candidates
-from planner.results import PlanResult
 from planner.scenario import Scenario, parse_counts
 from planner.site import prepare
+from reports.results import PlanResult
 
 
 def parcels(path: Path) -> list[str]:

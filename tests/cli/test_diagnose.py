@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from vehicle.measured.demo import draw_hidden
+from vehicle.measured.answer.demo import draw_hidden
 from vehicle.tractor import load_tractor
 
 

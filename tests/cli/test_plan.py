@@ -208,7 +208,7 @@ def test_a_strategy_named_twice_is_tried_once(headland: Callable[..., Any], smal
 
 
 def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
-    from vehicle.measured.save import tractor_toml
+    from vehicle.measured.answer.save import tractor_toml
     from vehicle.tractor import EffectSetting, Rest, load_tractor
 
     found = {"steering_offset": EffectSetting(value={"angle_deg": 1.25})}

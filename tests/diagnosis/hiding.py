@@ -10,9 +10,9 @@ from typing import Any
 from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import NEUTRAL, PLACES, scaled
 from tests.truth.model import make_logs
-from vehicle.measured.diagnose import diagnose
-from vehicle.measured.logs import log_from_frame
-from vehicle.measured.verdict import EQUIVALENT, NOT_VISIBLE, Diagnosis
+from vehicle.measured.answer.diagnose import diagnose
+from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Diagnosis
+from vehicle.measured.logs.reading import log_from_frame
 from vehicle.tractor import Tractor, load_tractor
 
 BRIEF = ("straight_090", "straight_270", "circles_right", "circles_left", "steps", "speed_steps", "implement_straight")

@@ -3,8 +3,8 @@
 import pytest
 
 from tests.diagnosis.hiding import eg105
-from vehicle.measured.demo import Hidden, demo_logs
-from vehicle.measured.diagnose import diagnose
+from vehicle.measured.answer.demo import Hidden, demo_logs
+from vehicle.measured.answer.diagnose import diagnose
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 2.0])

@@ -9,8 +9,8 @@ import pytest
 from tests.diagnosis.hiding import Verdict, diagnosed, hidden, judge
 from tests.truth.drives import one_way_programme
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
-from vehicle.measured.demo import Hidden, demo_logs, draw_hidden
-from vehicle.measured.diagnose import diagnose
+from vehicle.measured.answer.demo import Hidden, demo_logs, draw_hidden
+from vehicle.measured.answer.diagnose import diagnose
 from vehicle.tractor import load_tractor
 
 pytestmark = pytest.mark.matrix

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from vehicle.measured.diagnose import diagnose
-from vehicle.measured.logs import read_logs
+from vehicle.measured.answer.diagnose import diagnose
+from vehicle.measured.logs.reading import read_logs
 from vehicle.tractor import load_tractor
 
 CAR = Path(__file__).parent / "data" / "dart.toml"

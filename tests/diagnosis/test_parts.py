@@ -16,13 +16,13 @@ from planner.main import app
 from tests.diagnosis.hiding import eg105
 from tests.truth.drives import circles, straight
 from tests.truth.model import make_logs
-from vehicle.measured.bench import Bench, first_noise, prepare
-from vehicle.measured.course import make_course
-from vehicle.measured.demo import demo_logs, draw_hidden
-from vehicle.measured.horizons import anchored, errors_of, floor_squares, run_squares
-from vehicle.measured.logs import log_from_frame
-from vehicle.measured.replay import make_rig
-from vehicle.measured.save import tractor_toml
+from vehicle.measured.answer.demo import demo_logs, draw_hidden
+from vehicle.measured.answer.save import tractor_toml
+from vehicle.measured.fit.horizons import anchored, errors_of, floor_squares, run_squares
+from vehicle.measured.logs.reading import log_from_frame
+from vehicle.measured.replay.course import make_course
+from vehicle.measured.replay.replaying import make_rig
+from vehicle.measured.surprise.bench import Bench, first_noise, prepare
 from vehicle.tractor import EffectSetting, load_tractor
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.truth.model import make_logs
 from vehicle.errors import VehicleError
-from vehicle.measured.logs import Fix, LogError
+from vehicle.measured.logs.reading import Fix, LogError
 
 HOME = (141.3545, 43.0686)  # longitude and latitude of a field in Sapporo
 

@@ -25,8 +25,8 @@ from tests.measured.tables import (
 from tests.truth.drives import default_programme, reversing
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
 from tests.truth.model import make_logs
-from vehicle.measured.logs import Fix, Log, conventions, log_from_frame, read_logs
-from vehicle.measured.record import Suspicion
+from vehicle.measured.logs.reading import Fix, Log, conventions, log_from_frame, read_logs
+from vehicle.measured.logs.record import Suspicion
 
 STRAIGHT = ("straight_090", "straight_270", "implement_straight")
 

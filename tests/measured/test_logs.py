@@ -15,12 +15,12 @@ from tests.measured.tables import BENT, HOME, SPOIL, refusal, runs, saved, table
 from tests.truth.drives import default_programme, reversing
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
 from tests.truth.model import Truth, make_logs
-from vehicle.measured.conventions import apply_fixes
-from vehicle.measured.gating import gate_rows, jumps, outside_longest_increase, segments
-from vehicle.measured.logs import Fix, Gated, Log, conventions, log_from_frame, read_log, read_logs
-from vehicle.measured.motion import motion
-from vehicle.measured.record import COLUMNS
-from vehicle.measured.table import read_frame
+from vehicle.measured.logs.conventions import apply_fixes
+from vehicle.measured.logs.gating import gate_rows, jumps, outside_longest_increase, segments
+from vehicle.measured.logs.motion import motion
+from vehicle.measured.logs.reading import Fix, Gated, Log, conventions, log_from_frame, read_log, read_logs
+from vehicle.measured.logs.record import COLUMNS
+from vehicle.measured.logs.table import read_frame
 
 # --- reading -----------------------------------------------------------------------------------------------------
 

@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from fields import Field
-from planner.results import PlanResult
 from planner.scenario import Scenario
 from planner.site import Site, prepare
+from reports.results import PlanResult
 
 
 def moved(field: Field, move: Callable[[Any], Any]) -> Field:

@@ -9,7 +9,7 @@ from planner.diagnosis import PLAN_FIELD, PLAN_WIDTH_M, SMALLEST_M, plan_gain
 from planner.evaluate import Candidate, evaluate
 from planner.scenario import Scenario
 from planner.site import prepare
-from vehicle.measured.save import tractor_toml
+from vehicle.measured.answer.save import tractor_toml
 from vehicle.tractor import EffectSetting, Tractor, load_tractor
 
 OFFSET = {"steering_offset": EffectSetting(value={"angle_deg": 2.0})}

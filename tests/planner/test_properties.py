@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from fields import Field, FieldError
 from planner.evaluate import Candidate, drive, evaluate
-from planner.results import PlanResult
 from planner.scenario import Scenario
 from planner.site import Site, prepare
+from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.registry import STRATEGIES
 from vehicle.missions import JOINT_M, check_plan, plan_from_json, plan_to_json

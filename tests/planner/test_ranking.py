@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from planner.evaluate import Candidate
 from planner.plan import candidates, plan, rank
-from planner.results import PlanResult, Ranking
 from planner.scenario import Scenario
+from reports.results import PlanResult, Ranking
 
 QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 Row = tuple[int, float]

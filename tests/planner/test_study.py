@@ -2,8 +2,8 @@
 
 import pytest
 
-from planner.results import Study, StudyRow
 from planner.study import printed, study
+from reports.results import Study, StudyRow
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from planner.results import Claim, Drive, PlanResult, Ranking, Study, StudyRow
+from reports.results import Claim, Drive, PlanResult, Ranking, Study, StudyRow
 
 STEP_S = 0.5
 SPEED_MPS = 1.5

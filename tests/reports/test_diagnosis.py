@@ -21,9 +21,8 @@ from reports.diagnosis_export import diagnosis_json
 from reports.diagnosis_page import diagnosis_page, ticks
 from reports.diagnosis_table import diagnosis_table
 from vehicle.effects import CATALOGUE, effect
-from vehicle.measured.demo import Hidden
-from vehicle.measured.horizons import Error
-from vehicle.measured.verdict import (
+from vehicle.measured.answer.demo import Hidden
+from vehicle.measured.answer.verdict import (
     EQUIVALENT,
     NAMED,
     NOT_VISIBLE,
@@ -35,6 +34,7 @@ from vehicle.measured.verdict import (
     NextDrive,
     PlanGain,
 )
+from vehicle.measured.fit.horizons import Error
 from vehicle.tractor import EffectSetting, Rest, load_tractor
 
 REST = Rest(

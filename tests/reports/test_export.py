@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.results import PlanResult, Ranking, Study
 from reports.export import PLAN_KEYS, ranking_csv, ranking_json, study_json
+from reports.results import PlanResult, Ranking, Study
 
 CONTRACT = [
     "rank",

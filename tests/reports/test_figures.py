@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.results import Drive
-from planner.trial_results import Line, Panel
 from reports.errors import ReportError
 from reports.figures import map_figure, save_png, to_svg
+from reports.results import Drive
 from reports.trial_figures import panel_figure
+from vehicle.trials.sheets.sheet import Line, Panel
 
 
 def test_map_is_to_scale_and_holds_everything(drive: Drive) -> None:

@@ -10,10 +10,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from planner.results import Drive, Ranking
-from reports.drawing import MOST_SAMPLES, Frame, bar_rows, front_picture, map_picture
+from reports.drawing import MOST_SAMPLES, Viewport, bar_rows, front_picture, map_picture
 from reports.errors import ReportError
 from reports.page import plan_page
+from reports.results import Drive, Ranking
 
 VOID = {"meta", "input", "br", "wbr", "link", "img"}
 
@@ -137,8 +137,8 @@ def test_animation_gives_the_positions_back(ranking: Ranking, drive: Drive) -> N
 
 def test_lines_round_trip_to_the_centimetre() -> None:
     points = np.array([[1.0, 9.0], [2.5, 9.0], [2.5, 9.001], [-3.25, 7.5]])
-    assert Frame(0.0, 10.0).line(points) == "M100 100l150 0 -575 150"
-    assert Frame(0.0, 10.0).line(points[:1], closed=True) == "M100 100z"
+    assert Viewport(0.0, 10.0).line(points) == "M100 100l150 0 -575 150"
+    assert Viewport(0.0, 10.0).line(points[:1], closed=True) == "M100 100z"
 
 
 def test_map_lanes_draw_the_worked_length(drive: Drive) -> None:

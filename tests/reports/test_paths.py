@@ -12,9 +12,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.results import Drive
 from reports.errors import ReportError
 from reports.paths import REVERSING, WAITING, WORKING, check_drive, extent, pieces, round_length, swath, waits
+from reports.results import Drive
 
 
 def test_pieces_by_hand() -> None:

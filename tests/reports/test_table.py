@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from planner.results import Ranking, Study
+from reports.results import Ranking, Study
 from reports.table import _broken, field_table, ranking_table, study_tables
 
 

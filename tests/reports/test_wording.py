@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.results import PlanResult, Ranking
+from reports.results import PlanResult, Ranking
 from reports.wording import clock, duration, headline, listed, members, minutes, number, price, refusals, remarks
 
 

@@ -10,7 +10,7 @@ from vehicle.calibration import kinematic_radius
 from vehicle.errors import VehicleError
 from vehicle.ground import MODELS, TYRE_GROUNDS, tyres_on
 from vehicle.steering import SLEW
-from vehicle.trials.drive import STEERINGS, Track, drive_steered, with_steering
+from vehicle.trials.drive import STEERINGS, Trace, drive_steered, with_steering
 from vehicle.trials.oversteer import GROWTH_DEG, LOST_DEG, settled_radius, settles
 
 DT = 1.0 / 60.0
@@ -21,8 +21,8 @@ def constant(angle_deg: float, seconds: float, dt: float = DT) -> Any:
     return np.full((round(seconds / dt), 1), angle_deg)
 
 
-def one(tractor: Any, tyres: Any, commands: Any, **options: Any) -> Track:
-    track: Track = drive_steered([tractor], [tyres], commands, **options)[0]
+def one(tractor: Any, tyres: Any, commands: Any, **options: Any) -> Trace:
+    track: Trace = drive_steered([tractor], [tyres], commands, **options)[0]
     return track
 
 
@@ -85,7 +85,7 @@ def test_slip_angles_of_a_rolling_tractor_are_zero_and_signs_follow_the_thesis(e
 def test_slip_by_hand() -> None:
     """Heading north at 1 m/s, drifting 0.1 m/s to the right, turning right at 0.2 rad/s, wheels 10 degrees right."""
     rows = np.array([[0.0, 0.0, 0.5 * math.pi, 0.1, 1.0, -0.2, math.radians(10.0), 0.0, 1.0, 0.0, 0.0, 0.0]])
-    track = Track(np.zeros(1), rows, 1.3, 1.1, 0.0)
+    track = Trace(np.zeros(1), rows, 1.3, 1.1, 0.0)
     front, rear = track.slips()
     assert front[0] == pytest.approx(math.atan(0.1 + 0.26) - math.radians(10.0))
     assert rear[0] == pytest.approx(math.atan(0.1 - 0.22))
@@ -129,7 +129,7 @@ def test_the_traditional_simulator_is_a_first_order_lag(eg105: Any) -> None:
     assert not (track.column("stage") == SLEW).any()
 
 
-def rates(track: Track) -> Any:
+def rates(track: Trace) -> Any:
     """Size of the wheels' rate of turn (degrees/s) per step."""
     return np.abs(np.diff(np.degrees(track.column("steering")))) / DT
 
@@ -156,12 +156,12 @@ def test_unknown_simulators_and_angles_beyond_the_stop_are_refused(eg105: Any) -
         one(eg105, tyres_on("soil", "linear"), constant(40.0, 1.0))
 
 
-def slipping(rear_deg: Any) -> Track:
+def slipping(rear_deg: Any) -> Trace:
     """A track heading north at 1 m/s whose rear axle slips by the given angles."""
     rear = np.radians(np.asarray(rear_deg, dtype=float))
     rows = np.zeros((len(rear), 12))
     rows[:, 2], rows[:, 4], rows[:, 3], rows[:, 5] = 0.5 * math.pi, 1.0, np.tan(rear), 1e-9
-    return Track(DT * np.arange(len(rear)), rows, 1.3, 1.1, 0.0)
+    return Trace(DT * np.arange(len(rear)), rows, 1.3, 1.1, 0.0)
 
 
 def test_the_criterion_of_stability_on_made_up_slips() -> None:

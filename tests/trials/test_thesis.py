@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vehicle.gnss import default_table
-from vehicle.trials.errors import deviation, distances
+from vehicle.trials.deviation import deviation, distances
 from vehicle.trials.fixed import ANGLES_DEG, changing_steering, closest_table
 from vehicle.trials.navigation import navigation
 from vehicle.trials.offsets import OFFSETS_CM, SPEEDS_KMH, step_response, weaving_m

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from vehicle.chassis import GRAVITY, body_step
 from vehicle.errors import VehicleError
-from vehicle.ground import MODELS, TYRE_GROUNDS, Curve, Tyres, tyres_on
+from vehicle.ground import MODELS, TYRE_GROUNDS, FrictionCurve, Tyres, tyres_on
 from vehicle.trials.drive import compile_tyres
 from vehicle.tyres import friction_curve, side_share
 
@@ -108,7 +108,7 @@ def test_no_more_drive_than_the_ground_holds(model: Any) -> None:
 
 def test_an_eased_slip_reads_the_curve_earlier(model: Any) -> None:
     """Sliding with slope 0.1 at 1 m/s, the eased slip is atan(0.1 / 2)."""
-    tyres = tyres_on("asphalt", "linear").model_copy(update={"grip": None, "curve": Curve(ease_mps=1.0)})
+    tyres = tyres_on("asphalt", "linear").model_copy(update={"grip": None, "curve": FrictionCurve(ease_mps=1.0)})
     after = body_step(1.0, 0.1, 0.0, 0.0, 0.0, 1e-7, model, compile_tyres([tyres])[0])
     slip = math.degrees(math.atan(0.1))
     friction = math.atan(0.05) / 0.2 * slip * (0.15 * 1.1 + 0.2 * 1.3) / 2.4

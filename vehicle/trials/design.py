@@ -12,7 +12,7 @@ from vehicle.calibration import CIRCLE_SPEED_MPS
 from vehicle.errors import VehicleError
 from vehicle.ground import Tyres, tyres_on
 from vehicle.tractor import Tractor
-from vehicle.trials.drive import Track, drive_steered, with_steering
+from vehicle.trials.drive import Trace, drive_steered, with_steering
 from vehicle.trials.fixed import ANGLES_DEG, own_limit, step_commands
 from vehicle.trials.oversteer import settled_radius
 
@@ -47,7 +47,7 @@ class MassSweep:
     front_axle_m: tuple[float, ...]
     angles_deg: tuple[float, ...]
     radius_m: Array
-    tracks: tuple[Track, ...]  # at the last angle, one per place
+    tracks: tuple[Trace, ...]  # at the last angle, one per place
 
 
 def tyre_maps(
@@ -107,7 +107,7 @@ def moved_mass(tractor: Tractor, front_axle_m: float) -> Tractor:
 
 def _drive(
     tractors: Sequence[Tractor], tyres: Sequence[Tyres], angles_deg: Sequence[float], speed_mps: float
-) -> list[Track]:
+) -> list[Trace]:
     direct = {id(tractor): with_steering(tractor, "none") for tractor in tractors}
     commands = step_commands(angles_deg, SECONDS)
     return drive_steered([direct[id(t)] for t in tractors], tyres, commands, speed_mps=speed_mps, keep=KEEP)

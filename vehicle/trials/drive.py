@@ -30,7 +30,7 @@ APART_M = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Trace:
     """What one tractor did, one row per kept step.
 
     `time_s` (t,), `rows` (t, 12) with the columns of vehicle.trials.loop, the axles' places ahead of and behind the
@@ -43,7 +43,7 @@ class Track:
     rear_m: float
     point_m: float
 
-    def until(self, row: int) -> Track:
+    def until(self, row: int) -> Trace:
         """The track up to a row."""
         return replace(self, time_s=self.time_s[:row], rows=self.rows[:row])
 
@@ -52,7 +52,7 @@ class Track:
         return np.asarray(self.rows[:, COLUMNS.index(name)])
 
     def place(self, ahead_m: float | None = None) -> Array:
-        """Track (t, 2) of a point of the centre line; by default the controlled one."""
+        """Path (t, 2) of a point of the centre line; by default the controlled one."""
         reach = self.point_m if ahead_m is None else ahead_m
         angle = self.rows[:, 2:3]
         return np.asarray(self.rows[:, :2] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
@@ -116,7 +116,7 @@ def compile_tyres(tyres: Sequence[Tyres]) -> npt.NDArray[Any]:
 def drive_steered(
     tractors: Sequence[Tractor], tyres: Sequence[Tyres], commands_deg: Array, *, speed_mps: float = CIRCLE_SPEED_MPS,
     dt: float = DT_S, keep: int = 1, standing: bool = False,
-) -> list[Track]:  # fmt: skip
+) -> list[Trace]:  # fmt: skip
     """Drive tractors of one steering lock, each on its own tyres, by `commands_deg` (steps, n), without correction.
 
     All start heading north: at full speed with straight wheels, or `standing` with the wheels at the first command.
@@ -144,7 +144,7 @@ def drive_steered(
 def follow(
     tractor: Tractor, mission: Mission, *, tyres: Tyres | None = None, seconds: float = 600.0,
     fixes: Table = NO_ERROR, seed: int = 1, dt: float = DT_S, jump: tuple[float, float] | None = None,
-) -> Track:  # fmt: skip
+) -> Trace:  # fmt: skip
     """Drive one tractor along a mission, entered at full speed: with the corrected base model of its grounds, or
     uncorrected on `tyres` of chapter 4. `fixes` is a GNSS table, `jump` the arguments of paths.with_jump.
     """
@@ -194,7 +194,7 @@ class _Trial:
     def run(
         self, steps: int, dt: float, keep: int, grounds: npt.NDArray[Any], tables: Array, commands: Array,
         fixes: Table = NO_ERROR,
-    ) -> list[Track]:  # fmt: skip
+    ) -> list[Trace]:  # fmt: skip
         """Drive and hand back one track per tractor."""
         engine = Engine(self.space, self.bodies)
         every = max(1, round(1.0 / (self.tractors[0].guidance.rate_hz * dt)))
@@ -207,6 +207,6 @@ class _Trial:
         )  # fmt: skip
         time = np.arange(rows, dtype=np.float64) * (dt * keep)
         return [
-            Track(time, track[:rows, i], t.front_axle_m, t.rear_axle_m, t.antenna_forward_m - t.rear_axle_m)
+            Trace(time, track[:rows, i], t.front_axle_m, t.rear_axle_m, t.antenna_forward_m - t.rear_axle_m)
             for i, t in enumerate(self.tractors)
         ]

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.calibration import CIRCLE_SPEED_MPS
-from vehicle.ground import ENGINE_CURVE, MODELS, Curve, Tyres, tyres_on
+from vehicle.ground import ENGINE_CURVE, MODELS, FrictionCurve, Tyres, tyres_on
 from vehicle.tractor import SpeedControl, Tractor
-from vehicle.trials.drive import Track, drive_steered, with_steering
+from vehicle.trials.drive import Trace, drive_steered, with_steering
 from vehicle.trials.oversteer import settled_radius, settles
 from vehicle.world import DT_S
 
@@ -33,7 +33,7 @@ class Fixed:
     steering_deg: float
     radius_m: float
     stable: bool
-    track: Track
+    track: Trace
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def fixed_steering(
     )
 
 
-def table_4_1(tractor: Tractor, curve: Curve | None = ENGINE_CURVE) -> tuple[Fixed, ...]:
+def table_4_1(tractor: Tractor, curve: FrictionCurve | None = ENGINE_CURVE) -> tuple[Fixed, ...]:
     """The nine drives of Table 4.1 on the tyres of section 4.3."""
     return tuple(
         drive
@@ -75,7 +75,7 @@ def table_4_1(tractor: Tractor, curve: Curve | None = ENGINE_CURVE) -> tuple[Fix
     )
 
 
-def changing_steering(tractor: Tractor) -> dict[str, Track]:
+def changing_steering(tractor: Tractor) -> dict[str, Trace]:
     """Section 4.3.2: one drive per model, the steering a sine that is put on the wheels at once."""
     time = DT_S * np.arange(round(WAVE_SECONDS / DT_S))
     commands = np.tile(WAVE_DEG * np.sin(2.0 * math.pi * time / WAVE_PERIOD_S)[:, None], (1, len(MODELS)))
@@ -127,10 +127,10 @@ def guesses(tractor: Tractor) -> tuple[Guess, ...]:
         ("times the engine's curve, slip in radians", tractor, bare),
         ("as above and a friction circle with the drive force (the setting used)", tractor, soil),
         ("curve read at slips in degrees, so past its end everywhere", tractor,
-         other(bare, curve=Curve(peak_slip_rad=0.2 / 57.3, slide_slip_rad=0.5 / 57.3))),
-        ("curve without the fall behind its peak", tractor, other(bare, curve=Curve(slide=1.0))),
+         other(bare, curve=FrictionCurve(peak_slip_rad=0.2 / 57.3, slide_slip_rad=0.5 / 57.3))),
+        ("curve without the fall behind its peak", tractor, other(bare, curve=FrictionCurve(slide=1.0))),
         ("curve read at slips eased by 1 m/s, as the engine's own tyre model does", tractor,
-         other(bare, curve=Curve(ease_mps=1.0))),
+         other(bare, curve=FrictionCurve(ease_mps=1.0))),
         ("centre of mass nearer the front axle (1.1 m and 1.3 m), curve on", nose, bare),
         ("front and rear tyres exchanged, no curve", tractor, other(plain, **exchanged)),
         ("front and rear tyres exchanged, curve on", tractor, other(bare, **exchanged)),

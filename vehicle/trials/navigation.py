@@ -14,8 +14,8 @@ from vehicle.calibration import CIRCLE_SPEED_MPS
 from vehicle.gnss import NO_ERROR, Table
 from vehicle.missions import Leg, Mission
 from vehicle.tractor import Tractor
-from vehicle.trials.drive import Track, follow
-from vehicle.trials.errors import deviation
+from vehicle.trials.deviation import deviation
+from vehicle.trials.drive import Trace, follow
 from vehicle.trials.setting import STEP_LOOKAHEAD_M, as_tested
 
 Array = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ class Passes:
     """The drive, and per pass the largest and mean lateral error (cm) and heading error (degrees)."""
 
     mission: Mission
-    track: Track
+    track: Trace
     lateral_max_cm: tuple[float, float]
     lateral_mean_cm: tuple[float, float]
     heading_max_deg: tuple[float, float]
@@ -70,7 +70,7 @@ def navigation(tractor: Tractor, *, fixes: Table = NO_ERROR, seed: int = 1, stee
     return Passes(mission, track, *pairs)
 
 
-def _pass_errors(mission: Mission, track: Track, leg: int) -> tuple[float, float, float, float]:
+def _pass_errors(mission: Mission, track: Trace, leg: int) -> tuple[float, float, float, float]:
     rows = track.column("leg") == leg
     points = mission.legs[leg].points
     errors = deviation(track.place()[rows], track.column("angle")[rows], points, STEP_LOOKAHEAD_M)

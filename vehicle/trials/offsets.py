@@ -9,8 +9,8 @@ import numpy as np
 from vehicle.gnss import NO_ERROR, Table
 from vehicle.steering import SLEW
 from vehicle.tractor import Tractor
-from vehicle.trials.drive import Track, follow
-from vehicle.trials.errors import distances
+from vehicle.trials.deviation import distances
+from vehicle.trials.drive import Trace, follow
 from vehicle.trials.paths import RUN_OUT_M, straight
 from vehicle.trials.setting import UNLIMITED_M, as_tested
 
@@ -27,7 +27,7 @@ class Step:
     speed_kmh: float
     ground: str
     steering: str
-    track: Track
+    track: Trace
     second_m: float = SECOND_M
 
     @property

@@ -11,12 +11,12 @@ import math
 
 import numpy as np
 
-from vehicle.trials.drive import Track
+from vehicle.trials.drive import Trace
 
 LOST_DEG, GROWTH_DEG = 30.0, 0.5
 
 
-def settles(track: Track) -> bool:
+def settles(track: Trace) -> bool:
     """Whether the side-slip of a drive settles; see the criterion above."""
     size = np.degrees(np.abs(track.slips()[1]))
     if size.max() > LOST_DEG:
@@ -26,7 +26,7 @@ def settles(track: Track) -> bool:
     return bool(growth <= GROWTH_DEG)
 
 
-def settled_radius(track: Track, ahead_m: float) -> float:
+def settled_radius(track: Trace, ahead_m: float) -> float:
     """Turning radius (m) of a point over the last eighth of a drive; nan when the drive does not settle."""
     if not settles(track):
         return math.nan

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.compile import Program
+from vehicle.compile import CompiledPlan
 from vehicle.errors import VehicleError
 from vehicle.missions import Leg, Mission
 
@@ -22,7 +22,7 @@ def straight(length_m: float, speed_mps: float, ground: str = "asphalt") -> Miss
     return _mission(np.array([[0.0, 0.0], [0.0, length_m]]), speed_mps, ground)
 
 
-def with_jump(program: Program, at_m: float, offset_m: float) -> Program:
+def with_jump(program: CompiledPlan, at_m: float, offset_m: float) -> CompiledPlan:
     """The program of a straight path ahead, its part beyond `at_m` moved to the right by `offset_m`.
 
     Path 1 and path 2 of the step response: the lookahead point jumps across first, the controlled point later.

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.calibration import CIRCLE_SPEED_MPS
-from vehicle.ground import ENGINE_CURVE, Curve, tyres_on
+from vehicle.ground import ENGINE_CURVE, FrictionCurve, tyres_on
 from vehicle.missions import Mission
 from vehicle.tractor import Tractor
-from vehicle.trials.drive import Track, follow
-from vehicle.trials.errors import Deviation, deviation, distances
+from vehicle.trials.deviation import Deviation, deviation, distances
+from vehicle.trials.drive import Trace, follow
 from vehicle.trials.paths import RUN_OUT_M, wave
 from vehicle.trials.setting import CONTROLLED_M, SLIP_LOOKAHEAD_M, WAVE_LOOKAHEAD_M, as_tested
 
@@ -31,7 +31,7 @@ class Tracking:
 
     ground: str
     model: str
-    track: Track
+    track: Trace
     errors: Deviation
     lateral_max_m: float
     lateral_mean_m: float
@@ -39,7 +39,7 @@ class Tracking:
     heading_mean_deg: float
 
 
-def tracking(track: Track, path: Mission, lookahead_m: float, ground: str, model: str) -> Tracking:
+def tracking(track: Trace, path: Mission, lookahead_m: float, ground: str, model: str) -> Tracking:
     """Measure a track against the first leg of a path, up to its run-out."""
     points = path.legs[0].points
     errors = deviation(track.place(), track.column("angle"), points, lookahead_m)
@@ -53,8 +53,9 @@ def tracking(track: Track, path: Mission, lookahead_m: float, ground: str, model
 
 
 def slip_test(
-    tractor: Tractor, ground: str, model: str, *, curve: Curve | None = ENGINE_CURVE, point_m: float = CONTROLLED_M
-) -> Tracking:
+    tractor: Tractor, ground: str, model: str, *, curve: FrictionCurve | None = ENGINE_CURVE,
+    point_m: float = CONTROLLED_M,
+) -> Tracking:  # fmt: skip
     """Section 4.4: the wave of 37.6 m and 5 m at 5 km/h with 1.8 m lookahead, angles uncorrected."""
     tested = as_tested(tractor, lookahead_m=SLIP_LOOKAHEAD_M, point_m=point_m)
     path = wave(AMPLITUDE_M, math.pi / HALF_PERIOD_M, PERIODS, CIRCLE_SPEED_MPS, "asphalt")

@@ -1,0 +1,1 @@
+"""Which effects the logs speak for, and what an error without a name depends on."""

@@ -1,0 +1,248 @@
+"""What an error depends on when no effect of the catalogue explains it: unnamed terms on a list of regressors.
+
+Each unnamed term bends the path, changes the grip, pushes the tractor over the ground or changes its speed in
+proportion to a regressor. They compete with the catalogue: where one explains clearly more than any named effect,
+giving a name would be wrong, and what the error depends on is said instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.effects import PATH, SPEED, effect_fields
+from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.replaying import antenna_lever
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.whitening import Increments, innovations
+
+PERIODS_S = tuple(np.geomspace(2.5, 80.0, 36).tolist())
+DISTANCE, ALWAYS = "a change of the distance driven", "always"
+Terms = list[Increments]
+Maker = Callable[[Stretch, Increments, Array], Terms]
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """An unnamed term: what it depends on, what it changes, its columns, and whether it is free in every run."""
+
+    on: str
+    changes: str
+    make: Maker
+    per_run: bool = False
+
+    @property
+    def words(self) -> str:
+        """The term as a clause."""
+        return self.changes if self.on == ALWAYS else f"{self.changes} that depends on {self.on}"
+
+    @property
+    def block(self) -> str:
+        """Block of the chain that it would belong to."""
+        return SPEED if self.changes == DISTANCE else PATH
+
+
+def _bend(move: Increments, regressor: Array, per_angle: Array) -> Increments:
+    """An extra wheel angle (rad, to the right); `per_angle` is the curvature it makes at the angle the wheels have."""
+    zero = np.zeros_like(move.ahead)
+    return Increments(zero, zero, -regressor * np.hypot(move.ahead, move.aside) * per_angle)
+
+
+def _per_angle(bench: Bench, stretch: Stretch) -> Array:
+    """Curvature per wheel angle (1/m per rad), averaged over a degree each way because the measured radii bend at 0."""
+    rig, angle = bench.rig, _steering(stretch)
+    grid = np.linspace(-rig.tractor.max_steering_deg, rig.tractor.max_steering_deg, len(rig.table))
+    tangents = [np.tan(np.interp(np.degrees(angle) + shift, grid, rig.table)) for shift in (-1.0, 1.0)]
+    found: Array = (tangents[1] - tangents[0]) / np.radians(2.0) / rig.tractor.wheelbase_m
+    return found
+
+
+def _grip(move: Increments, regressor: Array) -> Increments:
+    """An extra share of the curvature."""
+    zero = np.zeros_like(move.ahead)
+    return Increments(zero, zero, regressor * move.turned)
+
+
+def _push(stretch: Stretch, east: float, north: float) -> Increments:
+    """A push of 1 m/s over the ground while the tractor moves."""
+    dt, heading = np.diff(stretch.time), stretch.heading[:-1]
+    moving = np.tanh(np.abs(stretch.speed[:-1]) / 0.1) * dt
+    cosine, sine = np.cos(heading), np.sin(heading)
+    zero = np.zeros_like(moving)
+    return Increments((east * cosine + north * sine) * moving, (east * sine - north * cosine) * moving, zero)
+
+
+def _faster(move: Increments, regressor: Array) -> Increments:
+    zero = np.zeros_like(move.ahead)
+    return Increments(regressor * move.ahead, zero, zero)
+
+
+def _speed(stretch: Stretch) -> Array:
+    return stretch.speed[:-1]
+
+
+def _steering(stretch: Stretch) -> Array:
+    angle = stretch.wheel if stretch.wheel is not None else stretch.command
+    assert angle is not None
+    return angle[:-1]
+
+
+def _rate(stretch: Stretch) -> Array:
+    angle = stretch.wheel if stretch.wheel is not None else stretch.command
+    assert angle is not None
+    rate: Array = np.gradient(angle, stretch.time)[:-1]
+    return rate
+
+
+def _waves(period: float, longest: float) -> list[Dependence]:
+    def bent(stretch: Stretch, move: Increments, base: Array) -> Terms:
+        phase = 2.0 * np.pi * stretch.time[:-1] / period
+        return [_bend(move, wave(phase), base) for wave in (np.sin, np.cos)]
+
+    def gripped(stretch: Stretch, move: Increments, base: Array) -> Terms:
+        phase = 2.0 * np.pi * stretch.time[:-1] / period
+        return [_grip(move, wave(phase)) for wave in (np.sin, np.cos)]
+
+    back = period <= 0.5 * longest
+    on = f"time, coming back every {period:.1f} s" if back else "time, changing slowly during a run"
+    return [Dependence(on, "an extra wheel angle", bent, True), Dependence(on, "a change of grip", gripped, True)]
+
+
+def dependences(bench: Bench) -> list[Dependence]:
+    """All unnamed terms that the data could show."""
+    found = [
+        Dependence("speed", "an extra wheel angle", lambda s, m, b: [_bend(m, _speed(s), b)]),
+        Dependence("the square of speed", "an extra wheel angle", lambda s, m, b: [_bend(m, _speed(s) ** 2, b)]),
+        Dependence(
+            "time since the start", "an extra wheel angle", lambda s, m, b: [_bend(m, s.start_s + s.time[:-1], b)]
+        ),
+        Dependence(
+            "the direction of travel", "an extra wheel angle",
+            lambda s, m, b: [_bend(m, np.cos(s.heading[:-1]), b), _bend(m, np.sin(s.heading[:-1]), b)],
+        ),
+        Dependence("speed", "a change of grip", lambda s, m, b: [_grip(m, _speed(s))]),
+        Dependence("the size of the wheel angle", "a change of grip", lambda s, m, b: [_grip(m, np.abs(_steering(s)))]),
+        Dependence("the implement", "a change of grip", lambda s, m, b: [_grip(m, s.working[:-1])]),
+        Dependence(
+            "the direction of travel", "a change of grip",
+            lambda s, m, b: [_grip(m, np.cos(s.heading[:-1])), _grip(m, np.sin(s.heading[:-1]))],
+        ),
+        Dependence("the rate of steering", "an extra wheel angle", lambda s, m, b: [_bend(m, _rate(s), b)]),
+        Dependence(
+            "the direction of travel and the time on the way", "a push over the ground",
+            lambda s, m, b: [_push(s, 1.0, 0.0), _push(s, 0.0, 1.0)],
+        ),
+        Dependence("speed", DISTANCE, lambda s, m, b: [_faster(m, _speed(s))]),
+        Dependence(ALWAYS, DISTANCE, lambda s, m, b: [_faster(m, np.ones(s.rows - 1))]),
+        Dependence(
+            "the wheel angle", DISTANCE, lambda s, m, b: [_faster(m, np.abs(_steering(s)))]
+        ),
+    ]  # fmt: skip
+    if not all(stretch.speed_seen for stretch in bench.course.stretches):
+        found = [one for one in found if one.changes != DISTANCE]
+    longest = max(stretch.time[-1] for stretch in bench.course.stretches)
+    fastest = 8.0 * max(float(np.median(np.diff(stretch.time))) for stretch in bench.course.stretches)
+    for period in PERIODS_S:
+        if fastest < period < 1.3 * longest:
+            found += _waves(period, longest)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """How much of what is left an unnamed term explains beyond the fit."""
+
+    terms: Dependence
+    gain: float
+    freedoms: int
+
+
+def scores(bench: Bench, fit: Fit) -> list[Score]:
+    """Gains of all unnamed terms, the largest first."""
+    response = Response(bench, fit)
+    bends = [_per_angle(bench, stretch) for stretch in bench.course.stretches]
+    found = []
+    for terms in dependences(bench):
+        made = [terms.make(s, m, b) for s, m, b in zip(bench.course.stretches, response.moves, bends, strict=True)]
+        gain, freedoms = response.gain(made, terms.per_run)
+        found.append(Score(terms, gain, freedoms))
+    return sorted(found, key=lambda one: one.freedoms - one.gain)
+
+
+def columns(bench: Bench, fit: Fit, terms: Dependence) -> Array:
+    """Change of the whole vector of surprises per unit of each column of an unnamed term (n, c)."""
+    response = Response(bench, fit)
+    blocks = []
+    for index, (stretch, move) in enumerate(zip(bench.course.stretches, response.moves, strict=True)):
+        blocks.append(response.local(index, terms.make(stretch, move, _per_angle(bench, stretch))))
+    found = np.concatenate([np.concatenate(blocks), np.zeros((2 * bench.course.rows, blocks[0].shape[1]))])
+    if terms.per_run:
+        found = np.concatenate([found * (bench.runs == run)[:, None] for run in np.unique(bench.runs)], axis=1)
+    return found[:, np.abs(found).max(axis=0) > 1e-12]
+
+
+class Response:
+    """How the surprises of the path answer to small changes of the simulated motion, stretch by stretch."""
+
+    def __init__(self, bench: Bench, fit: Fit) -> None:
+        """Replay the fit once."""
+        self.bench, self.fit = bench, fit
+        self.moves = bench.path(fit.settings)
+        fields = effect_fields(fit.settings)
+        self.lever, self.bias = antenna_lever(bench.rig, fields), fields["heading_bias"]
+        self.now = [self._surprise(index, move) for index, move in enumerate(self.moves)]
+        ends = np.cumsum([3 * stretch.rows for stretch in bench.course.stretches])
+        self.places = [
+            slice(int(end) - 3 * s.rows, int(end)) for end, s in zip(ends, bench.course.stretches, strict=True)
+        ]
+        self.inverse = np.linalg.pinv(fit.slope.T @ fit.slope, rcond=1e-12, hermitian=True)
+        self.side = fit.slope.T @ fit.surprise
+
+    def _surprise(self, index: int, move: Increments) -> Array:
+        stretch, filtered = self.bench.course.stretches[index], self.bench.filters[index]
+        out = np.empty((stretch.rows, 3))
+        innovations(
+            stretch.time, stretch.east, stretch.north, stretch.heading, move.ahead, move.aside, move.turned,
+            *self.lever, self.bias, filtered.gains, filtered.roots, out,
+        )  # fmt: skip
+        out[0] = 0.0
+        return out.ravel()
+
+    def local(self, index: int, terms: Terms) -> Array:
+        """Columns of one stretch (3 k, c): the filter is linear, so any size of a term will do."""
+        move, now = self.moves[index], self.now[index]
+        found = []
+        for term in terms:
+            moved = Increments(move.ahead + term.ahead, move.aside + term.aside, move.turned + term.turned)
+            found.append(self._surprise(index, moved) - now)
+        return np.stack(found, axis=1)
+
+    def sums(self, index: int, terms: Terms) -> tuple[Array, Array, Array]:
+        """Squares, products with what is left, and products with the columns of the fit, of one stretch."""
+        found, place = self.local(index, terms), self.places[index]
+        return found.T @ found, found.T @ self.fit.surprise[place], found.T @ self.fit.slope[place]
+
+    def gain(self, made: list[Terms], per_run: bool) -> tuple[float, int]:
+        """Loss that columns (one list of terms per stretch) take away beyond the fit, and how many are free."""
+        parts = [self.sums(index, terms) for index, terms in enumerate(made)]
+        if per_run:
+            return sum(explained(square, side) for square, side, _ in parts), sum(len(side) for _, side, _ in parts)
+        square, side, cross = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
+        return self.beyond(square, side, cross), len(side)
+
+    def beyond(self, square: Array, side: Array, cross: Array) -> float:
+        """Explained loss once the columns of the fit have taken their share."""
+        share = cross @ self.inverse
+        return explained(square - share @ cross.T, side - share @ self.side)
+
+
+def explained(square: Array, side: Array) -> float:
+    """Loss that columns with these products take away."""
+    scale = np.sqrt(np.maximum(np.diag(square), 1e-12))
+    inverse = np.linalg.pinv(square / np.outer(scale, scale), rcond=1e-6, hermitian=True)
+    scaled = side / scale
+    return float(scaled @ inverse @ scaled)

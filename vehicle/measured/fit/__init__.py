@@ -1,0 +1,1 @@
+"""Effects as coordinates, and fits of them."""

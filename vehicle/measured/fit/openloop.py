@@ -1,0 +1,222 @@
+"""The open-loop error as one vector: what a model drives wrong from the commands, anchored again and again.
+
+Unlike the surprises of a bench it does not ask what instruments and soil explain. It is what is left to lower when no
+cause is known: every horizon and every kind of error counts the same, each as a share of what it was before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.effects import REST_KEY
+from vehicle.measured.fit.fitting import LATER_STEP, add_products, solve
+from vehicle.measured.fit.heldout import Pieces, steps_without
+from vehicle.measured.fit.horizons import anchored_pieces, chain, pieces
+from vehicle.measured.fit.knobs import Knobs
+from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.replaying import Settings
+from vehicle.measured.surprise.bench import Bench
+from vehicle.rest import BY_NAME
+
+HORIZONS_S = (1.0, 5.0)
+WINDOW_S = 20.0
+KINDS = 3
+SETTLED = 0.01  # of the loss: a step that gains less is the last one
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """An effect or a term of the rest at coordinates; `runs` None stands for all runs."""
+
+    knobs: Knobs
+    at: Array
+    runs: frozenset[int] | None = None
+
+    def acts_in(self, run: int) -> bool:
+        """Whether the term counts in a run."""
+        return self.runs is None or run in self.runs
+
+
+Terms = tuple[Term, ...]
+
+
+def settings_in(terms: Sequence[Term], run: int) -> Settings:
+    """Settings of one run."""
+    found: dict[str, dict[str, float]] = {}
+    for term in terms:
+        if term.acts_in(run):
+            key = REST_KEY if term.knobs.id in BY_NAME else term.knobs.id
+            found[key] = found.get(key, {}) | term.knobs.values(term.at)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoop:
+    """The errors of a bench under terms, as a vector in units of what they were without any (n,)."""
+
+    bench: Bench
+
+    def errors(self, terms: Sequence[Term]) -> Array:
+        """The whole vector: the sum of its squares is 1 without terms."""
+        parts = [self._raw(stretch, settings_in(terms, stretch.run)) for stretch in self.bench.course.stretches]
+        out: Array = np.concatenate(parts) / self._units
+        return out
+
+    def _raw(self, stretch: Stretch, settings: Settings) -> Array:
+        antenna, heading, _, _ = chain(self.bench, stretch, settings)
+        found = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
+        return np.nan_to_num(np.concatenate(found).ravel())
+
+    @cached_property
+    def _units(self) -> Array:
+        """Per entry, the size of its horizon and kind without terms, so that each of them sums up to its share."""
+        whole = np.concatenate([self._raw(stretch, {}) for stretch in self.bench.course.stretches])
+        group = np.concatenate([
+            np.repeat(np.arange(len(HORIZONS_S)), one.rows * KINDS) * KINDS
+            + np.tile(np.arange(KINDS), one.rows * len(HORIZONS_S))
+            for one in self.bench.course.stretches
+        ])  # fmt: skip
+        sums = np.bincount(group, whole * whole, len(HORIZONS_S) * KINDS)
+        seen = np.count_nonzero(sums)
+        return np.asarray(np.sqrt(np.maximum(sums[group], 1e-12) * seen))
+
+    @cached_property
+    def runs(self) -> npt.NDArray[np.int64]:
+        """Run of every entry."""
+        stretches = self.bench.course.stretches
+        return np.concatenate([np.full(one.rows * KINDS * len(HORIZONS_S), one.run) for one in stretches])
+
+    @cached_property
+    def windows(self) -> npt.NDArray[np.int64]:
+        """Window of 20 s of every entry, counted through all runs."""
+        found, count = [], 0
+        for one in self.bench.course.stretches:
+            window = count + (one.time / WINDOW_S).astype(np.int64)
+            found.append(np.tile(np.repeat(window, KINDS), len(HORIZONS_S)))
+            count = int(window[-1]) + 1
+        return np.concatenate(found)
+
+    @cached_property
+    def places(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Run and half of every window."""
+        count = int(self.windows.max()) + 1
+        runs, halves = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+        runs[self.windows] = self.runs
+        first = 0
+        for one in self.bench.course.stretches:
+            size = int(one.time[-1] / WINDOW_S) + 1
+            halves[first : first + size] = np.arange(size) % 2
+            first += size
+        return runs, halves
+
+    @property
+    def run_count(self) -> int:
+        """Number of runs."""
+        return len(self.bench.course.names)
+
+    def by_run(self, errors: Array) -> Array:
+        """Sum of squares per run (runs,)."""
+        return np.bincount(self.runs, errors * errors, self.run_count).astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Terms at their best: `errors` (n,) is what is left, `slope` (n, m) its change per coordinate."""
+
+    terms: Terms
+    errors: Array
+    slope: Array
+
+    @property
+    def loss(self) -> float:
+        """What is left of the squared error; 1 without terms."""
+        return float(self.errors @ self.errors)
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Ids in use."""
+        return frozenset(term.knobs.id for term in self.terms)
+
+
+def moved(terms: Terms, change: Array) -> Terms:
+    """Terms with their coordinates changed, kept inside what a tractor can have."""
+    found, first = [], 0
+    for term in terms:
+        count = term.knobs.count
+        found.append(Term(term.knobs, term.knobs.inside(term.at + change[first : first + count]), term.runs))
+        first += count
+    return tuple(found)
+
+
+def slope_of(loop: OpenLoop, terms: Terms, errors: Array, share: float, last: int | None = None) -> Array:
+    """Change of the errors per coordinate of the terms (of the `last` ones only), by one-sided differences."""
+    found = []
+    for index in range(len(terms) if last is None else last):
+        index = index if last is None else len(terms) - last + index
+        term = terms[index]
+        for axis in range(term.knobs.count):
+            at = term.at.copy()
+            at[axis] += share * term.knobs.typical[axis]
+            if term.knobs.inside(at)[axis] != at[axis]:
+                at[axis] = term.at[axis] - share * term.knobs.typical[axis]
+            other = (*terms[:index], Term(term.knobs, at, term.runs), *terms[index + 1 :])
+            found.append((loop.errors(other) - errors) / (at[axis] - term.at[axis]))
+    return np.stack(found, axis=1) if found else np.zeros((len(errors), 0))
+
+
+def fitted(loop: OpenLoop, terms: Terms, iterations: int = 3) -> Model:
+    """Gauss-Newton with halving over all terms together."""
+    errors = loop.errors(terms)
+    slope = slope_of(loop, terms, errors, LATER_STEP)
+    for _ in range(iterations if terms else 0):
+        better = _downhill(loop, terms, errors, slope)
+        if better is None:
+            break
+        gain = float(errors @ errors) - float(better[1] @ better[1])
+        terms, errors = better
+        slope = slope_of(loop, terms, errors, LATER_STEP)
+        if gain < SETTLED * float(errors @ errors):
+            break
+    return Model(terms, errors, slope)
+
+
+def _downhill(loop: OpenLoop, terms: Terms, errors: Array, slope: Array) -> tuple[Terms, Array] | None:
+    change = solve(slope, errors)
+    for share in (1.0, 0.4, 0.15):
+        other = moved(terms, share * change)
+        left = loop.errors(other)
+        if float(left @ left) < float(errors @ errors):
+            return other, left
+    return None
+
+
+def pieces_of(loop: OpenLoop, model: Model) -> Pieces:
+    """Normal equations per window of 20 s."""
+    count, size = int(loop.windows.max()) + 1, model.slope.shape[1]
+    squares, sides = np.zeros((count, size, size)), np.zeros((count, size))
+    add_products(loop.windows, model.slope, model.errors, squares, sides)
+    return Pieces(squares, sides, *loop.places)
+
+
+def to_neutral(terms: Terms) -> Array:
+    """Change of the coordinates that takes every term away."""
+    found = [np.array(term.knobs.neutral) - term.at for term in terms]
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def held_out_loss(loop: OpenLoop, model: Model) -> float:
+    """Squared error of every window under coordinates that other runs (or windows) give."""
+    pieces = pieces_of(loop, model)
+    total = model.loss
+    for run, steps in steps_without(pieces, to_neutral(model.terms)).items():
+        for half, step in enumerate(steps):
+            mine = (pieces.runs == run) & (pieces.halves == half)
+            square, side = pieces.squares[mine].sum(axis=0), pieces.sides[mine].sum(axis=0)
+            total += float(2.0 * step @ side + step @ square @ step)
+    return total

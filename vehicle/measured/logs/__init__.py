@@ -1,0 +1,1 @@
+"""Reading logs: columns, rows that can be used, and conventions recognised and converted."""

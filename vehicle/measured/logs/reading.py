@@ -1,0 +1,219 @@
+"""Reading measured logs: the door of this package."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vehicle.measured.errors import LogError
+from vehicle.measured.logs.conventions import apply_fixes, conventions, first_place
+from vehicle.measured.logs.gating import Gate, gate_rows, segments
+from vehicle.measured.logs.record import Fix, Gated, Log, Suspicion
+from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.logs.table import Columns, columns_of, read_frame
+from vehicle.measured.replay.course import SHORTEST_S
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "Fix", "Gated", "Log", "LogError", "Suspicion", "conventions", "log_files", "log_from_frame", "read_log",
+    "read_logs", "remarks",
+]  # fmt: skip
+
+_SUSPICIOUS_STEP_S = 2.0
+_FASTEST_HZ = 250.0
+_REFUSED_SHARE = 0.5
+_SHOWN_RULES = 4
+_STANDING_M = 0.3  # antenna noise spreads this far
+_POSITION_FIXES = (Fix.POSITION_DEGREES, Fix.POSITION_KM)
+_SPEED_FIXES = (Fix.SPEED_KMH, Fix.SPEED_MEASURED_KMH, Fix.SPEED_COMMAND_KMH)
+
+
+def read_log(
+    path: str | Path,
+    fixes: Iterable[Fix | str] = (),
+    wheelbase_m: float | None = None,
+    reference: tuple[float, float] | None = None,
+) -> Log:
+    """One run from a CSV or Parquet file.
+
+    `fixes` name conventions to convert from (values of Fix); `wheelbase_m` sharpens the check for radians;
+    `reference` is the longitude and latitude (deg) of the origin for positions in degrees.
+    Raises LogError, in one sentence, for a file that is no log, a log without a usable stretch, and a convention that
+    looks wrong and is not among the fixes.
+    """
+    path = Path(path)
+    return log_from_frame(read_frame(path), path.stem, fixes, wheelbase_m, reference)
+
+
+def read_logs(
+    paths: str | Path | Iterable[str | Path], fixes: Iterable[Fix | str] = (), wheelbase_m: float | None = None
+) -> list[Log]:
+    """Runs from files and glob patterns, in the order given and sorted within a pattern, each file once.
+
+    Positions in degrees share one origin: the first position of the first file. Raises LogError as read_log does, and
+    when a pattern matches no file.
+    """
+    wanted = _fix_set(fixes)
+    logs: list[Log] = []
+    reference = None
+    files = log_files([paths] if isinstance(paths, str | Path) else paths)
+    for (path, again), name in zip(files.items(), _names(list(files)), strict=True):
+        frame = read_frame(path)
+        if reference is None and Fix.POSITION_DEGREES in wanted:
+            columns = columns_of(frame, name)[0]
+            reference = first_place(apply_fixes(columns, wanted & {Fix.EAST_NORTH_SWAPPED}))
+        log = log_from_frame(frame, name, wanted, wheelbase_m, reference, check=False)
+        logs.append(replace(log, given_again=again))
+    for log in logs:
+        _check(log, wanted, wheelbase_m, [other for other in logs if other is not log])
+    return logs
+
+
+def log_from_frame(
+    frame: pd.DataFrame,
+    name: str,
+    fixes: Iterable[Fix | str] = (),
+    wheelbase_m: float | None = None,
+    reference: tuple[float, float] | None = None,
+    check: bool = True,
+) -> Log:
+    """One run from a table; as read_log. Without `check`, conventions, movement and the rate are not judged."""
+    given = _fix_set(fixes)
+    raw, others = columns_of(frame, name)
+    columns = apply_fixes(raw, given, reference)
+    gate = gate_rows(columns)
+    columns = _without_negative_noise(columns)
+    _refuse_unusable(columns, gate, name)
+    log = _assemble(columns, gate, name, others)
+    if check:
+        _check(log, given, wheelbase_m)
+    return log
+
+
+def _without_negative_noise(columns: Columns) -> Columns:
+    """Speeds with the sensor's noise about standstill cut off at zero; larger negative ones are gated."""
+    speeds = {name: np.maximum(columns[name], 0.0) for name in columns if name.startswith("speed")}
+    return columns | speeds
+
+
+def _fix_set(fixes: Iterable[Fix | str]) -> frozenset[Fix]:
+    try:
+        given = frozenset(Fix(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
+    except ValueError as error:
+        raise LogError(f"{error}; the fixes are: {', '.join(Fix)}.") from error
+    speeds = [str(fix) for fix in _SPEED_FIXES if fix in given]
+    if len(speeds) > 1:
+        raise LogError(
+            f"The fixes {' and '.join(speeds)} would convert a speed twice or say the same; give one of them."
+        )
+    return given
+
+
+def log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
+    """Files of names and glob patterns, each once, with the further names under which it was given.
+
+    Raises LogError when a pattern matches no file and when there is no name at all.
+    """
+    found: dict[Path, list[Path]] = {}
+    for one in paths:
+        text = str(one)
+        matches = [Path(text)]
+        if any(mark in text for mark in "*?[") and not Path(text).exists():
+            matches = sorted(Path(match) for match in glob.glob(text, recursive=True))
+            if not matches:
+                raise LogError(f"{text} matches no file; check the pattern.")
+        for path in matches:
+            found.setdefault(path.resolve(), []).append(path)
+    if not found:
+        raise LogError("No log was given; name at least one file or pattern, for example runs/*.csv.")
+    return {first: tuple(map(str, again)) for first, *again in found.values()}
+
+
+def _names(files: list[Path]) -> list[str]:
+    """Stems, or whole paths where two files share a stem."""
+    stems = [path.stem for path in files]
+    return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, files, strict=True)]
+
+
+def _refuse_unusable(columns: Columns, gate: Gate, name: str) -> None:
+    backwards = next((one for one in gate.gated if one.rule == "time not increasing"), None)
+    if backwards is not None and backwards.rows > _REFUSED_SHARE * len(gate.used):
+        raise LogError(
+            f"{name}: time_s does not increase in {backwards.rows} of {len(gate.used)} rows (first in line "
+            f"{backwards.first_line}); sort the rows by time."
+        )
+    lost = next(
+        (one for one in gate.gated if one.rows > _REFUSED_SHARE * len(gate.used) and "missing" in one.rule), None
+    )
+    if lost is not None and np.count_nonzero(gate.used) >= 2:
+        raise LogError(
+            f"{name}: {lost.rows} of {len(gate.used)} rows are lost to: {lost.rule} (first in line {lost.first_line}); "
+            "fill the column, or leave it out where it is not needed."
+        )
+    if np.count_nonzero(gate.used) < 2:
+        largest = sorted(gate.gated, key=lambda one: -one.rows)[:_SHOWN_RULES]
+        why = "; ".join(f"{one.rule}: {one.rows} rows from line {one.first_line}" for one in largest)
+        raise LogError(f"{name} has fewer than two usable rows of {len(gate.used)} ({why}); correct the log.")
+
+
+def _assemble(columns: Columns, gate: Gate, name: str, others: tuple[str, ...]) -> Log:
+    rows = len(gate.used)
+    return Log(
+        name=name,
+        time_s=columns["time_s"],
+        easting_m=columns["easting_m"],
+        northing_m=columns["northing_m"],
+        heading_deg=columns.get("heading_deg"),
+        speed_mps=columns.get("speed_mps"),
+        speed_command_mps=columns.get("speed_command_mps"),
+        steering_command_deg=columns.get("steering_command_deg"),
+        steering_deg=columns.get("steering_deg"),
+        shuttle=columns.get("shuttle", np.ones(rows)),
+        implement=columns.get("implement", np.zeros(rows)),
+        roll_deg=columns.get("roll_deg"),
+        pitch_deg=columns.get("pitch_deg"),
+        used=gate.used,
+        segment=segments(columns["time_s"], gate.used),
+        gated=tuple(gate.gated),
+        ignored_columns=others,
+    )
+
+
+def _check(log: Log, given: frozenset[Fix], wheelbase_m: float | None, others: Sequence[Log] = ()) -> None:
+    """Refuse wrong conventions, a tractor that never moves, and a rate of no log."""
+    found = conventions(log, wheelbase_m, others)
+    _refuse_standing(log, found)
+    again = [one for one in found if one.fix in given]
+    if again:
+        raise LogError(f"{log.name}: after the fix {again[0].fix} {again[0].why}; leave that fix out.")
+    if found:
+        raise LogError(f"{log.name}: it seems that {'; and that '.join(one.sentence() for one in found)}.")
+    _refuse_rate(log)
+
+
+def _refuse_standing(log: Log, found: Sequence[Suspicion]) -> None:
+    """Positions in a wrong unit seem to stand still as well; what they are is said instead."""
+    if any(one.fix in _POSITION_FIXES for one in found):
+        return
+    moved = float(np.hypot(np.ptp(log.easting_m[log.used]), np.ptp(log.northing_m[log.used])))
+    seconds = float(np.ptp(log.time_s[log.used]))
+    if moved == 0.0 or (moved < _STANDING_M and seconds >= SHORTEST_S):
+        raise LogError(
+            f"{log.name}: its positions stay within {moved:.2g} m for {seconds:.0f} s, the tractor never moves; leave "
+            "this log out, or correct the columns easting_m and northing_m."
+        )
+
+
+def _refuse_rate(log: Log) -> None:
+    if not 1.0 / _FASTEST_HZ <= log.step_s <= _SUSPICIOUS_STEP_S:
+        raise LogError(
+            f"{log.name}: its rows are {log.step_s:g} s apart; logs of 1 to 100 Hz can be used, check the unit of "
+            "time_s or log at another rate."
+        )

@@ -1,0 +1,77 @@
+"""What a reader should know about a log beside its numbers: columns and rows that were not used, and why."""
+
+from __future__ import annotations
+
+import difflib
+
+import numpy as np
+
+from vehicle.measured.logs.gating import FIRST_ROW_LINE
+from vehicle.measured.logs.record import COLUMNS, Log, Rows
+from vehicle.measured.replay.course import SHORTEST_S, forward_stretches
+
+STEEPEST_DEG = 60.0
+_NEAR = 0.7
+
+
+def remarks(log: Log) -> list[str]:
+    """Every remark on a log, one sentence each, starting with its name.
+
+    The rows named in "left out" and "not used" are all rows of the file that no replay sees.
+    """
+    found = [*_given(log), *_columns(log), *_tilt(log)]
+    found += [f"{_rows(one.rows)} left out: {one.rule} (first in line {one.first_line})" for one in log.gated]
+    return [f"{log.name}: {one}." for one in [*found, *_stretches(log)]]
+
+
+def _rows(count: int) -> str:
+    return "1 row" if count == 1 else f"{count} rows"
+
+
+def _given(log: Log) -> list[str]:
+    if not log.given_again:
+        return []
+    names = ", ".join(log.given_again)
+    return [f"the file was given {len(log.given_again) + 1} times (also as {names}) and counts once"]
+
+
+def _columns(log: Log) -> list[str]:
+    absent = [name for name in COLUMNS if getattr(log, name) is None]
+    unset = (("shuttle", log.shuttle == 1.0), ("implement", log.implement == 0.0))
+    absent += [name for name, default in unset if default.all()]
+    found = []
+    for name in log.ignored_columns:
+        near = [one for one in absent if one.startswith(f"{name.lower()}_")]
+        near = near or difflib.get_close_matches(name.lower(), absent, 1, _NEAR)
+        hint = f"; rename it {near[0]} if that is what it holds" if near else ""
+        found.append(f"column {name!r} is not known and was ignored{hint}")
+    return found
+
+
+def _tilt(log: Log) -> list[str]:
+    """Roll and pitch are looked at, but no row is lost for them: nothing uses them."""
+    found = []
+    for name, values in (("roll_deg", log.roll_deg), ("pitch_deg", log.pitch_deg)):
+        if values is not None:
+            bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG))
+            if len(bad):
+                found.append(
+                    f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_rows(len(bad))} (first in line "
+                    f"{_line(bad)}); it is not used, so they stay"
+                )
+    return found
+
+
+def _stretches(log: Log) -> list[str]:
+    back = np.flatnonzero(log.used & (log.shuttle < 0.0))
+    found = [f"{_rows(len(back))} not used: driven in reverse (first in line {_line(back)})"] if len(back) else []
+    long, short = forward_stretches(log)
+    if short:
+        rows = np.concatenate(short)
+        where = f"in stretches shorter than {SHORTEST_S:g} s" if long else f"no stretch reaches {SHORTEST_S:g} s"
+        found.append(f"{_rows(len(rows))} not used: {where} (first in line {_line(rows)})")
+    return found
+
+
+def _line(rows: Rows) -> int:
+    return int(rows[0]) + FIRST_ROW_LINE

@@ -1,0 +1,1 @@
+"""Lowering the error on runs held out, and what is added to a tractor."""

@@ -1,0 +1,175 @@
+"""Logs made ready for replay: stretches of forward driving on the simulation's own time grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.measured.errors import LogError
+from vehicle.measured.logs.record import Array, Log, Rows
+
+DT_S = 1.0 / 60.0
+SHORTEST_S = 5.0
+CHORD_S = 0.6
+_SHOWN_LOGS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A stretch of one run without gap or gear change. SI and radians, steering positive right, heading mathematical.
+
+    Per row (k,): `time`, `east`, `north` (from the origin of the set), `heading` (continuous), `heading_seen` (False
+    where the log has none and the course stands in), `speed`, `wheel`, `command`, `target`, `working`; a column that
+    the log lacks is None. Per step of 1/60 s (n,): the same inputs on the grid, names with `_grid`. `start_s` is the
+    time since the start of the run at the first row.
+    """
+
+    run: int
+    start_s: float
+    time: Array
+    east: Array
+    north: Array
+    heading: Array
+    heading_seen: bool
+    speed: Array
+    speed_seen: bool
+    wheel: Array | None
+    command: Array | None
+    target: Array | None
+    working: Array
+    grids: dict[str, Array]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.time)
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """All runs of a set: names, stretches, the origin taken off the positions, and the rows left out here."""
+
+    names: tuple[str, ...]
+    stretches: tuple[Stretch, ...]
+    origin: tuple[float, float]
+    rows_read: int
+
+    @property
+    def rows(self) -> int:
+        """Rows in use."""
+        return sum(one.rows for one in self.stretches)
+
+    @property
+    def seconds(self) -> float:
+        """Driving time in use."""
+        return float(sum(one.time[-1] - one.time[0] for one in self.stretches))
+
+    def of(self, run: int) -> list[Stretch]:
+        """Stretches of one run."""
+        return [one for one in self.stretches if one.run == run]
+
+
+def make_course(logs: Sequence[Log]) -> Course:
+    """Stretches of all logs. Raises LogError when nothing long enough is left."""
+    used = [log.used for log in logs]
+    east = np.concatenate([log.easting_m[rows] for log, rows in zip(logs, used, strict=True)])
+    north = np.concatenate([log.northing_m[rows] for log, rows in zip(logs, used, strict=True)])
+    origin = (float(np.round(np.median(east))), float(np.round(np.median(north))))
+    stretches: list[Stretch] = []
+    for run, log in enumerate(logs):
+        for rows in forward_stretches(log)[0]:
+            stretches.append(_stretch(log, rows, run, origin))
+    if not stretches:
+        raise LogError(_nothing_long(logs))
+    return Course(tuple(log.name for log in logs), tuple(stretches), origin, sum(len(log.used) for log in logs))
+
+
+def _nothing_long(logs: Sequence[Log]) -> str:
+    """Why no log has a stretch to replay: per log the rule that took most rows, of three logs at most."""
+    why = []
+    for log in logs[:_SHOWN_LOGS]:
+        worst = max(log.gated, key=lambda one: one.rows, default=None)
+        lost = "" if worst is None else (
+            f", {worst.rows} of {len(log.used)} rows are lost to: {worst.rule} (first in line {worst.first_line})"
+        )  # fmt: skip
+        longest = max(
+            (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in forward_stretches(log)[1]), default=0.0
+        )
+        why.append(f"in {log.name} the longest lasts {longest:.1f} s{lost}")
+    more = f"; and {len(logs) - _SHOWN_LOGS} more" if len(logs) > _SHOWN_LOGS else ""
+    return (
+        f"No log holds {SHORTEST_S:g} s of forward driving without a gap: {'; '.join(why)}{more}; fill or leave out "
+        "such columns, or log at least one such run."
+    )
+
+
+def forward_stretches(log: Log) -> tuple[list[Rows], list[Rows]]:
+    """Rows of each stretch driven forward without a gap: those long enough to replay, and those too short."""
+    long: list[Rows] = []
+    short: list[Rows] = []
+    # A few rows left out are no gap, unless the gear was changed in them.
+    seen = np.flatnonzero(log.used | (log.shuttle <= 0.0))
+    number = np.where(log.used & (log.shuttle > 0.0), log.segment, -1)[seen]
+    for rows in np.split(seen, np.flatnonzero(np.diff(number) != 0) + 1):
+        if len(rows) and log.used[rows[0]] and log.shuttle[rows[0]] > 0.0:
+            enough = log.time_s[rows[-1]] - log.time_s[rows[0]] >= SHORTEST_S
+            (long if enough else short).append(rows)
+    return long, short
+
+
+def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float]) -> Stretch:
+    time = log.time_s[rows] - log.time_s[rows[0]]
+    east, north = log.easting_m[rows] - origin[0], log.northing_m[rows] - origin[1]
+    course, pace = _course(time, east, north)
+    heading = course if log.heading_deg is None else np.unwrap(math.pi / 2 - np.radians(log.heading_deg[rows]))
+    speed = pace if log.speed_mps is None else log.speed_mps[rows]
+    columns = {
+        "wheel": _angle(log.steering_deg, rows),
+        "command": _angle(log.steering_command_deg, rows),
+        "target": None if log.speed_command_mps is None else log.speed_command_mps[rows],
+    }
+    working = log.implement[rows]
+    grids = _grids(
+        time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns}
+    )
+    return Stretch(
+        run, float(log.time_s[rows[0]] - log.time_s[log.used][0]), time, east, north, heading,
+        log.heading_deg is not None, speed, log.speed_mps is not None,
+        columns["wheel"], columns["command"], columns["target"], working, grids,
+    )  # fmt: skip
+
+
+def _angle(column: Array | None, rows: Rows) -> Array | None:
+    return None if column is None else np.radians(column[rows])
+
+
+def _course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
+    """Course over ground (continuous) and speed from positions, over chords of CHORD_S."""
+    before, after = time - 0.5 * CHORD_S, time + 0.5 * CHORD_S
+    before, after = np.maximum(before, time[0]), np.minimum(after, time[-1])
+    dx = np.interp(after, time, east) - np.interp(before, time, east)
+    dy = np.interp(after, time, north) - np.interp(before, time, north)
+    pace = np.hypot(dx, dy) / (after - before)
+    angle = np.arctan2(dy, dx)
+    moving = np.flatnonzero(pace > 0.3 * float(np.median(pace)))
+    if len(moving) == 0:
+        return np.zeros(len(time)), pace
+    course: Array = np.interp(np.arange(len(time)), moving, np.unwrap(angle[moving]))
+    return course, pace
+
+
+def _grids(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
+    """Columns on the grid: measured values between rows by line, commands from halfway between two rows on."""
+    steps = math.ceil((time[-1] - time[0]) / DT_S) + 1
+    grid = np.arange(steps) * DT_S
+    middles = 0.5 * (time[1:] + time[:-1])
+    nearest = np.searchsorted(middles, grid)
+    found = {}
+    for name, values in columns.items():
+        if values is not None:
+            held = name in ("command", "target", "working")
+            found[name] = values[nearest] if held else np.interp(grid, time, values)
+    return found

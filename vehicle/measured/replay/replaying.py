@@ -1,0 +1,149 @@
+"""Replay of logged commands through the functions that planning drives with.
+
+No pymunk space is needed for one tractor that touches nothing: steering, drive line, effects and chassis are the
+functions of the planning loop, and the position is moved as pymunk moves it, with the velocity before the step.
+Effects that belong to a place or a direction look at the measured pose, so one simulation serves every horizon.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from vehicle.calibration import steering_tables
+from vehicle.chassis import body_step
+from vehicle.compile import compile_grounds, compile_model, learnt
+from vehicle.driveline import propel, turn_wheels
+from vehicle.effects import effect_fields
+from vehicle.ground import ground_index
+from vehicle.jit import compiled
+from vehicle.layout import STATE
+from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.course import DT_S, Stretch
+from vehicle.terms import affected_tangent, ground_drift, played
+from vehicle.tractor import Implement, Tractor
+
+Settings = Mapping[str, Mapping[str, float]]
+X, Y, ANGLE, STEERING, FORWARD = range(5)
+
+
+@compiled
+def replay_steps(  # type: ignore[no-untyped-def]
+    command, wheel, speed, target, working, east, north, heading, start_s, dt, from_sensor, from_speed, state, model,
+    ground, table, out,
+) -> None:  # fmt: skip
+    """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
+
+    `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give.
+    """
+    x, y, angle, forward = east[0], north[0], heading[0], speed[0]
+    state.steering = state.play = state.commands[-1] = wheel[0]
+    state.reference_speed = forward
+    right = spin = 0.0
+    for i in range(len(command)):
+        state.command, state.working, state.target_speed = command[i], working[i], target[i]
+        if from_speed:
+            forward = speed[i]
+        out[i, X], out[i, Y], out[i, ANGLE], out[i, STEERING], out[i, FORWARD] = x, y, angle, state.steering, forward
+        if from_sensor:
+            state.steering = wheel[i]
+            state.play = played(state.play, state.steering, model)
+        else:
+            turn_wheels(state, model, dt)
+        drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
+        there, across = math.cos(heading[i]), math.sin(heading[i])
+        tangent = affected_tangent(
+            state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
+        )
+        along, slide = ground_drift(state.play, forward, there, across, model)
+        new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        x += ((forward + along) * cosine + right * sine) * dt
+        y += ((forward + along) * sine - right * cosine) * dt
+        angle -= spin * dt
+        forward, right, spin = new_forward, new_right + slide, new_spin
+        state.clock += 1
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
+
+    `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none.
+    """
+
+    tractor: Tractor
+    model: Any
+    ground: Any
+    table: Array
+    origin: tuple[float, float] = (0.0, 0.0)
+    ranges: Mapping[str, float] = field(default_factory=dict)
+
+    def with_effects(self, settings: Settings) -> Any:
+        """The model record with effects; places in the field are moved to the origin of the course."""
+        model = self.model.copy()
+        fields = effect_fields(settings) | dict(self.ranges)
+        fields["affected"] = 1.0
+        fields["patch_east"] -= self.origin[0]
+        fields["patch_north"] -= self.origin[1]
+        for name, value in fields.items():
+            model[0][name] = value
+        return model
+
+
+def make_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rig:
+    """The tractor as its file describes it, without the effects of the file."""
+    bare = tractor.model_copy(update={"effects": {}, "rest": None})
+    index = ground_index(ground)
+    model = np.zeros(1, dtype=compile_model(bare, Implement()).dtype)
+    model[0] = compile_model(bare, Implement())
+    return Rig(bare, model, compile_grounds()[index : index + 1], steering_tables(bare)[index], origin)
+
+
+def own_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple[Rig, Settings]:
+    """The tractor of make_rig, and what its file has from logs: effects, and the rest where it was seen."""
+    settings, ranges = learnt(tractor)
+    return replace(make_rig(tractor, ground, origin), ranges=ranges), settings
+
+
+def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, from_speed: bool) -> Array:
+    """States (n, 5) on the grid of a stretch. What the log lacks is replaced: a sensor by the command and back."""
+    grids = stretch.grids
+    command = grids.get("command", grids.get("wheel"))
+    wheel = grids.get("wheel", command)
+    assert command is not None and wheel is not None
+    target = grids.get("target", grids["speed"])
+    out = np.empty((len(command), 5))
+    state = np.zeros(1, dtype=STATE)
+    state["commands"] = command[0]
+    replay_steps(
+        command, wheel, grids["speed"], target, grids["working"], grids["east"], grids["north"], grids["heading"],
+        stretch.start_s, DT_S, from_sensor and stretch.wheel is not None, from_speed or stretch.target is None,
+        state[0], rig.with_effects(settings)[0], rig.ground[0], rig.table, out,
+    )  # fmt: skip
+    return out
+
+
+def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
+    """Antenna ahead of and to the right of the centre of mass, effects included (m)."""
+    tractor = rig.tractor
+    ahead = tractor.antenna_forward_m - tractor.rear_axle_m + fields["shift_forward"]
+    return ahead, tractor.antenna_right_m + fields["shift_right"]
+
+
+def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array, Array, Array]:
+    """What instruments would have logged of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
+    fields = effect_fields(settings)
+    grid = np.arange(len(states)) * DT_S
+    late = stretch.time - fields["latency"] * DT_S
+    x, y, angle = (np.interp(late, grid, states[:, column]) for column in (X, Y, ANGLE))
+    ahead, aside = antenna_lever(rig, fields)
+    antenna = np.stack(
+        [x + ahead * np.cos(angle) + aside * np.sin(angle), y + ahead * np.sin(angle) - aside * np.cos(angle)], axis=1
+    )
+    wheel, speed = (np.interp(stretch.time, grid, states[:, column]) for column in (STEERING, FORWARD))
+    return antenna, angle + fields["heading_bias"], wheel, speed

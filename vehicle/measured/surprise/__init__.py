@@ -1,0 +1,1 @@
+"""What surprises in logs, given the instruments and the soil."""

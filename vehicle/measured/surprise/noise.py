@@ -1,0 +1,101 @@
+"""How rough the ground and how noisy the speed is, told from changes too quick for any effect of the catalogue.
+
+Second differences over a few seconds of the difference between measured and simulated heading: a wheel that stands
+wrong, a slope or a draft turns the tractor evenly and drops out, the soil and the receiver do not. So the noise is
+known before any cause is, and what a cause leaves unexplained does not pass for rough ground.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from vehicle.measured.logs.record import Array, Mask
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.replaying import Settings, replay, seen
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise
+
+SPANS_S = (1.0, 2.0, 4.0)
+LEAST_SOIL, MOST_SOIL = 2e-4, 0.05
+LEAST_ALONG = 0.003
+SAMPLES = 30
+
+
+def tuned(bench: Bench, settings: Settings) -> Noise:
+    """Noise with soil and speed scatter as the second differences give them; as it was where nothing can be told.
+
+    The least of three spans counts: what comes and goes at the beat of one span drops out of another.
+    """
+    found = [one for span in SPANS_S if (one := _at_span(bench, settings, span)) is not None]
+    if not found:
+        return bench.noise
+    return replace(bench.noise, soil=min(one[0] for one in found), along=min(one[1] for one in found))
+
+
+def _at_span(bench: Bench, settings: Settings, span: float) -> tuple[float, float] | None:
+    turns, ways, speeds = [], [], []
+    for stretch in bench.course.stretches:
+        if stretch.time[-1] < 4.0 * span:
+            continue
+        states = replay(bench.rig, stretch, settings, from_sensor=True, from_speed=True)
+        antenna, heading, _, _ = seen(bench.rig, stretch, states, settings)
+        pace = np.interp(stretch.time, np.arange(len(states)) / 60.0, np.abs(states[:, 4]))
+        moving = pace > 0.3 * max(float(np.median(pace)), 0.05)
+        turn, keep = _second(stretch, stretch.heading - heading, moving, span)
+        turns.append(turn[keep])
+        speeds.append(np.interp(np.arange(len(turn)) * 0.25 * span + span, stretch.time, pace)[keep])
+        ways.append(_second(stretch, _along(stretch, antenna, heading), moving, span)[0][keep])
+    if not turns or sum(map(len, turns)) < SAMPLES:
+        return None
+    soil = _soil(np.concatenate(turns), np.concatenate(speeds), bench.noise.heading, span)
+    return soil, _way(np.concatenate(ways), bench.noise.position, span)
+
+
+def _second(stretch: Stretch, values: Array, moving: Mask, span: float) -> tuple[Array, Mask]:
+    """Second differences over a span, and which of them lie in motion throughout."""
+    grid = np.arange(0.0, stretch.time[-1], 0.25 * span)
+    on = np.interp(grid, stretch.time, moving.astype(np.float64)) > 0.99
+    sampled = np.interp(grid, stretch.time, values)
+    lag = 4
+    return sampled[2 * lag :] - 2.0 * sampled[lag:-lag] + sampled[: -2 * lag], on[2 * lag :] & on[lag:-lag] & on[
+        : -2 * lag
+    ]
+
+
+def _along(stretch: Stretch, antenna: Array, heading: Array) -> Array:
+    """How much further the measured antenna has come than the simulated one, along its way."""
+    de, dn = np.diff(stretch.east), np.diff(stretch.north)
+    cosine, sine = np.cos(stretch.heading[:-1]), np.sin(stretch.heading[:-1])
+    simulated = np.diff(antenna, axis=0)
+    back, side = np.cos(heading[:-1]), np.sin(heading[:-1])
+    gained = de * cosine + dn * sine - simulated[:, 0] * back - simulated[:, 1] * side
+    out: Array = np.concatenate([[0.0], np.cumsum(gained)])
+    return out
+
+
+def _soil(turn: Array, pace: Array, heading_noise: float, span: float) -> float:
+    """Soil (rad per metre) whose coloured disturbance spreads the second differences as seen, at the paces driven."""
+    spread = _robust(turn) ** 2 - 6.0 * min(heading_noise, 1.0) ** 2
+    one, two = _integrated(span), _integrated(2.0 * span)
+    # Var(second difference) = 2 V(T) - 2 C with C = (V(2 T) - 2 V(T)) / 2 the covariance of neighbouring spans.
+    unit = 2.0 * one - (two - 2.0 * one)
+    found = math.sqrt(max(spread, 0.0) / (unit * float(np.mean(pace**2)) + 1e-12))
+    return min(max(found, LEAST_SOIL), MOST_SOIL)
+
+
+def _integrated(span: float) -> float:
+    """Variance of the integral of unit noise with a memory over a span: 2 m^2 (T / m - 1 + exp(-T / m))."""
+    memory = SOIL_MEMORY_S
+    return 2.0 * memory * memory * (span / memory - 1.0 + math.exp(-span / memory))
+
+
+def _way(way: Array, position_noise: float, span: float) -> float:
+    spread = _robust(way) ** 2 - 6.0 * position_noise**2
+    return max(math.sqrt(max(spread, 0.0) / (2.0 * span)), LEAST_ALONG)
+
+
+def _robust(values: Array) -> float:
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))

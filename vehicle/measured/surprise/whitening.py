@@ -1,0 +1,158 @@
+"""What is surprising about measured poses, given simulated increments: a Kalman filter used as a whitening filter.
+
+The pose is a pure integrator, so an error of the simulation grows for ever while instruments are wrong by centimetres.
+The filter knows both: soil that turns the tractor at random along the way, and receivers with white noise and slow
+drift. Its innovations are the part of each measurement that neither explains, and are (nearly) independent; a cause
+that acts for minutes stands out of them by far. The filter is linear in the simulated increments, because directions
+are taken from the reference heading of the stretch; so the sensitivity of its output is the output of a sensitivity.
+
+State: east, north of the centre of mass, heading minus reference, yaw disturbance per metre, drift of heading, east
+and north.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.jit import compiled
+from vehicle.measured.logs.record import Array
+
+SIZE, SEEN = 7, 3
+SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations: white position and heading, their slow drifts, yaw disturbance of the soil, speed.
+
+    Position in m, heading in rad, soil in rad per m driven, along in m per root second.
+    """
+
+    position: float
+    position_drift: float
+    heading: float
+    heading_drift: float
+    soil: float
+    along: float
+
+
+@compiled
+def make_gains(  # type: ignore[no-untyped-def]
+    time, reference, ahead, aside, lever_ahead, lever_aside, noise, gains, roots
+) -> None:
+    """Kalman gains (k, 7, 3) and inverse Cholesky roots (k, 3, 3) of the innovations' covariance.
+
+    `ahead`, `aside` (k - 1,) are simulated displacements between rows in the tractor's frame, `noise` (6,) the fields
+    of Noise in order.
+    """
+    n = SIZE
+    cov = np.zeros((n, n))
+    step = np.zeros((n, n))
+    cov[0, 0] = cov[1, 1] = 100.0 + noise[0] ** 2
+    cov[2, 2] = 0.1**2
+    cov[3, 3] = noise[4] ** 2
+    cov[4, 4] = noise[3] ** 2
+    cov[5, 5] = cov[6, 6] = noise[1] ** 2
+    h = np.zeros((SEEN, n))
+    for k in range(len(time)):
+        cosine, sine = math.cos(reference[k]), math.sin(reference[k])
+        h[:] = 0.0
+        h[0, 0] = h[0, 5] = h[1, 1] = h[1, 6] = h[2, 2] = h[2, 4] = 1.0
+        h[0, 2] = -lever_ahead * sine + lever_aside * cosine
+        h[1, 2] = lever_ahead * cosine + lever_aside * sine
+        cross = cov @ h.T
+        s = h @ cross
+        s[0, 0] += noise[0] ** 2
+        s[1, 1] += noise[0] ** 2
+        s[2, 2] += noise[2] ** 2
+        low = np.linalg.cholesky(s)
+        inverse = np.linalg.inv(low)
+        roots[k] = inverse
+        gain = cross @ (inverse.T @ inverse)
+        gains[k] = gain
+        cov = cov - gain @ cross.T
+        cov = 0.5 * (cov + cov.T)
+        if k + 1 == len(time):
+            break
+        dt = time[k + 1] - time[k]
+        f, r = ahead[k], aside[k]
+        distance = math.sqrt(f * f + r * r)
+        step[:] = 0.0
+        for i in range(n):
+            step[i, i] = 1.0
+        step[0, 2] = -f * sine + r * cosine
+        step[1, 2] = f * cosine + r * sine
+        step[2, 3] = distance
+        soil, slow = math.exp(-dt / SOIL_MEMORY_S), math.exp(-dt / DRIFT_MEMORY_S)
+        step[3, 3] = soil
+        step[4, 4] = step[5, 5] = step[6, 6] = slow
+        cov = step @ cov @ step.T
+        cov[3, 3] += noise[4] ** 2 * (1.0 - soil * soil)
+        cov[4, 4] += noise[3] ** 2 * (1.0 - slow * slow)
+        cov[5, 5] += noise[1] ** 2 * (1.0 - slow * slow)
+        cov[6, 6] += noise[1] ** 2 * (1.0 - slow * slow)
+        push = noise[5] ** 2 * dt
+        side = (0.1 * noise[5]) ** 2 * dt
+        cov[0, 0] += push * cosine * cosine + side * sine * sine
+        cov[1, 1] += push * sine * sine + side * cosine * cosine
+        cov[0, 1] += (push - side) * cosine * sine
+        cov[1, 0] += (push - side) * cosine * sine
+
+
+@compiled
+def innovations(  # type: ignore[no-untyped-def]
+    time, east, north, reference, ahead, aside, turned, lever_ahead, lever_aside, bias, gains, roots, out
+) -> None:
+    """Whitened innovations (k, 3) of measured antenna positions and headings, for simulated increments.
+
+    `turned` (k - 1,) is the simulated change of heading between rows, `bias` the simulated heading error of the
+    sensor. The measured heading is the reference itself.
+    """
+    state = np.zeros(SIZE)
+    v = np.zeros(SEEN)
+    for k in range(len(time)):
+        cosine, sine = math.cos(reference[k]), math.sin(reference[k])
+        lever_east, lever_north = lever_ahead * cosine + lever_aside * sine, lever_ahead * sine - lever_aside * cosine
+        slope_east, slope_north = -lever_north, lever_east
+        if k == 0:
+            state[0], state[1] = east[0] - lever_east, north[0] - lever_north
+        v[0] = east[k] - (state[0] + lever_east + slope_east * state[2] + state[5])
+        v[1] = north[k] - (state[1] + lever_north + slope_north * state[2] + state[6])
+        v[2] = -(state[2] + state[4] + bias)
+        root = roots[k]
+        out[k, 0] = root[0, 0] * v[0]
+        out[k, 1] = root[1, 0] * v[0] + root[1, 1] * v[1]
+        out[k, 2] = root[2, 0] * v[0] + root[2, 1] * v[1] + root[2, 2] * v[2]
+        for i in range(SIZE):
+            state[i] += gains[k, i, 0] * v[0] + gains[k, i, 1] * v[1] + gains[k, i, 2] * v[2]
+        if k + 1 == len(time):
+            break
+        dt = time[k + 1] - time[k]
+        f, r = ahead[k], aside[k]
+        state[0] += f * cosine + r * sine + (r * cosine - f * sine) * state[2]
+        state[1] += f * sine - r * cosine + (f * cosine + r * sine) * state[2]
+        state[2] += turned[k] - (reference[k + 1] - reference[k]) + state[3] * math.sqrt(f * f + r * r)
+        state[3] *= math.exp(-dt / SOIL_MEMORY_S)
+        slow = math.exp(-dt / DRIFT_MEMORY_S)
+        state[4] *= slow
+        state[5] *= slow
+        state[6] *= slow
+
+
+@dataclass(frozen=True, eq=False)
+class Increments:
+    """Simulated motion between rows in the tractor's frame: ahead, to the right (m), turned (rad, mathematical)."""
+
+    ahead: Array
+    aside: Array
+    turned: Array
+
+
+def increments(x: Array, y: Array, angle: Array) -> Increments:
+    """Increments of a simulated centre of mass, from poses per row."""
+    dx, dy = np.diff(x), np.diff(y)
+    cosine, sine = np.cos(angle[:-1]), np.sin(angle[:-1])
+    return Increments(dx * cosine + dy * sine, dx * sine - dy * cosine, np.diff(angle))
