@@ -1,8 +1,9 @@
 """What no order of tracks can undercut: the bound of Held and Karp, by subgradient steps on 1-trees.
 
 Held and Karp, "The traveling-salesman problem and minimum spanning trees", Operations Research 18 (1970). The open
-path through all tracks becomes a tour by one node that stands for start and end. Directions are left free, so the seconds
-between two tracks are the least over their directions and over both ways round: the bound holds for every table.
+path through all tracks becomes a tour by one node that stands for start and end. Directions are left free, so the
+seconds between two tracks are the least over their directions and over both ways round: the bound holds for every
+table.
 """
 
 from __future__ import annotations

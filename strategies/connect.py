@@ -32,7 +32,9 @@ from strategies.paths import (
     three_arc,
 )
 from strategies.routes import Corners, corner_poses, quickest_chain, ring_poses
+from strategies.search import RULES, best_word, shortest_forward, shortest_m
 from strategies.turns import TURN_KINDS
+from strategies.words import MOST_PIECES, SNAP, region_boundary
 
 _TOLERANCE_M = 0.010  # how far a path may leave the free region
 _SAGITTA_M = 0.003  # of that, what the polyline checked may differ from the arc
@@ -88,6 +90,9 @@ class TurnCosts:
         )
 
 
+_KINDS = ("route", *TURN_KINDS)
+
+
 class Connector:
     """Finds the quickest path between two poses that stays inside the field.
 
@@ -121,6 +126,9 @@ class Connector:
         self._parts = shapely.get_parts(self._guard)
         shapely.prepare(self._parts)
         self._links: dict[tuple[Pose, Pose], Path | None] = {}
+        self._edges = region_boundary(self._guard)
+        self._rules = self._make_rules()
+        self._row = np.zeros((MOST_PIECES, 3))
 
     def connect(self, a: Pose, b: Pose) -> Path | None:
         """The quickest path found from a to b inside the region, or None when nothing fits.
@@ -146,14 +154,21 @@ class Connector:
         ends = shapely.multipoints([a[:2], b[:2]])
         return bool(shapely.covers(self._parts, ends).any())
 
+    def _make_rules(self) -> np.record:
+        """What the compiled search is told."""
+        rules = np.zeros((), dtype=RULES)
+        costs = self.costs
+        rules["radius"] = self.radius_m
+        rules["speeds"] = costs.speed_mps, costs.reverse_speed_mps, costs.cusp_s, costs.swing_sm
+        rules["kinds"] = 1.0, *(kind in self.kinds for kind in TURN_KINDS)
+        rules["full_arc"], rules["short_s"], rules["curved_s"] = _FULL_ARC, _SHORT_ARC_S, _CURVED_REVERSE_S
+        rules["near"], rules["steps"] = _NEAR, _STRAIGHT_ON_M
+        return rules.view(np.recarray)[()]
+
     def _best_word(self, a: Pose, b: Pose) -> Path | None:
         """The best word that fits, with straights at its ends where that helps."""
-        words = self._ranked(self._words(a, b))
-        best = next((path for path in words if self.fits(path)), None)
-        near = math.dist(a[:2], b[:2]) <= _NEAR * self.radius_m
-        if near and (best is None or best is not words[0]):
-            best = self._with_straights(a, b, best)
-        return best
+        kind = best_word(np.array(a), np.array(b), self._rules, self._edges, self._row)
+        return None if kind < 0 else _path(a, self._row, _KINDS[kind])
 
     def fits(self, path: Path) -> bool:
         """Whether the whole path stays inside the region (tolerance 1 cm)."""
@@ -227,7 +242,7 @@ class Connector:
     def _roundabout(self, path: Path, a: Pose, b: Pose) -> bool:
         """Whether a direct path is so much longer than the free-space shortest that a route may beat it."""
         spare = 4.0 * math.pi * self.radius_m
-        return path.length_m > dubins_paths(a, b, self.radius_m)[0].length_m + spare or path.reverse_m > spare
+        return path.length_m > shortest_m(np.array(a), np.array(b), self.radius_m) + spare or path.reverse_m > spare
 
     def _route(self, a: Pose, b: Pose) -> Path | None:
         """A route by corners, else by rings; first without reversing, then with ever more of it at the ends."""
@@ -353,8 +368,8 @@ class Connector:
         if key not in self._links:
             if len(self._links) >= _MOST_REMEMBERED:
                 self._links.clear()
-            words = dubins_paths(p, q, self.radius_m)[:3]
-            self._links[key] = next((word for word in words if self.fits(word)), None)
+            kind = shortest_forward(np.array(p), np.array(q), self.radius_m, self._edges, 3, self._row)
+            self._links[key] = None if kind < 0 else _path(p, self._row, _KINDS[kind])
         return self._links[key]
 
     def _inside(self, poses: list[Pose]) -> list[Pose]:
@@ -369,6 +384,11 @@ class Connector:
     def _ring(self) -> tuple[list[Pose], NDArray[np.float64]]:
         poses = ring_poses(self.free, self.radius_m)
         return poses, np.array([pose[:2] for pose in poses]).reshape(-1, 2)
+
+
+def _path(a: Pose, row: NDArray[np.float64], kind: str) -> Path:
+    """A row of the compiled search as a path."""
+    return make_path(a, [Segment(p, c, 1 if g > 0.0 else -1) for p, c, g in row.tolist() if p > SNAP], kind)
 
 
 def _turn_round(a: Pose, hand: int, arcs: int, radius_m: float) -> Path:

@@ -1,15 +1,15 @@
 """Orders of tracks by local search: good in milliseconds, the same for the same input.
 
-Passes are numbered: pass 2 i is track i driven along the layout's bearing, pass 2 i + 1 against it. `turns[p, q]`
-(2 n, 2 n) are the seconds from the end of pass p to the beginning of pass q, FAR_S where no way leads; `first` and `last`
-(2 n,) the seconds before a pass that comes first and after one that comes last. An order visits every track once; in
-which direction each is driven is settled along the way by dynamic programming over the two directions, so that moves
-change the order of tracks alone.
+Passes are numbered: pass 2 i is track i driven along the layout's bearing, pass 2 i + 1 against it. `turns[p, q]` (2
+n, 2 n) are the seconds from the end of pass p to the beginning of pass q, FAR_S where no way leads; `first` and
+`last` (2 n,) the seconds before a pass that comes first and after one that comes last. An order visits every track
+once; in which direction each is driven is settled along the way by dynamic programming over the two directions, so
+that moves change the order of tracks alone.
 
-The moves are those of Or (1976) and Lin (1965): a run of tracks is turned round, or taken out and put in elsewhere, either
-way round, with what lies between turned round or not. Every move is judged in constant time from tables of least
-seconds between any two places of the order. When no move helps, two runs are exchanged at random and the search goes on
-(iterated local search, Lourenco, Martin and Stutzle 2003).
+The moves are those of Or (1976) and Lin (1965): a run of tracks is turned round, or taken out and put in elsewhere,
+either way round, with what lies between turned round or not. Every move is judged in constant time from tables of
+least seconds between any two places of the order. When no move helps, two runs are exchanged at random and the search
+goes on (iterated local search, Lourenco, Martin and Stutzle 2003).
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The closed-form ways to join two poses, compiled: which words there are, what they cost, whether they stay inside.
 
-A word is a row of `MOST_PIECES` segments (length m, curvature 1/m, gear) with zero lengths where it has fewer. Words come
-in families, the shortest first in each: Dubins' six (with both places of the middle circle of the three-arc ones),
-Reeds and Shepp's C|C|C, and arc, straight in reverse, arc. strategies.paths gives the sources and says it in objects.
+A word is a row of `MOST_PIECES` segments (length m, curvature 1/m, gear) with zero lengths where it has fewer. Words
+come in families, the shortest first in each: Dubins' six (with both places of the middle circle of the three-arc
+ones), Reeds and Shepp's C|C|C, and arc, straight in reverse, arc. strategies.paths gives the sources and says it in
+objects.
 """
 
 from __future__ import annotations
