@@ -88,7 +88,7 @@ def _mend(plan: Plan, run: Run, clash: Conflict, repairs: Repairs) -> bool:
     """Add, strengthen or swap one order to give way; False when nothing is left to try."""
     sides = [(clash.first, clash.first_leg, clash.first_m), (clash.second, clash.second_leg, clash.second_m)]
     holds = [hold_leg(plan, tractor, leg) for tractor, leg, _ in sides]
-    entered = [float(np.argmax(run.record[:, side[0], 5] >= hold)) for side, hold in zip(sides, holds, strict=True)]
+    entered = [float(np.argmax(run.leg(side[0]) >= hold)) for side, hold in zip(sides, holds, strict=True)]
     later = 0 if entered[0] > entered[1] else 1
     order = [later, 1 - later]
     keys: list[Key] = [(sides[i][0], holds[i], sides[1 - i][0]) for i in (0, 1)]

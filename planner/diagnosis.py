@@ -94,7 +94,7 @@ def _lateral_cm(site: Site, run: Run) -> float:
     """Root mean square distance (cm) of the guided point from the track nearest to it, while working."""
     from planner.measure import guided_point
 
-    points = guided_point(run, site, 0)[run.record[:, 0, 6] == WORKING]
+    points = guided_point(run, site, 0)[run.status(0) == WORKING]
     starts = np.array([track.start for track in site.layout.tracks])
     ends = np.array([track.end for track in site.layout.tracks])
     along = (ends - starts) / np.linalg.norm(ends - starts, axis=1, keepdims=True)

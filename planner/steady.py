@@ -32,7 +32,7 @@ def slips(run: Run, site: Site) -> list[Slip]:
     boundary = site.layout.field.boundary
     found = []
     for tractor, mission in enumerate(run.plan.missions):
-        path, at_leg = guided_point(run, site, tractor), run.record[:, tractor, 5]
+        path, at_leg = guided_point(run, site, tractor), run.leg(tractor)
         for leg in _tracks_begun(mission):
             begun = int(np.argmax(at_leg >= leg))
             line = mission.legs[leg].points

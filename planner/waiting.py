@@ -80,9 +80,9 @@ def _passage(
 ) -> Passage:
     """Cut one tractor's passage out of the record and note which stretches its outline covers when."""
     marks = formation.marks[number, slot.tractor]
-    legs = run.record[:, slot.tractor, 5]
+    legs = run.leg(slot.tractor)
     first, last = int(np.argmax(legs >= marks.release)), int(np.argmax(legs >= marks.work))
-    poses = run.record[first : max(last, first + 2), slot.tractor, :3]
+    poses = run.poses(slot.tractor)[first : max(last, first + 2)]
     along, across = _outline_extents(job, slot, poses, tractor, implement)
     line = _line(job, slot)
     taken: dict[int, tuple[float, float]] = {}

@@ -143,7 +143,7 @@ STATE = np.dtype(
     ]
 )
 
-LEG = np.dtype(
+LEG_ROW = np.dtype(
     [
         ("end", "f8"),
         ("speed", "f8"),
@@ -165,4 +165,5 @@ GATE = np.dtype([("tractor", "i8"), ("progress", "f8")])
 
 # Columns of the record kept at 10 Hz.
 RECORD = ("x", "y", "angle", "steering_rad", "speed_mps", "leg", "status")
+X, Y, ANGLE, STEERING, SPEED, LEG, STATUS = range(len(RECORD))
 WORKING, TURNING, WAITING, REVERSING, FINISHED = 1, 2, 3, 4, 0
