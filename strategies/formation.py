@@ -16,8 +16,8 @@ from itertools import pairwise
 from fields.layout import Track
 from strategies.errors import StrategyError
 from strategies.job import Job, Pass
-from strategies.legs import straight_leg, turn_legs
-from vehicle.missions import Follow, Gate, Leg, Mission, Plan
+from strategies.legs import mission_from, straight_leg, task_on, turn_legs
+from vehicle.missions import DRIVE_IN, TRACK, Follow, Gate, Leg, Plan
 
 ARRIVED_M = 0.2  # a tractor counts as in place this far before the end of its leg
 SHORTEST_M = 0.1
@@ -117,7 +117,7 @@ def _form(job: Job, queue: str, releases: Releases | None, move_up: bool) -> For
     if move_up:
         _move_up(job, rounds, marks, legs)
     _stay_back(rounds, marks, legs)
-    plan = Plan(tuple(Mission(tuple(own)) for own in legs), {"strategy": queue, "tractors": job.tractors})
+    plan = Plan(tuple(mission_from(own) for own in legs), {"strategy": queue, "tractors": job.tractors})
     return Formation(plan, tuple(tuple(slots) for slots in rounds), marks)
 
 
@@ -228,18 +228,18 @@ def _lay_round(
     if before:
         legs += turn_legs(job, before.this, slot.this)
     turned = len(legs) - 1 if before else None
-    entry, tool = job.entry(slot.this), job.manner.tool_m
-    legs.append(straight_leg(job, entry, 0.0, tool, implement=False))
+    entry, tool, work_task = job.entry(slot.this), job.manner.tool_m, task_on(TRACK, slot.this.track)
+    legs.append(straight_leg(job, entry, 0.0, tool, task_on(DRIVE_IN, slot.this.track)))
     if slot.place_m > tool + SHORTEST_M:
-        legs.append(straight_leg(job, entry, tool, slot.place_m, implement=True))
+        legs.append(straight_leg(job, entry, tool, slot.place_m, work_task))
     placed = len(legs) - 1
     end, gap = slot.this.track.length + tool, job.manner.gap_m
     stops = [slot.hold_m]
-    legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], implement=True))
+    legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], work_task))
     work = len(legs) - 1
     stops += [slot.queue_m - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
     stops.append(end)
-    legs += [straight_leg(job, entry, a, b, implement=True) for a, b in pairwise(stops)]
+    legs += [straight_leg(job, entry, a, b, work_task, may_wait=b == end) for a, b in pairwise(stops)]
     queue = tuple(range(work + 1, len(legs)))
     return Marks(release, placed if turned is None else turned, placed, work, queue)
 

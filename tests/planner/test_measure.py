@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from planner.measure import coverage, excursion, finite_or_none, guided_point, reversals
-from vehicle.missions import Leg, Mission, Plan
+from vehicle.missions import TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.run import DONE, Run
 
 # The small site is 36 m by 80 m; the implement is 3 m wide.
@@ -24,7 +24,7 @@ def run_of(site: Any, *passes: list[tuple[float, float, float, bool]]) -> Run:
     for poses in passes:
         xya = np.array([pose[:3] for pose in poses])
         legs = [
-            Leg(np.array([a[:2], b[:2]]), 1.0, implement=a[3], kind="work" if a[3] else "turn")
+            Leg(np.array([a[:2], b[:2]]), 1.0, implement=a[3], task=Task(TRACK if a[3] else TURN))
             for a, b in pairwise(poses)
         ]
         body = xya[:, :2] + reach * np.column_stack([np.cos(xya[:, 2]), np.sin(xya[:, 2])])

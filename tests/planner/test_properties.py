@@ -17,7 +17,8 @@ from planner.site import Site, prepare
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.registry import STRATEGIES
-from vehicle.missions import JOINT_M, check_plan, plan_from_json, plan_to_json
+from vehicle.missions import JOINT_M, check_plan
+from vehicle.plan_file import plan_from_json, plan_to_json
 from vehicle.run import DONE, Run
 
 FEW = settings(deadline=None, max_examples=8, derandomize=True, database=None)

@@ -10,7 +10,8 @@ from planner.deconflict import hold_leg, without_conflicts
 from planner.evaluate import Candidate, drive, evaluate
 from planner.waiting import _outline_extents, optimised
 from strategies.formation import row_by_row
-from vehicle.missions import Gate, Leg, Mission, Plan, plan_to_json
+from vehicle.missions import DRIVE, TRACK, Gate, Leg, Mission, Plan, Task
+from vehicle.plan_file import plan_to_json
 from vehicle.run import CONFLICT, DONE, STALL, Run
 from vehicle.world import World
 
@@ -98,15 +99,16 @@ class TestOptimised:
         assert plan.notes["strategy"] == "row-by-row" and run.outcome == DONE
 
 
-def leg(*points: tuple[float, float], work: bool = True, gates: tuple[Gate, ...] = ()) -> Leg:
-    return Leg(np.array(points, float), SPEED, implement=work, kind="work" if work else "turn", gates=gates)
+def leg(*points: tuple[float, float], work: bool = True, hold: bool = False, gates: tuple[Gate, ...] = ()) -> Leg:
+    task = Task(TRACK if work else DRIVE)
+    return Leg(np.array(points, float), SPEED, implement=work, task=task, may_wait=hold, gates=gates)
 
 
 def crossing(second_start: float = -40.0) -> Plan:
     """Two tractors whose paths cross at right angles at (0, 0), the second from `second_start` on the y axis."""
-    along_x = Mission((leg((-40, 0), (-12, 0)), leg((-12, 0), (-9, 0)), leg((-9, 0), (40, 0), work=False)))
+    along_x = Mission((leg((-40, 0), (-12, 0)), leg((-12, 0), (-9, 0), hold=True), leg((-9, 0), (40, 0), work=False)))
     along_y = Mission(
-        (leg((0, second_start), (0, -12)), leg((0, -12), (0, -9)), leg((0, -9), (0, 40), work=False))
+        (leg((0, second_start), (0, -12)), leg((0, -12), (0, -9), hold=True), leg((0, -9), (0, 40), work=False))
     )  # fmt: skip
     return Plan((along_x, along_y))
 

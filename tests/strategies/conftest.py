@@ -78,10 +78,11 @@ class Jobs:
         found: dict[Track, list[tuple[float, float, int]]] = {track: [] for track in job.layout.tracks}
         for tractor, mission in enumerate(plan.missions):
             for leg in (leg for leg in mission.legs if leg.implement):
-                assert leg.kind == "work" and leg.gear == 1 and leg.speed_mps == job.manner.work_speed_mps
+                assert leg.task.kind == "track" and leg.gear == 1 and leg.speed_mps == job.manner.work_speed_mps
                 ahead = (leg.points[-1] - leg.points[0]) / np.linalg.norm(leg.points[-1] - leg.points[0])
                 bar = leg.points[[0, -1]] - job.manner.tool_m * ahead
                 track, low, high = self._on_track(job, bar)
+                assert (leg.task.number, leg.task.piece) == (track.line, track.piece)
                 found[track].append((low, high, tractor))
         return {track: sorted(stretches) for track, stretches in found.items()}
 

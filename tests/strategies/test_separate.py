@@ -111,7 +111,7 @@ class TestPlans:
         assert not any(leg.gates or leg.follow for mission in plan.missions for leg in mission.legs)
 
     def test_same_job_same_plan(self, jobs: Any) -> None:
-        from vehicle.missions import plan_to_json
+        from vehicle.plan_file import plan_to_json
 
         for name in ("split-field", "interleaved", "row-by-row", "col-by-col"):
             first, second = (plan_to_json(build(name, jobs.rectangle(9, tractors=3))) for _ in range(2))
