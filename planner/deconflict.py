@@ -7,19 +7,17 @@ has finished its turn; if neither helps, the other one gives way instead.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from strategies.record import MOST_REPAIRS, Simulate
 from vehicle.missions import DRIVE_IN, Gate, Leg, Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 ARRIVED_M = 0.2  # a leg counts as driven this far before its end
-MOST_REPAIRS = 40
 
-Simulate = Callable[[Plan], Run]
 Key = tuple[int, int, int]
 """(tractor that waits, leg it waits before, tractor it waits for)."""
 
