@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import HeadlandError, ScenarioError
-from planner.evaluate import Candidate, attempt
+from planner.evaluate import Candidate, run_candidate
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from vehicle.layout import WORKING
@@ -80,7 +80,7 @@ def plan_gain(where: str, before: Tractor, after: Tractor) -> tuple[PlanGain | N
         )
     try:
         site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where))
-        first = attempt(site, Candidate("row-by-row", 1)).run
+        first = run_candidate(site, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
     world = World(first.plan, after, site.implement, seed=site.scenario.seed)

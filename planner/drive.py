@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.evaluate import Candidate, attempt
+from planner.evaluate import Candidate, run_candidate
 from planner.measure import guided_point
 from planner.site import Site
 from reports.results import Drive, Ranking
@@ -16,7 +16,7 @@ def best_drive(site: Site, ranking: Ranking) -> tuple[Run | None, Drive | None]:
     best = ranking.best
     if best is None:
         return None, None
-    run = attempt(site, Candidate(best.strategy, best.tractors)).run
+    run = run_candidate(site, Candidate(best.strategy, best.tractors)).run
     plural = "s" if best.tractors > 1 else ""
     return run, picture(site, run, f"{best.strategy}, {best.tractors} tractor{plural}, turns: {best.turn}")
 

@@ -45,7 +45,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class CandidateRun:
     """The last run of a candidate, why it is not feasible (None when it is), the turns it uses, its remark."""
 
     run: Run
@@ -62,31 +62,31 @@ def evaluate(site: Site, candidate: Candidate) -> PlanResult:
 def simulated(site: Site, candidate: Candidate) -> Evaluation:
     """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason."""
     try:
-        tried = attempt(site, candidate)
+        tried = run_candidate(site, candidate)
     except StrategyError as refusal:
         turn = site.scenario.turn
         return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
     return Evaluation(_measured(site, candidate, tried), tried.run)
 
 
-def attempt(site: Site, candidate: Candidate) -> Attempt:
+def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
     """Build, simulate and repair one candidate; raises StrategyError where its strategy cannot work the field."""
     strategy = STRATEGIES[candidate.strategy]
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(site.job(candidate.tractors), jump=candidate.jump)
     if job.corner is not None or not strategy.abreast:
-        return _attempt_job(site, strategy, job)
+        return _run_job(site, strategy, job)
     return _from_some_corner(site, strategy, job)
 
 
-def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> Attempt:
+def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     """A formation on a field without an entrance: from the corner that promises most and can be driven."""
-    first: Attempt | None = None
+    first: CandidateRun | None = None
     refusal: StrategyError | None = None
     for corner in corners_by_promise(job):
         try:
-            latest = _attempt_job(site, strategy, replace(job, corner=corner, used={}))
+            latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
             refusal = refusal or error
             continue
@@ -98,7 +98,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> Attempt:
     return first
 
 
-def _attempt_job(site: Site, strategy: Strategy, job: Job) -> Attempt:
+def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     fixes = gnss_errors(site.scenario)
 
     def simulate(plan: Plan) -> Run:
@@ -111,7 +111,7 @@ def _attempt_job(site: Site, strategy: Strategy, job: Job) -> Attempt:
     if reason is None:
         run, aside = _steadied(site, run, simulate, strategy.most_repairs)
         reason = _fault(site, run, aside)
-    return Attempt(run, reason, _turns(job), refined.remark)
+    return CandidateRun(run, reason, _turns(job), refined.remark)
 
 
 def _driven(refined: Refined, simulate: Simulate, most_repairs: int) -> tuple[Run, str | None]:
@@ -165,7 +165,7 @@ def _turns(job: Job) -> str:
     return "+".join(sorted(job.used, key=lambda kind: (-job.used[kind], kind))[:2]) or "none"
 
 
-def _measured(site: Site, candidate: Candidate, tried: Attempt) -> PlanResult:
+def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResult:
     run, reason, turn = tried.run, tried.reason, tried.turns
     outside = excursion(run, site)
     if run.outcome != DONE:

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from planner.deconflict import _past, _turned, hold_leg
-from planner.evaluate import Candidate, attempt
+from planner.evaluate import Candidate, run_candidate
 from planner.scenario import Scenario
 from planner.site import prepare
 from planner.steady import _tracks_begun, _turn_start
@@ -98,7 +98,7 @@ class TestTasksSayWhatLegsShow:
 def test_repairs_wait_at_hold_points_only(wide_site: Any) -> None:
     for name, tractors in (("interleaved", 5), ("split-field", 4)):
         written = STRATEGIES[name].build(wide_site.job(tractors))
-        repaired = attempt(wide_site, Candidate(name, tractors)).run.plan
+        repaired = run_candidate(wide_site, Candidate(name, tractors)).run.plan
         for before, after in zip(written.missions, repaired.missions, strict=True):
             for a, b in zip(before.legs, after.legs, strict=True):
                 assert len(b.gates) == len(a.gates) or b.may_wait

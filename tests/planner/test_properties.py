@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field, FieldError
-from planner.evaluate import Candidate, attempt, evaluate, simulated
+from planner.evaluate import Candidate, evaluate, run_candidate, simulated
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from reports.results import PlanResult
@@ -42,7 +42,7 @@ def sites(draw: Any) -> Site:
 
 def worked_lengths(site: Site, run: Run) -> dict[int, float]:
     """Metres of working legs per line, wherever the plan has them."""
-    layout, found = site.layout, dict.fromkeys(range(site.layout.lines), 0.0)
+    layout, lengths = site.layout, dict.fromkeys(range(site.layout.lines), 0.0)
     aside = np.array([-math.sin(layout.bearing_rad), math.cos(layout.bearing_rad)])
     offsets = {track.line: float(np.dot(track.start, aside)) for track in layout.tracks}
     for mission in run.plan.missions:
@@ -51,8 +51,8 @@ def worked_lengths(site: Site, run: Run) -> dict[int, float]:
                 place = float(leg.points.mean(axis=0) @ aside)
                 line = min(offsets, key=lambda k: abs(offsets[k] - place))
                 assert abs(offsets[line] - place) < 1e-6
-                found[line] += leg.length_m
-    return found
+                lengths[line] += leg.length_m
+    return lengths
 
 
 def assert_sound(site: Site, result: PlanResult) -> None:
@@ -125,7 +125,7 @@ def test_worked_share_is_that_of_the_tracks(small_site: Site, evaluate_once: Any
 def test_a_plan_read_back_drives_the_same(small_site: Site) -> None:
     from vehicle.world import simulate
 
-    run = attempt(small_site, Candidate("interleaved", 2)).run
+    run = run_candidate(small_site, Candidate("interleaved", 2)).run
     again = simulate(plan_from_json(plan_to_json(run.plan)), small_site.tractor, small_site.implement)
     assert again.duration_s == run.duration_s
     assert np.array_equal(again.record, run.record)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.deconflict import without_conflicts
-from planner.evaluate import Candidate, attempt, evaluate
+from planner.evaluate import Candidate, evaluate, run_candidate
 from strategies.record import Refined
 from strategies.registry import STRATEGIES
 from strategies.row_by_row import row_by_row
@@ -164,5 +164,5 @@ def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
 
     site = prepare(Scenario(field="netherlands"))
     for name in ("interleaved", "split-field"):
-        tried = attempt(site, Candidate(name, 4))
+        tried = run_candidate(site, Candidate(name, 4))
         assert tried.reason is None and tried.run.contacts == () and tried.run.min_clearance_m > 0
