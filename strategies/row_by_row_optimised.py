@@ -21,7 +21,7 @@ from strategies.job import Job
 from strategies.record import Refined, Simulate, Strategy
 from strategies.row_by_row import row_by_row
 from vehicle.compile import outline
-from vehicle.layout import ANGLE, X, Y
+from vehicle.layout import REC_ANGLE, REC_PLACE, REC_X, REC_Y
 from vehicle.missions import Gate
 from vehicle.run import DONE, Run
 from vehicle.tractor import Implement, Tractor
@@ -111,7 +111,7 @@ def _passage(
         for stretch in range(math.floor(low / STRETCH_M), math.floor(high / STRETCH_M) + 1):
             start = taken.get(stretch, (index / TICKS_PER_S, 0.0))[0]
             taken[stretch] = start, (index + 1) / TICKS_PER_S
-    metres = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(poses[:, X : Y + 1], axis=0).T))))
+    metres = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(poses[:, REC_PLACE], axis=0).T))))
     placed = int(np.argmax(metres > metres[-1] - IN_PLACE_M))
     return Passage(slot.tractor, taken, metres, placed / TICKS_PER_S)
 
@@ -124,9 +124,9 @@ def _outline_extents(
     out = np.array([math.cos(heading), math.sin(heading)])
     side = np.array([-out[1], out[0]]) * (1 if slot.this.direction > 0 else -1)
     corners = _corners(outline(tractor, implement))
-    cosine, sine = np.cos(poses[:, ANGLE]), np.sin(poses[:, ANGLE])
-    x = poses[:, X, None] + corners[:, 0] * cosine[:, None] - corners[:, 1] * sine[:, None]
-    y = poses[:, Y, None] + corners[:, 0] * sine[:, None] + corners[:, 1] * cosine[:, None]
+    cosine, sine = np.cos(poses[:, REC_ANGLE]), np.sin(poses[:, REC_ANGLE])
+    x = poses[:, REC_X, None] + corners[:, 0] * cosine[:, None] - corners[:, 1] * sine[:, None]
+    y = poses[:, REC_Y, None] + corners[:, 0] * sine[:, None] + corners[:, 1] * cosine[:, None]
     along = (x * out[0] + y * out[1]).max(axis=1)
     across = x * side[0] + y * side[1]
     return along, np.column_stack([across.min(axis=1), across.max(axis=1)])

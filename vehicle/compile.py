@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from vehicle.effects import REST_KEY, effect_fields
 from vehicle.ground import GROUNDS, ground_index
-from vehicle.layout import GATE, GROUND, LEG_ROW, MODEL, STATE
+from vehicle.layout import GATE, GROUND, LEG, MODEL, STATE
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.rest import range_fields
 from vehicle.tractor import Implement, Tractor
@@ -116,7 +116,7 @@ class CompiledPlan:
 def compile_plan(plan: Plan, tractor: Tractor) -> CompiledPlan:
     """All missions of a plan, one after another in shared arrays. Every tractor is of the same model."""
     states = np.zeros(plan.tractors, dtype=STATE)
-    legs = np.zeros(sum(len(mission.legs) for mission in plan.missions), dtype=LEG_ROW)
+    legs = np.zeros(sum(len(mission.legs) for mission in plan.missions), dtype=LEG)
     points: list[Array] = []
     cumulative: list[Array] = []
     first_leg = first_point = 0

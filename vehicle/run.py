@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.layout import ANGLE, LEG, REVERSING, STATUS, TURNING, WAITING, WORKING, X
+from vehicle.layout import REC_LEG, REC_POSE, REC_STATUS, REVERSING, TURNING, WAITING, WORKING
 from vehicle.missions import Plan
 
 DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
@@ -52,20 +52,20 @@ class Run:
 
     def poses(self, tractor: int) -> npt.NDArray[np.float64]:
         """x, y (m) and angle (rad) of the centre of mass of a tractor, shape (t, 3)."""
-        return self.record[:, tractor, X : ANGLE + 1]
+        return self.record[:, tractor, REC_POSE]
 
     def leg(self, tractor: int) -> npt.NDArray[np.int64]:
         """Number of the leg a tractor is on, shape (t,)."""
-        return self.record[:, tractor, LEG].astype(np.int64)
+        return self.record[:, tractor, REC_LEG].astype(np.int64)
 
     def status(self, tractor: int) -> npt.NDArray[np.int64]:
         """Status of a tractor as in vehicle.layout, shape (t,)."""
-        return self.record[:, tractor, STATUS].astype(np.int64)
+        return self.record[:, tractor, REC_STATUS].astype(np.int64)
 
     def seconds(self, status: int) -> npt.NDArray[np.float64]:
         """Time per tractor in a status of vehicle.layout (tractors,)."""
         step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
-        return np.asarray((self.record[:, :, STATUS] == status).sum(axis=0) * step)
+        return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
 
     def time_shares(self) -> dict[str, npt.NDArray[Any]]:
         """Seconds per tractor of working, turning, waiting and reversing."""

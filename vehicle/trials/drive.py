@@ -17,7 +17,7 @@ from vehicle.engine import Engine
 from vehicle.errors import VehicleError
 from vehicle.gnss import NO_ERROR, Table, error_keys
 from vehicle.ground import Tyres
-from vehicle.layout import GATE, GROUND, LEG_ROW, STATE
+from vehicle.layout import GATE, GROUND, LEG, STATE
 from vehicle.missions import Mission, Plan
 from vehicle.tractor import Implement, Steering, Tractor
 from vehicle.trials.loop import COLUMNS, run_trials
@@ -128,7 +128,7 @@ def drive_steered(
     if (np.abs(commands_deg) > lock + 1e-9).any():
         worst = float(np.abs(commands_deg).max())
         raise VehicleError(f"A steering angle of {worst:g} degrees is beyond the stop; use {lock:g} or less.")
-    states, legs = np.zeros(count, dtype=STATE), np.zeros(count, dtype=LEG_ROW)
+    states, legs = np.zeros(count, dtype=STATE), np.zeros(count, dtype=LEG)
     states["leg"] = states["first_leg"] = states["last_leg"] = states["model"] = np.arange(count)
     states["stage"] = 1
     legs["ground"], legs["speed"] = np.arange(count), speed_mps
