@@ -3,8 +3,7 @@
     tractor, ground   frozen parameters, read from the files in `data`
     steering, tyres, guidance, speed   scalar formulas of the thesis, one place each
     chassis           forces on one tractor body
-    missions          legs and gates: the program a tractor executes
-    plan_file         plans as text: format version, place of the metres, scenario
+    missions          legs and gates: the program a tractor executes; plan_file is their text
     compile           missions as arrays
     loop, engine      the compiled loop and its door to pymunk
     slow              the same loop in plain Python: oracle and fallback
