@@ -144,8 +144,6 @@ class Connector:
 
     def direct(self, a: Pose, b: Pose) -> Path | None:
         """As `connect`, without the search for routes: None where only a route would do."""
-        if not self._joined(a, b):
-            return None
         best = self._best_word(a, b)
         return None if best is None or self._roundabout(best, a, b) else best
 

@@ -67,10 +67,10 @@ class Job:
         It keeps to the headland, where it tramples nothing, unless a way across tracks is much quicker.
         """
         if (a, b) not in self.ways:
-            self.ways[a, b] = self._direct(a, b) or self._route(a, b)
+            self.ways[a, b] = self.turn(a, b) or self._route(a, b)
         return self.ways[a, b]
 
-    def _direct(self, a: Pose, b: Pose) -> Path | None:
+    def turn(self, a: Pose, b: Pose) -> Path | None:
         """A turn beside the tracks, or one across them that is much quicker."""
         cost = self.connector.cost
         beside = self.headland.direct(a, b) if self.headland else None

@@ -38,7 +38,7 @@ RULES = np.dtype(
         ("steps", "f8", (3,)),  # their lengths, m
     ]
 )
-NONE, FIRST, LATER = 0, 1, 2  # no word fits; the cheapest does; another one does
+REACH = 6.0  # radii: no word leads farther from the box of its ends, straights at the ends apart
 
 
 @compiled
@@ -140,6 +140,21 @@ def _with_straights(a, b, rules, edges, bar, best) -> int:  # type: ignore[no-un
 
 
 @compiled
+def edges_near(a, b, reach, edges):  # type: ignore[no-untyped-def]
+    """The edges that come within `reach` of the box of two poses."""
+    west, east = min(a[0], b[0]) - reach, max(a[0], b[0]) + reach
+    south, north = min(a[1], b[1]) - reach, max(a[1], b[1]) + reach
+    near = np.empty_like(edges)
+    count = 0
+    for k in range(len(edges)):
+        p, q, r, s = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if max(p, r) >= west and min(p, r) <= east and max(q, s) >= south and min(q, s) <= north:
+            near[count, 0], near[count, 1], near[count, 2], near[count, 3] = p, q, r, s
+            count += 1
+    return near[:count]
+
+
+@compiled
 def best_word(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
     """The cheapest word from a to b inside the region, put into `best` (5, 3); its kind, -1 when there is none.
 
@@ -147,6 +162,8 @@ def best_word(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
     """
     if not inside(a[0], a[1], edges) or not inside(b[0], b[1], edges):
         return -1
+    apart = math.hypot(b[0] - a[0], b[1] - a[1])
+    edges = edges_near(a, b, apart + REACH * rules.radius + 2.0 * rules.steps[2], edges)
     out, kinds, costs = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64), np.empty(MOST_WORDS)
     count = _words_of(a, b, rules, np.inf, out, kinds, costs)
     place, first = _cheapest_fitting(a, out, costs, count, edges)
@@ -154,7 +171,7 @@ def best_word(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
     if place >= 0:
         best[:] = out[place]
         kind, bar = kinds[place], costs[place]
-    near = math.hypot(b[0] - a[0], b[1] - a[1]) <= rules.near * rules.radius
+    near = apart <= rules.near * rules.radius
     if near and (place < 0 or not first):
         other = _with_straights(a, b, rules, edges, bar, best)
         kind = other if other >= 0 else kind

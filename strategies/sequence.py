@@ -12,6 +12,7 @@ from itertools import pairwise, product
 
 from fields.layout import Track
 from strategies.job import Job, Pass
+from strategies.table import TurnTable, best_tour
 
 NEAR = 1.03  # orders whose estimates are this close are compared by the ways they would really drive
 Cell = list[Track]
@@ -119,16 +120,15 @@ def order_time(order: Order, job: Job) -> float:
 
 
 def best_orders(shares: list[list[Track]], job: Job, only_jump: int | None = None) -> list[Order]:
-    """Orders for several tractors at once: one corner and pattern for all, the one whose slowest is quickest.
+    """Orders for several tractors at once: each the quickest found by the ways it would drive (strategies.tours).
 
-    Estimates settle it; close ones are compared by the ways really driven, so that the choice depends on the shape of
-    the field and not on how it lies.
+    With `only_jump` all take that pattern, from the corner from which the slowest is quickest.
     """
+    if only_jump is None:
+        return [searched_order(share, job) for share in shares]
     corners = [job.corner] if job.corner else [(last, way) for last in (False, True) for way in (1, -1)]
-    patterns = jumps(job) if only_jump is None else [only_jump]
     options = [
-        [order_tracks(share, job, jump, corner, last_piece) for share in shares]
-        for jump in patterns
+        [order_tracks(share, job, only_jump, corner, last_piece) for share in shares]
         for corner, last_piece in product(corners, (False, True))
     ]
     times = [max(order_time(order, job) for order in orders) for orders in options]
@@ -137,6 +137,19 @@ def best_orders(shares: list[list[Track]], job: Job, only_jump: int | None = Non
     if len(distinct) == 1:
         return distinct[0]
     return min(distinct, key=lambda orders: round(max(driven_time(order, job) for order in orders), 2))
+
+
+def searched_order(tracks: list[Track], job: Job) -> Order:
+    """The quickest order through some tracks, from the patterns in use as starts."""
+    table = TurnTable(job, tracks)
+    place = {track: index for index, track in enumerate(tracks)}
+    corners = [(last, way) for last in (False, True) for way in (1, -1)]
+    starts = [
+        [place[one.track] for one in order_tracks(tracks, job, jump, corner)]
+        for jump, corner in product(jumps(job), corners)
+    ]
+    distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]
+    return [table.passes[p] for p in best_tour(table, distinct).passes.tolist()]
 
 
 def driven_time(order: Order, job: Job) -> float:

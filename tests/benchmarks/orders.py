@@ -1,0 +1,120 @@
+"""Orders of tracks beside proven and bounded ones: python -m tests.benchmarks.orders
+
+Table 1: n parallel tracks of equal length, a path through all of them, every turn an omega or a U in closed form: the
+proven optimum (a circuit model in which every arc is allowed; stated to two decimals) beside what the planner's search
+finds, with its own bound. Table 2: fleets on a field whose tracks are slanted and bent at their ends, turns by Dubins:
+the bound is (work + (n - m) x cheapest turn) / m.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.sequence import skip_pattern
+from strategies.shares import balanced, cut
+from strategies.tours import FAR_S, tour
+from strategies.words import MOST_PIECES, MOST_WORDS, forward_words
+
+Floats = npt.NDArray[np.float64]
+
+PROVEN = (
+    (10, 2.5, 1.7321, 64.98), (12, 3.0, 4.0, 165.35), (17, 3.0, 4.0, 231.28), (20, 3.0, 4.0, 271.99),
+    (24, 9.0, 6.0, 577.68), (24, 9.0, 10.9, 942.40), (30, 3.0, 6.0, 579.65), (30, 6.0, 6.0, 564.00),
+    (40, 4.5, 5.0, 754.89), (50, 3.0, 4.0, 679.09), (100, 3.0, 4.0, 1357.59),
+)  # fmt: skip
+FLEETS = ((130, 3), (130, 5), (130, 10), (300, 3), (300, 5), (300, 10))
+WORK_MPS, TURN_MPS, RADIUS_M, WIDTH_M = 1.4, 1.0, 4.0, 3.0
+
+
+def turn_m(spacing: float, radius: float) -> float:
+    """Length of the omega or the U over a spacing."""
+    if spacing < 2.0 * radius:
+        return radius * (math.pi + 4.0 * math.acos((0.5 * spacing + radius) / (2.0 * radius)))
+    return math.pi * radius + spacing - 2.0 * radius
+
+
+def parallel(n: int, width: float, radius: float) -> Floats:
+    """Turns between the passes of n equal tracks (2 n, 2 n)."""
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) * width
+    turns = np.full((2 * n, 2 * n), FAR_S)
+    for i, j in zip(*np.nonzero(apart), strict=True):
+        turns[2 * i, 2 * j + 1] = turns[2 * i + 1, 2 * j] = turn_m(float(apart[i, j]), radius)
+    return turns
+
+
+def starts_for(n: int, width: float, radius: float) -> list[list[int]]:
+    """One after another, and the two smallest jumps whose turns are wide."""
+    wide = math.ceil(2.0 * radius / width)
+    return [list(range(n))] + [skip_pattern(n, jump) for jump in (wide, wide + 1) if 1 < jump < n]
+
+
+def proven_rows() -> None:
+    """Print table 1."""
+    print(f"{'n':>4} {'w m':>5} {'R m':>7} {'proven':>9} {'ours':>9} {'above %':>8} {'own gap %':>10} {'CPU s':>6}")
+    for n, width, radius, proven in PROVEN:
+        turns, free = parallel(n, width, radius), np.zeros(2 * n)
+        begun = time.process_time()
+        best = tour(turns, free, free, starts_for(n, width, radius))
+        took = time.process_time() - begun
+        above = 100.0 * (best.seconds / proven - 1.0)
+        print(f"{n:4} {width:5.1f} {radius:7.4f} {proven:9.2f} {best.seconds:9.2f} {above:8.3f} {best.gap_pct:10.3f} "
+              f"{took:6.2f}")  # fmt: skip
+
+
+def slanted(n: int) -> tuple[Floats, Floats]:
+    """Working seconds (n,) and turning seconds (2 n, 2 n) of n tracks whose ends are slanted and bent."""
+    i = np.arange(n)
+    west, east, north = 0.75 * i, 252.0 + 0.225 * i + 30.0 * np.sin(i / 9.0), WIDTH_M * i
+    out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
+    turns = np.full((2 * n, 2 * n), FAR_S)
+    for a in range(n):
+        for b in range(n):
+            if a == b:
+                continue
+            ends = ((2 * a, 2 * b + 1, east, 0.0, math.pi), (2 * a + 1, 2 * b, west, math.pi, 0.0))
+            for p, q, side, leaving, entering in ends:
+                start, goal = np.array([side[a], north[a], leaving]), np.array([side[b], north[b], entering])
+                forward_words(start, goal, RADIUS_M, out, kinds)
+                turns[p, q] = out[0, :, 0].sum() / TURN_MPS
+    return (east - west) / WORK_MPS, turns
+
+
+def fleet(work: Floats, turns: Floats, tractors: int) -> float:
+    """Seconds until the last tractor is done, with blocks and the best orders inside them."""
+    known: dict[tuple[int, int], float] = {}
+
+    def cost(first: int, last: int) -> float:
+        if (first, last) not in known:
+            part = turns[2 * first : 2 * last, 2 * first : 2 * last]
+            free = np.zeros(2 * (last - first))
+            order = tour(part, free, free, starts_for(last - first, WIDTH_M, RADIUS_M))
+            known[first, last] = float(work[first:last].sum()) + order.seconds
+        return known[first, last]
+
+    turn_s = float(turns.min())
+    borders = balanced(cut((work + turn_s).tolist(), tractors), cost)
+    return max(cost(first, last) for first, last in pairwise(borders))
+
+
+def fleet_rows() -> None:
+    """Print table 2."""
+    print(f"\n{'n':>4} {'tractors':>8} {'bound s':>8} {'ours s':>8} {'ours / bound':>12} {'CPU s':>6}")
+    for n, tractors in FLEETS:
+        work, turns = slanted(n)
+        bound = (float(work.sum()) + (n - tractors) * float(turns.min())) / tractors
+        begun = time.process_time()
+        ours = fleet(work, turns, tractors)
+        took = time.process_time() - begun
+        print(f"{n:4} {tractors:8} {bound:8.0f} {ours:8.0f} {ours / bound:12.4f} {took:6.2f}")
+
+
+if __name__ == "__main__":
+    warm = np.zeros(10)
+    tour(parallel(5, 3.0, 4.0), warm, warm, [list(range(5))])
+    proven_rows()
+    fleet_rows()
