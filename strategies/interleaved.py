@@ -8,7 +8,7 @@ from strategies.job import Job
 from strategies.legs import mission_of
 from strategies.record import Strategy
 from strategies.separate import lines_of, plan_of
-from strategies.sequence import best_orders
+from strategies.sequence import patterned
 from vehicle.missions import Gate, Mission, Plan
 
 NAME = "interleaved"
@@ -18,7 +18,7 @@ def interleaved(job: Job) -> Plan:
     """Tractors take every n-th line; each starts when the one before it is well under way."""
     lines = lines_of(job)
     shares = [[track for line in lines[i :: job.tractors] for track in line] for i in range(job.tractors)]
-    missions = [mission_of(job, order) for order in best_orders(shares, job, only_jump=1)]
+    missions = [mission_of(job, order) for order in patterned(shares, job, jump=1)]
     return plan_of(job, NAME, _staggered(missions, job.manner.stagger_m))
 
 

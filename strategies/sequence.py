@@ -12,8 +12,9 @@ from itertools import pairwise, product
 
 from fields.layout import Track
 from strategies.job import Job, Pass
-from strategies.table import TurnTable, best_tour
+from strategies.table import TurnTable
 
+CORNERS = [(last, way) for last in (False, True) for way in (1, -1)]
 NEAR = 1.03  # orders whose estimates are this close are compared by the ways they would really drive
 Cell = list[Track]
 Order = list[Pass]
@@ -119,16 +120,15 @@ def order_time(order: Order, job: Job) -> float:
     return work + sum(job.turn_time(a, b) for a, b in pairwise(order))
 
 
-def best_orders(shares: list[list[Track]], job: Job, only_jump: int | None = None) -> list[Order]:
-    """Orders for several tractors at once: each the quickest found by the ways it would drive (strategies.tours).
+def patterned(shares: list[list[Track]], job: Job, jump: int) -> list[Order]:
+    """Orders in one pattern for several tractors at once, from the corner from which the slowest is quickest.
 
-    With `only_jump` all take that pattern, from the corner from which the slowest is quickest.
+    Estimates settle it; close ones are compared by the ways really driven, so that the choice depends on the shape of
+    the field and not on how it lies.
     """
-    if only_jump is None:
-        return [searched_order(share, job) for share in shares]
-    corners = [job.corner] if job.corner else [(last, way) for last in (False, True) for way in (1, -1)]
+    corners = [job.corner] if job.corner else CORNERS
     options = [
-        [order_tracks(share, job, only_jump, corner, last_piece) for share in shares]
+        [order_tracks(share, job, jump, corner, last_piece) for share in shares]
         for corner, last_piece in product(corners, (False, True))
     ]
     times = [max(order_time(order, job) for order in orders) for orders in options]
@@ -139,17 +139,21 @@ def best_orders(shares: list[list[Track]], job: Job, only_jump: int | None = Non
     return min(distinct, key=lambda orders: round(max(driven_time(order, job) for order in orders), 2))
 
 
-def searched_order(tracks: list[Track], job: Job) -> Order:
-    """The quickest order through some tracks, from the patterns in use as starts."""
-    table = TurnTable(job, tracks)
-    place = {track: index for index, track in enumerate(tracks)}
-    corners = [(last, way) for last in (False, True) for way in (1, -1)]
+def searched(share: list[Track], job: Job, table: TurnTable) -> tuple[Order, float]:
+    """The quickest order through some tracks by the ways that would be driven, and its seconds, work included.
+
+    `table` is that of all tracks of the layout. The search begins with the patterns in use and improves them
+    (strategies.tours).
+    """
+    place = {track: index for index, track in enumerate(job.layout.tracks)}
     starts = [
-        [place[one.track] for one in order_tracks(tracks, job, jump, corner)]
-        for jump, corner in product(jumps(job), corners)
+        [place[one.track] for one in order_tracks(share, job, jump, corner)]
+        for jump, corner in product(jumps(job), CORNERS)
     ]
     distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]
-    return [table.passes[p] for p in best_tour(table, distinct).passes.tolist()]
+    best = table.best([place[track] for track in share], distinct)
+    work = sum(track.length for track in share) / job.manner.work_speed_mps
+    return [table.passes[p] for p in best.passes.tolist()], work + best.seconds
 
 
 def driven_time(order: Order, job: Job) -> float:
