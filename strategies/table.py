@@ -81,7 +81,7 @@ class TurnTable:
         for _ in range(MOST_ROUNDS):
             if not self.work_out(rows[best.passes].tolist()):
                 break
-            again = [(best.passes // 2).tolist(), *inner]
+            again = [(best.passes // 2).tolist()]
             best = tour(self.seconds[np.ix_(rows, rows)], first, last, again, seed)
         return Tour(rows[best.passes], best.seconds, best.bound_s)
 

@@ -30,6 +30,7 @@ FAR_S = 1e7
 LONGEST_RUN = 10  # tracks in the shorter of two runs that change places; any number may be turned round
 FARTHEST = 40  # tracks in both together
 GAIN_S = 1e-7
+MOST_STARTS = 3
 MOST_PROVEN = 16  # tracks: the circuit model proves so few within its effort
 CLOSE = 2e-4  # an order this near its bound, relatively, is taken for the best
 KICKS, FEWEST_KICKS = 500, 3  # shared by the tracks: a kick of 20 tracks takes a millisecond, of 300 tracks fifty
@@ -122,47 +123,86 @@ def _swap(order, i, j, m, one, two):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _improve(i, order, turns, first, last, onward, backward, head, tail):  # type: ignore[no-untyped-def]
-    """The best move of runs that begin at place i, carried out; the seconds gained, 0 when none helps.
+def _between(order, p, q, least) -> float:  # type: ignore[no-untyped-def]
+    """What a step from place p to place q takes at least; p may be -1 and q n."""
+    n = len(order)
+    return least[order[p] if p >= 0 else n, order[q] if q < n else n]  # type: ignore[no-any-return]
 
-    The tables must be those of `order`.
+
+@compiled
+def _improve(i, order, turns, first, last, onward, backward, head, tail, least, spare):  # type: ignore[no-untyped-def]
+    """The best move of runs that begin at place i, carried out; the last place it changed, -1 when none helps.
+
+    The tables must be those of `order`. A move whose new steps take at least what its old ones take at least and
+    `spare` seconds more cannot help: `spare` is what the order takes beyond the least of all its steps.
     """
     n = len(order)
     z = order[n - 1]
     now = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
     best, bj, bm, b1, b2 = now - GAIN_S, -1, -1, False, False
+    into = _between(order, i - 1, i, least)
     for m in range(i + 1, n):
+        old = into + _between(order, m, m + 1, least) + spare
+        if _between(order, i - 1, m, least) + _between(order, i, m + 1, least) >= old:
+            continue
         v0, v1 = _entered(order, i - 1, order[m], turns, first, head)
         v0, v1 = _along(v0, v1, backward[i, m])
         turned = _left(v0, v1, order, order[i], m + 1, turns, last, tail)
         if turned < best:
             best, bj, bm, b1, b2 = turned, i - 1, m, False, True
     for m in range(i + 1, min(i + FARTHEST, n)):
+        out = into + _between(order, m, m + 1, least) + spare
         for j in range(i, m):
             if j - i >= LONGEST_RUN and m - j > LONGEST_RUN:
                 continue
+            old = out + _between(order, j, j + 1, least)
             for way in range(4):
                 one, two = way % 2 == 1, way >= 2
+                begin, end = (m, j + 1) if two else (j + 1, m)
+                start, stop = (j, i) if one else (i, j)
+                new = _between(order, i - 1, begin, least) + _between(order, end, start, least)
+                if new + _between(order, stop, m + 1, least) >= old:
+                    continue
                 cost = _swapped(order, i, j, m, one, two, turns, first, last, onward, backward, head, tail)
                 if cost < best:
                     best, bj, bm, b1, b2 = cost, j, m, one, two
-    if bm < 0:
-        return 0.0
-    _swap(order, i, bj, bm, b1, b2)
-    return now - best
+    if bm >= 0:
+        _swap(order, i, bj, bm, b1, b2)
+    return bm
 
 
 @compiled
-def _descend(order, turns, first, last, onward, backward, head, tail):  # type: ignore[no-untyped-def]
-    """Move after move until none helps; the seconds of the order then."""
+def _spare(order, last, head, least) -> float:  # type: ignore[no-untyped-def]
+    """What an order takes beyond the least of all its steps."""
     n = len(order)
-    quiet = i = 0
+    z = order[n - 1]
+    spare = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
+    for k in range(n + 1):
+        spare -= _between(order, k - 1, k, least)
+    return max(spare, 0.0)  # type: ignore[no-any-return]
+
+
+@compiled
+def _descend(order, turns, first, last, onward, backward, head, tail, due, least):  # type: ignore[no-untyped-def]
+    """Move after move until none helps; the seconds of the order then.
+
+    `due` (n,) marks the places whose moves are to be judged: after a move those that reach into what it changed.
+    """
+    n = len(order)
     _tables(order, turns, first, last, onward, backward, head, tail)
+    quiet = i = 0
+    spare = _spare(order, last, head, least)
     while quiet < n:
-        if _improve(i, order, turns, first, last, onward, backward, head, tail) > 0.0:
+        changed = -1
+        if due[i]:
+            changed = _improve(i, order, turns, first, last, onward, backward, head, tail, least, spare)
+        if changed >= 0:
             _tables(order, turns, first, last, onward, backward, head, tail)
+            spare = _spare(order, last, head, least)
+            due[max(i - FARTHEST, 0) : min(changed + 2, n)] = True
             quiet = 0
         else:
+            due[i] = False
             quiet += 1
             i = (i + 1) % n
     z = order[n - 1]
@@ -170,18 +210,19 @@ def _descend(order, turns, first, last, onward, backward, head, tail):  # type: 
 
 
 @compiled
-def searched(start, turns, first, last, kicks, enough, seed):  # type: ignore[no-untyped-def]
+def searched(start, turns, first, last, kicks, enough, seed, between):  # type: ignore[no-untyped-def]
     """The best order (n,) of tracks found from `start` with at most so many kicks, and its seconds.
 
-    Stops when an order takes no more than `enough` seconds.
+    Stops when an order takes no more than `enough` seconds. `between` (n + 1, n + 1) is from bounds.least_between.
     """
     n = len(start)
     onward, backward = np.empty((n, n, 2, 2)), np.empty((n, n, 2, 2))
     head, tail = np.empty((n, 2)), np.empty((n, 2))
     order, kept = start.copy(), start.copy()
+    due = np.ones(n, dtype=np.bool_)
     least = np.inf
     for kick in range(kicks + 1):
-        cost = _descend(order, turns, first, last, onward, backward, head, tail)
+        cost = _descend(order, turns, first, last, onward, backward, head, tail, due, between)
         if cost < least - GAIN_S:
             least = cost
             kept[:] = order
@@ -194,6 +235,7 @@ def searched(start, turns, first, last, kicks, enough, seed):  # type: ignore[no
         j = i + int(mixed(seed, 3 * kick + 1) * min(LONGEST_RUN, n - 2 - i))
         m = j + 1 + int(mixed(seed, 3 * kick + 2) * min(LONGEST_RUN, n - 1 - j))
         _swap(order, i, j, m, False, False)
+        due[max(i - FARTHEST, 0) : min(m + 2, n)] = True
     return kept, least
 
 
@@ -220,6 +262,12 @@ def _directions(order, turns, first, last):  # type: ignore[no-untyped-def]
     return passes
 
 
+def seconds_of(order: Ints, turns: Floats, first: Floats, last: Floats) -> float:
+    """Least seconds of an order of tracks over all directions."""
+    passes = _directions(order, turns, first, last)
+    return float(first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]])
+
+
 @dataclass(frozen=True, eq=False)
 class Tour:
     """Passes (n,) in order, the seconds of the ways between them, and what no order can undercut."""
@@ -241,13 +289,14 @@ def tour(turns: Floats, first: Floats, last: Floats, starts: list[list[int]], se
     as its bound or the kicks are used up.
     """
     between = least_between(turns, first, last)
-    orders = [searched(np.array(start), turns, first, last, 0, -np.inf, seed) for start in starts]
+    promising = sorted((np.array(start) for start in starts), key=lambda start: seconds_of(start, turns, first, last))
+    orders = [searched(start, turns, first, last, 0, -np.inf, seed, between) for start in promising[:MOST_STARTS]]
     order, seconds = min(orders, key=lambda one: one[1])
     bound = held_karp(between, seconds - GAIN_S) if len(order) > 1 else seconds
     enough = bound * (1.0 + CLOSE)
     if seconds > enough and len(order) > 3:
         kicks = max(FEWEST_KICKS, KICKS // len(order))
-        order, seconds = searched(order, turns, first, last, kicks, enough, seed)
+        order, seconds = searched(order, turns, first, last, kicks, enough, seed, between)
     passes = _directions(order, turns, first, last)
     if seconds > enough and 3 < len(order) <= MOST_PROVEN:
         return _proven(turns, first, last, Tour(passes, float(seconds), float(bound)))
