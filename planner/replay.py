@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
 from vehicle.measured.logs.reading import read_log, remarks
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import best_motion
 from vehicle.measured.replay.course import Stretch, make_course
 from vehicle.measured.replay.horizons import anchored, chain, errors_of, pieces, run_squares
-from vehicle.measured.replay.replaying import Rig, Settings, own_rig
+from vehicle.measured.replay.replaying import Rig, own_rig
 from vehicle.tractor import load_tractor
 
 LAID_S, PIECE_S = 5.0, 5.0

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.effects import BY_ID, CIRCLE, LIMIT, SLOPE, effect, neutral
+from vehicle.layout import DT_S
+from vehicle.learnt import Settings
 from vehicle.measured.logs.reading import log_from_frame
 from vehicle.measured.logs.record import Array, Log
-from vehicle.measured.replay.course import DT_S, Stretch
+from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import PACE_MPS, Pieces, blank
-from vehicle.measured.replay.replaying import Rig, Settings, make_rig, replay
+from vehicle.measured.replay.replaying import Rig, make_rig, replay
 from vehicle.measured.surprise.draws import noisy_instruments, over_rough_ground
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor

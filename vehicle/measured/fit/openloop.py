@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import REST_KEY
+from vehicle.learnt import Settings
 from vehicle.measured.fit.fitting import LATER_STEP, add_products, solve
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.knobs import Knobs
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
-from vehicle.measured.replay.replaying import Settings
 from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.effects import LIMIT, SLOPE, effect
+from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Finding
 from vehicle.measured.causes.naming import robust_covariance
 from vehicle.measured.fit.fitting import Fit, block_sums
@@ -18,7 +19,6 @@ from vehicle.measured.fit.openloop import Term, Terms, moved, pieces_of, setting
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.mending import Mended, level_of
 from vehicle.measured.replay.horizons import Halves, chain, squares
-from vehicle.measured.replay.replaying import Settings
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
 from vehicle.tractor import EffectSetting, Rest, Tractor

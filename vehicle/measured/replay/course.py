@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.layout import DT_S
 from vehicle.measured.errors import LogError
 from vehicle.measured.logs.record import Array, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
 
-DT_S = 1.0 / 60.0
 CHORD_S = 0.6  # a centimetre of antenna noise is a degree of course at walking pace
 _SHOWN_LOGS = 3  # of a refusal: more are counted
 

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.layout import DT_S
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.course import DT_S, Course, Stretch
-from vehicle.measured.replay.replaying import Rig, Settings, replay, seen
+from vehicle.measured.replay.course import Course, Stretch
+from vehicle.measured.replay.replaying import Rig, replay, seen
 
 STEP_S = 0.1  # rows of a simulated log: the usual 10 Hz
 PACE_MPS = 1.4  # 5 km/h, the speed of the thesis's experiments

@@ -9,10 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import anchor_pieces
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import Rig, Settings, replay, seen
+from vehicle.measured.replay.replaying import Rig, replay, seen
 from vehicle.measured.replay.windows import half_of
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # a bend, a turn, a headland turn, a swath of a small field

@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import PATH, POSITION, SPEED, STEERING, effect_fields
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Course
-from vehicle.measured.replay.replaying import Rig, Settings, antenna_lever, replay, seen
+from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, seen
 from vehicle.measured.replay.windows import half_of
 from vehicle.measured.surprise.noise import first_noise
 from vehicle.measured.surprise.weights import Channel, Filter, channels, filters, huber

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from vehicle.layout import DT_S
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.course import DT_S, Stretch
-from vehicle.measured.replay.replaying import Rig, Settings, seen
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.replaying import Rig, seen
 from vehicle.measured.surprise.whitening import DRIFT_MEMORY_S, SOIL_MEMORY_S, Noise
 
 

@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from vehicle.measured.replay.course import DT_S, Stretch
+from vehicle.layout import DT_S
+from vehicle.learnt import Settings
+from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.horizons import Seen, Squares, chain, no_squares, squares
-from vehicle.measured.replay.replaying import Settings, replay
+from vehicle.measured.replay.replaying import replay
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.draws import coloured, noisy_instruments, over_rough_ground
 

@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import Rig, Settings, replay, seen
+from vehicle.measured.replay.replaying import Rig, replay, seen
 from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise
 
 SPANS_S = (1.0, 2.0, 4.0)

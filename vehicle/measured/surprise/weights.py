@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.effects import effect_fields
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Course
-from vehicle.measured.replay.replaying import Rig, Settings, antenna_lever, replay, seen
+from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, seen
 from vehicle.measured.surprise.whitening import Noise, make_gains, simulated_increments
 
 TIMING_S = 0.02  # commands come at the beat of a controller, not of the log

@@ -19,9 +19,10 @@ import numpy as np
 
 from vehicle.effects import effect_fields
 from vehicle.jit import compiled
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import Rig, Settings, replay
+from vehicle.measured.replay.replaying import Rig, replay
 
 SIZE, SEEN = 7, 3
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
