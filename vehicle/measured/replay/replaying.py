@@ -20,6 +20,7 @@ from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
 from vehicle.effects import effect_fields
 from vehicle.ground import ground_index
+from vehicle.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, shown_rows
 from vehicle.jit import compiled
 from vehicle.layout import DT_S, STATE
 from vehicle.learnt import Learnt, Settings, learnt, without_logs
@@ -137,13 +138,20 @@ def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
 
 def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array, Array, Array]:
     """What instruments would have logged of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
-    fields = effect_fields(settings)
-    grid = np.arange(len(states)) * DT_S
-    late = stretch.time - fields["latency"] * DT_S
-    x, y, angle = (np.interp(late, grid, states[:, column]) for column in (X, Y, ANGLE))
-    ahead, aside = antenna_lever(rig, fields)
-    antenna = np.stack(
-        [x + ahead * np.cos(angle) + aside * np.sin(angle), y + ahead * np.sin(angle) - aside * np.cos(angle)], axis=1
-    )
+    grid: Array = np.arange(len(states)) * DT_S
+    rows = shown_poses(rig, stretch, states, settings, grid, effect_fields(settings)["latency"] * DT_S)
     wheel, speed = (np.interp(stretch.time, grid, states[:, column]) for column in (STEERING, FORWARD))
-    return antenna, angle + fields["heading_bias"], wheel, speed
+    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING], wheel, speed
+
+
+def shown_poses(
+    rig: Rig, stretch: Stretch, states: Array, settings: Settings, grid: Array, latency_s: float
+) -> Array:
+    """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments."""
+    fields = effect_fields(settings)
+    out = np.empty((stretch.rows, 6))
+    shown_rows(
+        stretch.time, grid, states[:, X], states[:, Y], states[:, ANGLE], latency_s,
+        *antenna_lever(rig, fields), fields["heading_bias"], out,
+    )  # fmt: skip
+    return out

@@ -15,8 +15,8 @@ import numpy as np
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import Rig, replay, seen
-from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise
+from vehicle.measured.replay.replaying import FORWARD, Rig, replay, seen
+from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise, step_times
 
 SPANS_S = (1.0, 2.0, 4.0)
 LEAST_SOIL, MOST_SOIL = 2e-4, 0.05
@@ -70,7 +70,7 @@ def _at_span(
             continue
         states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
         antenna, heading, _, _ = seen(rig, stretch, states, settings)
-        pace = np.interp(stretch.time, np.arange(len(states)) / 60.0, np.abs(states[:, 4]))
+        pace = np.interp(stretch.time, step_times(len(states)), np.abs(states[:, FORWARD]))
         moving = pace > 0.3 * max(float(np.median(pace)), 0.05)
         turn, keep = _second(stretch, stretch.heading - heading, moving, span)
         turns.append(turn[keep])
