@@ -33,7 +33,7 @@ def between(one: float, two: float, start: float, end: float, at: float) -> floa
 def late_pose(  # type: ignore[no-untyped-def]
     xs, ys, angles, entry: int, start: float, end: float, at: float
 ) -> tuple[float, float, float]:
-    """Pose of a time gone by: x, y, angle from rings of poses, of which `entry` was at `start` and the next at `end`."""
+    """Pose of a time gone by: x, y, angle from rings of poses, of which `entry` was at `start`, the next at `end`."""
     one, two = entry % len(xs), (entry + 1) % len(xs)
     return (
         between(xs[one], xs[two], start, end, at),

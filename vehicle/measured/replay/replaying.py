@@ -138,7 +138,7 @@ def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
 
 def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array, Array, Array]:
     """What instruments would have logged of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
-    grid: Array = np.arange(len(states)) * DT_S
+    grid = np.arange(len(states), dtype=np.float64) * DT_S
     rows = shown_poses(rig, stretch, states, settings, grid, effect_fields(settings)["latency"] * DT_S)
     wheel, speed = (np.interp(stretch.time, grid, states[:, column]) for column in (STEERING, FORWARD))
     return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING], wheel, speed
