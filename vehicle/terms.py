@@ -14,7 +14,7 @@ from vehicle.steering import corrected_angle
 
 GRAVITY_MPS2 = 9.80665
 DRIFT_LIMIT = 0.3  # grip that changes with time is not believed beyond this share of it
-KNEE = 5.0  # how sharply a curve meets the limit of side force: tyres begin to slide at about four fifths of it
+KNEE = 5.0  # how sharply a curve meets the limit of side force: at four fifths of it 5 % of a curve are lost
 REST_LIMIT = 0.9  # of the curvature: a rest told at some speeds and angles must not turn a tractor the other way
 CRAWL_MPS = 0.1  # below it a push fades out: a tractor that stands stays
 

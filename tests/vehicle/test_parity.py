@@ -27,7 +27,7 @@ STRAIGHT_M, RADIUS_M = 15.0, 12.0
 TRACKS = {
     "circle": np.concatenate([
         [[0.0, 0.0], [0.0, STRAIGHT_M]],
-        [[RADIUS_M * (1.0 - math.cos(a)), STRAIGHT_M + RADIUS_M * math.sin(a)] for a in np.radians(np.arange(3, 200, 3))],
+        [[RADIUS_M * (1.0 - math.cos(a)), STRAIGHT_M + RADIUS_M * math.sin(a)] for a in np.radians(range(3, 200, 3))],
     ]),
     "wave": np.array([[2.0 * (1.0 - math.cos(y / 5.0)), y] for y in np.arange(0.0, 45.0, 0.5)]),
 }  # fmt: skip

@@ -29,7 +29,7 @@ from vehicle.measured.replay.course import Stretch
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
-X, Y, ANGLE, STEERING, FORWARD = range(5)
+X, Y, ANGLE, STEERING, FORWARD = range(5)  # columns of replayed states
 
 
 @compiled

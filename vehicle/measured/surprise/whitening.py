@@ -25,7 +25,7 @@ from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.replaying import Rig, replay, shown_poses
 
-SIZE, SEEN = 7, 3
+SIZE, SEEN = 7, 3  # numbers of the state and of a measurement
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # a rut or a clod at walking pace; what satellites and fixing let wander
 
 
