@@ -29,8 +29,8 @@ from vehicle.measured.fit.fitting import (
 )
 from vehicle.measured.fit.knobs import Knobs, block_of, finest_of, knobs_for, settings_of
 from vehicle.measured.logs.record import Array
-from vehicle.measured.surprise.bench import Bench, first_noise, prepare
-from vehicle.measured.surprise.noise import tuned
+from vehicle.measured.surprise.bench import Bench, prepare
+from vehicle.measured.surprise.noise import first_noise, tuned
 from vehicle.tractor import Tractor
 
 LEAST_GAIN = 25.0
@@ -341,7 +341,7 @@ def restarted(bench: Bench, parts: tuple[tuple[Knobs, Array], ...], unnamed: tup
 
 def retuned(bench: Bench, fit: Fit) -> Bench:
     """The bench with noise and weights as the fit leaves them."""
-    noise = tuned(replace(bench, noise=first_noise(bench.course)), fit.settings)
+    noise = tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings)
     found = prepare(bench.course, bench.rig, fit.settings, noise)
     for _ in range(MOST_EASINGS):
         # A model that is wrong everywhere, as of a vehicle of another kind, must not be judged by the millimetre: with

@@ -14,18 +14,18 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import REST_KEY
+from vehicle.learnt import Settings
 from vehicle.measured.fit.fitting import LATER_STEP, add_products, solve
 from vehicle.measured.fit.heldout import Pieces, steps_without
-from vehicle.measured.fit.horizons import anchored_pieces, chain, pieces
 from vehicle.measured.fit.knobs import Knobs
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import Settings
+from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
+from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
 
 HORIZONS_S = (1.0, 5.0)
-WINDOW_S = 20.0
 KINDS = 3
 SETTLED = 0.01  # of the loss: a step that gains less is the last one
 
@@ -69,7 +69,7 @@ class OpenLoop:
         return out
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
-        antenna, heading, _, _ = chain(self.bench, stretch, settings)
+        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings)
         found = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
         return np.nan_to_num(np.concatenate(found).ravel())
 
@@ -97,7 +97,7 @@ class OpenLoop:
         """Window of 20 s of every entry, counted through all runs."""
         found, count = [], 0
         for one in self.bench.course.stretches:
-            window = count + (one.time / WINDOW_S).astype(np.int64)
+            window = count + window_of(one.time)
             found.append(np.tile(np.repeat(window, KINDS), len(HORIZONS_S)))
             count = int(window[-1]) + 1
         return np.concatenate(found)
@@ -110,7 +110,7 @@ class OpenLoop:
         runs[self.windows] = self.runs
         first = 0
         for one in self.bench.course.stretches:
-            size = int(one.time[-1] / WINDOW_S) + 1
+            size = int(window_of(one.time[-1:])[0]) + 1
             halves[first : first + size] = np.arange(size) % 2
             first += size
         return runs, halves
