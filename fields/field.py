@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as member
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +47,7 @@ class Field:
         grounds: ground zones; where they overlap the first one counts.
         default_ground: ground wherever no zone lies.
         source: where the boundary comes from, in words.
+        remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
 
     Raises:
         FieldError: the boundary is empty, not a polygon or crosses itself.
@@ -59,6 +61,7 @@ class Field:
     grounds: tuple[GroundZone, ...] = ()
     default_ground: str = "soil"
     source: str = ""
+    remarks: tuple[str, ...] = member(default=(), compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "boundary", _sound(self.boundary, f"field '{self.name}'"))

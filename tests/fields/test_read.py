@@ -268,14 +268,14 @@ class TestRefusals:
         refusal(saved(content))
 
     def test_degrees_as_metres(self, saved: Any) -> None:
-        assert "look like degrees; leave out --local" in refusal(saved(polygon(SQUARE_DEG)), local=True)
+        assert "look like degrees; leave out local" in refusal(saved(polygon(SQUARE_DEG)), local=True)
 
     @pytest.mark.parametrize("shift", [0, 500, 500_000])
     def test_metres_as_degrees(self, saved: Any, shift: float) -> None:
-        assert "add --local" in refusal(saved(polygon(moved(SQUARE_M, shift))))
+        assert "add local" in refusal(saved(polygon(moved(SQUARE_M, shift))))
 
     def test_small_metres_as_degrees(self, saved: Any) -> None:
-        assert "add --local" in refusal(saved(polygon([[0, 0], [60, 0], [60, 60], [0, 60]])))
+        assert "add local" in refusal(saved(polygon([[0, 0], [60, 0], [60, 60], [0, 60]])))
 
     def test_latitude_first(self, saved: Any) -> None:
         ring = [[43.2, 141.7], [43.201, 141.7], [43.201, 141.702]]
@@ -287,7 +287,7 @@ class TestRefusals:
 
     def test_local_against_a_crs(self, saved: Any) -> None:
         crs = {"type": "name", "properties": {"name": "EPSG:28992"}}
-        assert "leave out --local" in refusal(saved({**polygon(SQUARE_M), "crs": crs}), local=True)
+        assert "leave out local" in refusal(saved({**polygon(SQUARE_M), "crs": crs}), local=True)
 
     @pytest.mark.parametrize(
         "crs", [{"type": "name", "properties": {"name": "EPSG:1"}}, {"type": "link"}, "x"]
