@@ -11,7 +11,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CALLEE = "from vehicle.jit import compiled\n\n@compiled\ndef inner(x):\n    return {} * x\n"
-CALLER = "from vehicle.jit import compiled\nfrom vehicle.one import inner\n\n@compiled\ndef outer(x):\n    return inner(x) + 1.0\n"
+CALLER = "from vehicle.jit import compiled\nfrom vehicle.one import inner\n\n"
+CALLER += "@compiled\ndef outer(x):\n    return inner(x) + 1.0\n"
 CODE = "from vehicle.two import outer; print(outer(3.0), sum(outer.stats.cache_hits.values()))"
 Run = Callable[..., tuple[str, str]]
 
