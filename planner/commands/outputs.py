@@ -99,10 +99,16 @@ def _check_place(path: Path) -> bool:
 def _check_present(path: Path, now: os.stat_result) -> None:
     if not stat.S_ISREG(now.st_mode):
         _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
+    if any(os.path.samestat(now, printed) for printed in _printed()):
+        _refuse(f"{path} is where this command prints to; choose another file.")
+
+
+def _printed() -> Iterator[os.stat_result]:
+    """What standard output and standard error lead to, as far as they lead anywhere."""
     for stream in (sys.__stdout__, sys.__stderr__):
-        with suppress(OSError, ValueError, AttributeError):
-            if os.path.samestat(now, os.fstat(stream.fileno())):  # type: ignore[union-attr]
-                _refuse(f"{path} is where this command prints to; choose another file.")
+        with suppress(OSError, ValueError):
+            if stream is not None:
+                yield os.fstat(stream.fileno())
 
 
 def _same(path: Path, other: Path, capitals_alike: bool) -> bool:
