@@ -75,7 +75,8 @@ def _check_place(path: Path) -> bool:
     """Refuse a place that takes no file; True when its folder takes names that differ in capitals for one."""
     real = _real(path)
     if not os.path.isdir(real.parent):
-        _refuse(f"{_named(path)} cannot be written: the folder {real.parent} does not exist; make it first.")
+        parent = real.parent if path.is_symlink() else path.parent
+        _refuse(f"{_named(path)} cannot be written: the folder {parent} does not exist; make it first.")
     try:
         now = os.stat(real)
     except FileNotFoundError:

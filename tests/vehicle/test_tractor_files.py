@@ -126,7 +126,7 @@ def test_a_file_is_read_as_a_shipped_tractor_is(tmp_path: Path) -> None:
     ("[guidance]", "[guidance]\ndead_band_deg = 1.0", r"guidance\.dead_band_deg is not known here; it belongs under "),
     ("name =", "lookahead_m = 4.0\nname =", r"lookahead_m is not known here; it belongs under \[guidance\]"),
     ("[radius.asphalt]", "[rest]\namounts = { grip_by_speed = 1e308 }\nspeed_mps = [0, 3]\nangle_deg = [-30, 30]\n"
-     "[radius.asphalt]", "grip_by_speed = 1e.308; give a finite number of at most"),
+     "[radius.asphalt]", "grip_by_speed = 1e.308; give a finite number from"),
     ("[radius.asphalt]", "[rest]\non = true\n[radius.asphalt]", r"it lacks rest\.amounts \(amount per term\), "
      r"rest\.speed_mps \(.*m/s\), rest\.angle_deg"),
     ("[radius.asphalt]", "[effects.side_slip]\nvalues = 1\n[radius.asphalt]", r"it lacks effects\.side_slip\.value .*"
