@@ -161,7 +161,11 @@ def _results(
 
         results.append((png, png_bytes(map_figure(drive))))
     if save and run:
-        from vehicle.missions import plan_to_json
+        from dataclasses import asdict
 
-        results.append((save, plan_to_json(run.plan) + "\n"))
+        from vehicle.plan_file import plan_to_json
+
+        field, asked = site.layout.field, asdict(site.scenario)
+        text = plan_to_json(run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asked)
+        results.append((save, text + "\n"))
     return results
