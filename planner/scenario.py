@@ -127,7 +127,7 @@ def parse_counts(text: str) -> tuple[int, ...]:
     """ "1-6", "3" or "1,3,5-7" as sorted counts; raises ScenarioError."""
     counts: set[int] = set()
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
+        match = re.fullmatch(r"\s*(\d{1,99})\s*(?:-\s*(\d{1,99})\s*)?", part)
         if not match:
             raise ScenarioError(f"--tractors {text!r} is not a count; write for instance 3, 1-6 or 1,3,5.")
         low, high = int(match[1]), int(match[2] or match[1])

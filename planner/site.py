@@ -103,7 +103,7 @@ def gnss_errors(scenario: Scenario) -> Table:
     """The table of position errors a scenario asks for; raises VehicleError for a file that holds none."""
     if not scenario.gnss:
         return NO_ERROR
-    return load_table(scenario.gnss_table) if scenario.gnss_table else default_table()
+    return load_table(scenario.gnss_table) if scenario.gnss_table is not None else default_table()
 
 
 def _check_field(field: Field) -> None:

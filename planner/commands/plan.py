@@ -15,12 +15,10 @@ from planner.commands.options import (
     Local,
     TractorOption,
     Width,
-    check_distinct,
-    check_output,
-    write_text,
 )
 
 if TYPE_CHECKING:
+    from planner.commands.outputs import Content
     from planner.scenario import Scenario
     from planner.site import Site
     from reports.results import Ranking
@@ -67,24 +65,24 @@ def plan(
 
     Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --before 17:00
     """
+    from planner.commands.outputs import check_outputs, inputs, written
+    from planner.commands.show import remark
     from planner.errors import ScenarioError
 
     if json and csv:
         raise ScenarioError("--json and --csv both print to standard output; choose one.")
     if processes is not None and processes < 1:
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
-    check_output(png, ".png")
-    check_output(html, ".html")
-    check_output(save)
-    check_distinct(field, html, png, save)
+    reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table)
+    check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, tractor, seed, gnss, gnss_table,
     )  # fmt: skip
     site, ranking = _rank(scenario, processes)
-    _print(ranking, json, csv, full)
-    if html or png or save:
-        _write(site, ranking, html, png, save)
+    remark(site.layout.field.remarks)
+    with written(_results(site, ranking, html, png, save) if html or png or save else []):
+        _print(ranking, json, csv, full)
     if ranking.best is None:
         raise typer.Exit(NO_PLAN_STATUS)
 
@@ -144,21 +142,24 @@ def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
     out(ranking_table(ranking, most=None if full else 20))
 
 
-def _write(site: Site, ranking: Ranking, html: Path | None, png: Path | None, save: Path | None) -> None:
+def _results(
+    site: Site, ranking: Ranking, html: Path | None, png: Path | None, save: Path | None
+) -> list[tuple[Path, Content]]:
     """Pictures and files of the best plan, which is simulated once more for its tracks."""
     from planner.drive import best_drive
 
     run, drive = best_drive(site, ranking)
+    results: list[tuple[Path, Content]] = []
     if drive is None:
         typer.echo("No plan is feasible, so there is no map and no plan to save.", err=True)
     if html:
         from reports.page import plan_page
 
-        write_text(html, plan_page(ranking, drive))
+        results.append((html, plan_page(ranking, drive)))
     if png and drive:
-        from reports.figures import map_figure, save_png
+        from reports.figures import map_figure, png_bytes
 
-        save_png(map_figure(drive), png)
+        results.append((png, png_bytes(map_figure(drive))))
     if save and run:
         from dataclasses import asdict
 
@@ -166,4 +167,5 @@ def _write(site: Site, ranking: Ranking, html: Path | None, png: Path | None, sa
 
         field, asked = site.layout.field, asdict(site.scenario)
         text = plan_to_json(run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asked)
-        write_text(save, text + "\n")
+        results.append((save, text + "\n"))
+    return results
