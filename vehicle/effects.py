@@ -95,6 +95,11 @@ class Effect:
         """The parameter that says how large the effect is."""
         return self.params[0]
 
+    @property
+    def label(self) -> str:
+        """The name of the effect for a reader: its id in words."""
+        return self.id.replace("_", " ").replace("gnss", "GNSS")
+
 
 def _side(value: float) -> str:
     return "right" if value > 0 else "left"

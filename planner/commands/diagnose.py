@@ -99,4 +99,7 @@ def _print(found: Diagnosis, hidden: Hidden | None, json: bool) -> None:
 
     out(diagnosis_table(found))
     if hidden is not None:
-        out(f"Hidden in these logs, which this simulator made itself: {hidden.id}. {hidden.words}")
+        from reports.effect_words import both
+        from reports.fitting import sentence
+
+        out(sentence(f"Hidden in these logs, which this simulator made itself: {both(hidden.id)}. {hidden.words}"))

@@ -158,7 +158,7 @@ def _write(site: Site, ranking: Ranking, html: Path | None, png: Path | None, sa
     if png and drive:
         from reports.figures import map_figure, save_png
 
-        save_png(map_figure(drive), png)
+        save_png(map_figure(drive, ranking.field_name), png)
     if save and run:
         from vehicle.missions import plan_to_json
 

@@ -112,7 +112,7 @@ def test_a_replay_page_stands_alone_and_holds_the_remarks(headland: Run, folder:
     log().assign(comment="<b>").to_csv("run.csv", index=False)
     assert headland("replay", "run.csv", "--html", "page.html", "--png", "picture.png").status == 0
     text = (folder / "page.html").read_text(encoding="utf-8")
-    assert "column &#x27;comment&#x27; is not known and was ignored" in text
+    assert "column &#39;comment&#39; is not known and was ignored" in text and "<b>" not in text
     assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", text)
     assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
 

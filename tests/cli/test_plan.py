@@ -30,7 +30,7 @@ def answer(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
 
 
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
-    assert list(answer) == ["field", "seed", "plans", "best", "tractor_effects"]
+    assert list(answer) == ["field", "seed", "plans", "best", "tractor_effects", "scenario"]
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
     assert answer["seed"] == 5
@@ -215,8 +215,8 @@ def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], smal
     rest = Rest(amounts={"angle_by_speed": 0.3}, speed_mps=(0.0, 3.0), angle_deg=(-30.0, 30.0))
     machine = tmp_path / "mine.toml"
     page = tmp_path / "plan.html"
-    words = "Simulated with what the tractor file has from measured logs: steering_offset (angle_deg 1.25)"
-    for one, last in ((rest, " and a rest told from data."), (rest.model_copy(update={"on": False}), ".")):
+    words = "Simulated with what the tractor file has from measured logs: steering offset (steering_offset): 1.25 deg"
+    for one, last in ((rest, "; a rest told from data."), (rest.model_copy(update={"on": False}), ".")):
         extended = load_tractor("eg105").model_copy(update={"effects": found, "rest": one})
         machine.write_text(tractor_toml(extended), encoding="utf-8")
         base = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--tractor", machine)
