@@ -53,9 +53,14 @@ def agreement(sheets: Sequence[Sheet]) -> Agreement | None:
     return Agreement(headline, tuple(_sentences(counts, whole, sheets)), header, rows)
 
 
+def off_pct(row: Comparison) -> float | None:
+    """How far ours is off the printed number, in percent to the decimal that tables show."""
+    return None if row.difference_pct is None else round(abs(row.difference_pct), 1)
+
+
 def _count(title: str, rows: Iterable[Comparison]) -> _Count:
     printed = [row for row in rows if row.thesis is not None]
-    off = [abs(row.difference_pct) for row in printed if row.difference_pct is not None]
+    off = [value for row in printed if (value := off_pct(row)) is not None]
     near, fair = sum(value <= NEAR_PCT for value in off), sum(NEAR_PCT < value <= FAR_PCT for value in off)
     return _Count(title, near, fair, len(off) - near - fair, len(printed) - len(off))
 

@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from reports.fitting import Column, FittedTable, frame, sentence
+from reports.fitting import Column, FittedTable, sentence
 from reports.results import Claim, PlanResult, Ranking, Study, StudyRow
 from reports.wording import (
     NOTHING,
@@ -167,12 +167,9 @@ def _signed(value: float | None) -> str:
 
 def field_table(info: Mapping[str, Any]) -> RenderableType:
     """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
-    table = frame(header=False)
-    table.add_column(style="bold", no_wrap=False, overflow="fold")
-    table.add_column(overflow="fold")
-    for label, value in info.items():
-        table.add_row(Text(_label(label)), Text(_plain(value)))
-    return table
+    columns = (Column("Label", words=True), Column("Value", words=True))
+    rows = tuple((_label(label), _plain(value)) for label, value in info.items())
+    return FittedTable(columns, rows, header=False)
 
 
 def _title(text: str) -> Text:

@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from reports.agreement import FAR_PCT, agreement
+from reports.agreement import FAR_PCT, agreement, off_pct
 from reports.figures import to_data
 from reports.fitting import Column, FittedTable, sentence
 from reports.plain import finite
@@ -110,7 +110,7 @@ def _cells(row: Comparison) -> dict[str, Any]:
         "thesis": _value(row.thesis, row.unit),
         "ours": _value(row.ours, row.unit),
         "difference": NOTHING if apart is None else f"{round(apart, 1) + 0.0:+.1f} %",
-        "off": apart is not None and abs(apart) > FAR_PCT,
+        "off": (off_pct(row) or 0.0) > FAR_PCT,
         "note": row.note,
     }
 

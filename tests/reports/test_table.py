@@ -202,6 +202,19 @@ def test_field_values_read_well() -> None:
     assert rows[7] == ["Empty", "-"]
 
 
+@pytest.mark.parametrize("width", [16, 40, 60, 80, 120, 200])
+def test_field_and_study_figures_are_whole(study: Study, width: int) -> None:
+    info = {"area_ha": 1.89234, "corner": [123456.0, -98765.4], "turns_s": {"omega": 12345.6, "u": 8.0}}
+    for what, figures in (
+        (field_table(info), ("1.89234", "123456", "-98765.4", "12345.6")),
+        (study_tables(study), ("74:35", "76:53", "+3.1", "25:30", "24:59", "-2.0", "20:53", "20:40", "-1.0")),
+    ):
+        text = printed(what, width)
+        assert max(len(line) for line in text.splitlines()) <= width
+        for figure in figures:
+            assert re.search(rf"(?<![\d.:+-]){re.escape(figure)}(?![\d.:])", text), figure
+
+
 def test_field_labels_carry_their_units() -> None:
     lines = printed(field_table({"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}}))
     assert [" ".join(line.split()) for line in lines.splitlines()] == [
