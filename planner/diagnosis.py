@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import HeadlandError, ScenarioError
-from planner.evaluate import Candidate, drive
+from planner.evaluate import Candidate, run_candidate
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from vehicle.layout import WORKING
@@ -80,7 +80,7 @@ def plan_gain(where: str, before: Tractor, after: Tractor) -> tuple[PlanGain | N
         )
     try:
         site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where))
-        first = drive(site, Candidate("row-by-row", 1))[0]
+        first = run_candidate(site, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
     world = World(first.plan, after, site.implement, seed=site.scenario.seed)
@@ -94,7 +94,7 @@ def _lateral_cm(site: Site, run: Run) -> float:
     """Root mean square distance (cm) of the guided point from the track nearest to it, while working."""
     from planner.measure import guided_point
 
-    points = guided_point(run, site, 0)[run.record[:, 0, 6] == WORKING]
+    points = guided_point(run, site, 0)[run.status(0) == WORKING]
     starts = np.array([track.start for track in site.layout.tracks])
     ends = np.array([track.end for track in site.layout.tracks])
     along = (ends - starts) / np.linalg.norm(ends - starts, axis=1, keepdims=True)

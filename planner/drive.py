@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.evaluate import Candidate, drive
+from planner.evaluate import Candidate, run_candidate
 from planner.measure import guided_point
 from planner.site import Site
 from reports.results import Drive, Ranking
@@ -16,9 +16,9 @@ def best_drive(site: Site, ranking: Ranking) -> tuple[Run | None, Drive | None]:
     best = ranking.best
     if best is None:
         return None, None
-    run, _, turn = drive(site, Candidate(best.strategy, best.tractors))
+    run = run_candidate(site, Candidate(best.strategy, best.tractors)).run
     plural = "s" if best.tractors > 1 else ""
-    return run, picture(site, run, f"{best.strategy}, {best.tractors} tractor{plural}, turns: {turn}")
+    return run, picture(site, run, f"{best.strategy}, {best.tractors} tractor{plural}, turns: {best.turn}")
 
 
 def picture(site: Site, run: Run, title: str) -> Drive:
@@ -34,7 +34,7 @@ def picture(site: Site, run: Run, title: str) -> Drive:
         width_m=layout.width_m,
         step_s=step,
         xy=tuple(guided_point(run, site, tractor) for tractor in range(run.plan.tractors)),
-        status=tuple(run.record[:, tractor, 6].astype(np.int64) for tractor in range(run.plan.tractors)),
+        status=tuple(run.status(tractor) for tractor in range(run.plan.tractors)),
         finish_s=tuple(float(t) for t in run.finish_s),
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         entrance=layout.field.entrance,

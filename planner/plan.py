@@ -10,7 +10,7 @@ from planner.pool import evaluated
 from planner.scenario import Scenario, clock
 from planner.site import Site, prepare
 from reports.results import PlanResult, Ranking
-from strategies.registry import FORMATIONS
+from strategies.registry import STRATEGIES
 from vehicle.effects import REST_KEY
 from vehicle.tractor import Tractor
 
@@ -24,8 +24,8 @@ def candidates(scenario: Scenario) -> list[Candidate]:
     for tractors in scenario.tractors:
         names = list(scenario.strategies)
         if tractors == 1:
-            formations = [name for name in names if name in FORMATIONS]
-            alone = [name for name in names if name not in FORMATIONS]
+            formations = [name for name in names if STRATEGIES[name].abreast]
+            alone = [name for name in names if not STRATEGIES[name].abreast]
             names = alone or formations[:1]
         found += [Candidate(name, tractors) for name in names]
     return found

@@ -160,6 +160,10 @@ def _write(site: Site, ranking: Ranking, html: Path | None, png: Path | None, sa
 
         save_png(map_figure(drive, ranking.field_name), png)
     if save and run:
-        from vehicle.missions import plan_to_json
+        from dataclasses import asdict
 
-        write_text(save, plan_to_json(run.plan) + "\n")
+        from vehicle.plan_file import plan_to_json
+
+        field, asked = site.layout.field, asdict(site.scenario)
+        text = plan_to_json(run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asked)
+        write_text(save, text + "\n")
