@@ -13,7 +13,6 @@ from reports.results import PlanResult, Ranking
 
 NOTHING = "-"
 NO_BREAK = "\N{NO-BREAK SPACE}"
-LITTLE_PCT = 75.0  # of the field; plans that work less say so (sample fields reach 88 to 94)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -177,12 +176,12 @@ def headline(ranking: Ranking) -> list[str]:
     cheapest = min(priced, key=lambda plan: plan.cost or 0.0, default=None)
     best_is_cheapest = cheapest is not None and cheapest.cost == best.cost
     if not is_late:
-        sentences = [f"Best plan: {_told(ranking, best)}.", *_little_words(best)]
+        sentences = [f"Best plan: {_told(ranking, best)}.", *_remark_words(best)]
         sentences += _deadline_words(ranking, best_is_cheapest)
     else:
         by = "" if ranking.missed_by_s is None else f" misses it by {duration(ranking.missed_by_s)}"
         sentences = [f"No plan meets {_deadline_name(ranking, 'the')}.", f"The closest{by}: {_told(ranking, best)}."]
-        sentences += _little_words(best)
+        sentences += _remark_words(best)
     fastest = min(plans, key=lambda plan: math.inf if plan.time_s is None else plan.time_s)
     if fastest is not best and fastest.time_s != best.time_s:
         sentences.append(f"Fastest: {_told(ranking, fastest)}.")
@@ -197,12 +196,9 @@ def _told(ranking: Ranking, plan: PlanResult) -> str:
     return f"{_what(plan)}, done in {_when(ranking, plan)}{_at_cost(plan)}"
 
 
-def _little_words(plan: PlanResult) -> list[str]:
-    """A word on a plan that leaves much of the field."""
-    if plan.worked_pct is None or plan.worked_pct >= LITTLE_PCT:
-        return []
-    share = number(plan.worked_pct, 0)
-    return [f"It works only {share} % of the field: headlands and parts without tracks make up the rest."]
+def _remark_words(plan: PlanResult) -> list[str]:
+    """What is remarkable about the plan that is told first, such as how little of the field it works."""
+    return [f"Remark on it: {plan.remark}."] if plan.remark else []
 
 
 def _no_plan(ranking: Ranking) -> str:

@@ -38,8 +38,8 @@ def warm_up() -> None:
 
 
 def out(renderable: object) -> None:
-    """Print for people on standard output, at most 100 columns wide."""
+    """Print for people on standard output, at most 160 columns wide."""
     from rich.console import Console
 
     console = Console()
-    console.print(renderable, width=min(console.width, 100))
+    console.print(renderable, width=min(console.width, 160))
