@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.deconflict import MOST_REPAIRS, Simulate, without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
-from planner.site import Site, gnss_errors
+from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.waiting import optimised
 from reports.results import PlanResult
@@ -42,11 +42,16 @@ class Candidate:
 
 def evaluate(site: Site, candidate: Candidate) -> PlanResult:
     """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason."""
+    return evaluate_run(site, candidate)[0]
+
+
+def evaluate_run(site: Site, candidate: Candidate) -> tuple[PlanResult, Run | None]:
+    """As `evaluate`, with the run that was measured; None where there is none."""
     try:
         run, reason, turn = drive(site, candidate)
     except StrategyError as refusal:
-        return PlanResult(candidate.strategy, candidate.tractors, site.scenario.turn, False, str(refusal))
-    return _measured(site, candidate, run, reason, turn)
+        return PlanResult(candidate.strategy, candidate.tractors, site.scenario.turn, False, str(refusal)), None
+    return _measured(site, candidate, run, reason, turn), run
 
 
 def drive(site: Site, candidate: Candidate) -> Driven:
@@ -76,10 +81,8 @@ def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
 
 
 def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
-    fixes = gnss_errors(site.scenario)
-
     def simulate(plan: Plan) -> Run:
-        world = World(plan, site.tractor, site.implement, fixes=fixes, seed=site.scenario.seed)
+        world = World(plan, site.tractor, site.implement, fixes=site.fixes, seed=site.scenario.seed)
         return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
 
     most = FORMATION_REPAIRS if candidate.strategy in FORMATIONS else MOST_REPAIRS

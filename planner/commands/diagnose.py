@@ -11,7 +11,6 @@ import typer
 from planner.commands.options import AsJson, TractorOption, check_kept, check_output, write_text
 
 if TYPE_CHECKING:
-    from planner.diagnosis import Order
     from vehicle.measured.answer.demo import Hidden
     from vehicle.measured.answer.verdict import Diagnosis
 
@@ -41,14 +40,11 @@ def diagnose(
     from planner.commands.single import one_thread
 
     one_thread()
-    from planner.diagnosis import Order
-
     check_output(html, ".html")
     check_output(save, ".toml")
-    _check_demo(demo, seed, hide, fix)
+    _check_demo(demo, logs, seed, hide, fix)
     check_kept(log_inputs(logs or ()), html, save)
-    order = Order(tuple(logs or ()), tractor, ground, tuple(fix or ()), demo, 1 if seed is None else seed, hide)
-    found, hidden = _found(order)
+    found, hidden = _answer(logs, tractor, ground, fix, 1 if seed is None else seed, hide)
     _print(found, hidden, json)
     if html:
         from reports.diagnosis_page import diagnosis_page
@@ -60,17 +56,19 @@ def diagnose(
         write_text(save, tractor_toml(found.tractor))
 
 
-def _check_demo(demo: bool, seed: int | None, hide: str | None, fix: list[str] | None) -> None:
-    """Raise ScenarioError for an option that this kind of diagnosis would ignore, and for a seed below 0."""
+def _check_demo(
+    demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, fix: list[str] | None
+) -> None:
+    """Raise ScenarioError for both or neither of logs and demonstration, and for an option that would be ignored."""
     from planner.errors import ScenarioError
 
+    if demo == bool(logs):
+        raise ScenarioError("Give log files, or --demo for a demonstration; not both and not neither.")
     if demo and fix:
         raise ScenarioError("--fix converts log files; leave it out with --demo.")
     for name, value in (("--seed", seed), ("--hide", hide)):
         if value is not None and not demo:
             raise ScenarioError(f"{name} {value} belongs to the demonstration; add --demo or leave {name} out.")
-    if seed is not None and seed < 0:
-        raise ScenarioError(f"--seed {seed} is negative; use 0 or more.")
 
 
 def log_inputs(logs: Sequence[str]) -> dict[Path, str]:
@@ -80,12 +78,18 @@ def log_inputs(logs: Sequence[str]) -> dict[Path, str]:
     return {path: f"the log {path}" for path in (log_files(logs) if logs else ())}
 
 
-def _found(order: Order) -> tuple[Diagnosis, Hidden | None]:
+def _answer(
+    logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, seed: int, hide: str | None
+) -> tuple[Diagnosis, Hidden | None]:
+    """The diagnosis; without logs that of the demonstration, and what it had hidden."""
     from planner.commands.show import progress_bar
-    from planner.diagnosis import diagnosed
+    from planner.diagnosis import demonstrate
+    from planner.diagnosis import diagnose as explain
 
     with progress_bar("Diagnosing") as progress:
-        return diagnosed(order, progress)
+        if not logs:
+            return demonstrate(tractor=tractor, ground=ground, seed=seed, hide=hide, progress=progress)
+        return explain(logs, tractor=tractor, ground=ground, fixes=fix or (), progress=progress), None
 
 
 def _print(found: Diagnosis, hidden: Hidden | None, json: bool) -> None:

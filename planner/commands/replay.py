@@ -27,22 +27,22 @@ def replay(
     from planner.commands.single import one_thread
 
     one_thread()
-    from planner.replay import replayed
+    from planner.replaying import replay as simulate
     from reports.replay_report import replay_figure, replay_json, replay_page, replay_table
 
     check_output(png, ".png")
     check_output(html, ".html")
     check_kept(log_inputs([log]), png, html)
-    found, remarks = replayed(log, tractor, ground, tuple(fix or ()))
+    answer = simulate(log, tractor=tractor, ground=ground, fixes=fix or ())
     if json:
-        typer.echo(replay_json(found, remarks), nl=False)
+        typer.echo(replay_json(answer.replayed, answer.remarks), nl=False)
     else:
         from planner.commands.show import out
 
-        out(replay_table(found, remarks))
+        out(replay_table(answer.replayed, answer.remarks))
     if png:
         from reports.figures import save_png
 
-        save_png(replay_figure(found), png)
+        save_png(replay_figure(answer.replayed), png)
     if html:
-        write_text(html, replay_page(found, remarks))
+        write_text(html, replay_page(answer.replayed, answer.remarks))

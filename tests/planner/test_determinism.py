@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-
 from planner.plan import plan
+
 from planner.scenario import Scenario, parse_counts
 from reports.export import ranking_csv, ranking_json
 

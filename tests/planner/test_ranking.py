@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.evaluate import Candidate
-from planner.plan import candidates, plan, rank
+from planner.planning import plan
+from planner.pool import SerialExecutor
+from planner.rank import candidates, rank
 from planner.scenario import Scenario
 from reports.results import PlanResult, Ranking
 
@@ -130,7 +132,7 @@ class TestMoney:
             str(place), local=True, tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0,
             price_per_tractor=7.0, start_s=36000, before_s=36000 + 600,
         )  # fmt: skip
-        return plan(scenario, processes=1)[1]
+        return plan(scenario, executor=SerialExecutor()).ranking
 
     def test_every_tractor_is_paid_until_the_last_is_done(self, ranking: Ranking) -> None:
         for one in ranking.plans:

@@ -2,13 +2,15 @@
 
 import pytest
 
-from planner.study import printed, study
+from planner.fleet_study import printed, study
+from planner.pool import local_pool
 from reports.results import Study, StudyRow
 
 
 @pytest.fixture(scope="module")
 def result() -> Study:
-    return study(processes=2)
+    with local_pool(2) as executor:
+        return study(executor=executor)
 
 
 def row(result: Study, table: str, label: str) -> StudyRow:
