@@ -40,18 +40,27 @@ class Candidate:
     jump: int | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The figures of a candidate, and the run they were measured on; None where its strategy refused the field."""
+
+    result: PlanResult
+    run: Run | None
+
+
 def evaluate(site: Site, candidate: Candidate) -> PlanResult:
     """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason."""
-    return evaluate_run(site, candidate)[0]
+    return simulated(site, candidate).result
 
 
-def evaluate_run(site: Site, candidate: Candidate) -> tuple[PlanResult, Run | None]:
-    """As `evaluate`, with the run that was measured; None where there is none."""
+def simulated(site: Site, candidate: Candidate) -> Evaluation:
+    """As `evaluate`, with the run that was measured."""
     try:
         run, reason, turn = drive(site, candidate)
     except StrategyError as refusal:
-        return PlanResult(candidate.strategy, candidate.tractors, site.scenario.turn, False, str(refusal)), None
-    return _measured(site, candidate, run, reason, turn), run
+        turn = site.scenario.turn
+        return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
+    return Evaluation(_measured(site, candidate, run, reason, turn), run)
 
 
 def drive(site: Site, candidate: Candidate) -> Driven:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from planner.attempt import Progress, attempts, pack
 from planner.evaluate import Candidate
 from planner.pool import local_pool
 from planner.scenario import Scenario
 from planner.site import RADIUS_MARGIN, Site, prepare
+from planner.tasks import Progress, outcomes, pack
 from reports.results import Claim, PlanResult, Study, StudyRow
 
 HEADLAND_M = 10.0
@@ -56,7 +56,7 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
     apart = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, turn="switch-back"))
     together, separate = pack(site), pack(apart)
     work = [(separate if candidate.jump else together, candidate, False) for candidate in todo]
-    results = {todo[index]: one.result for index, one in attempts(executor, work, progress)}
+    results = {todo[index]: one.result for index, one in outcomes(executor, work, progress)}
     tables: dict[str, list[StudyRow]] = {"6.1": [], "6.2": [], "6.3": []}
     for row in printed():
         tables[row.table].append(_row(row, results[row.candidate]))

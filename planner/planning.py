@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fields.field import Field
-from planner.attempt import Attempt, Progress, attempts, pack
 from planner.drive import picture
 from planner.pool import local_pool
 from planner.rank import candidates, rank
 from planner.scenario import Scenario
 from planner.site import Site, prepare
+from planner.tasks import Outcome, Progress, outcomes, pack
 from reports.results import Drive, PlanResult, Ranking, merit
 from vehicle.run import Run
 from vehicle.tractor import Tractor
@@ -59,8 +59,8 @@ def plan(
     packed = pack(site)
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}
-    best: Attempt | None = None
-    for index, one in attempts(executor, [(packed, candidate, pictures) for candidate in todo], progress):
+    best: Outcome | None = None
+    for index, one in outcomes(executor, [(packed, candidate, pictures) for candidate in todo], progress):
         results[index] = one.result
         if one.drive is not None:
             drives[index] = one.drive

@@ -127,7 +127,7 @@ def _planned_radius(scenario: Scenario, tractor: Tractor, ground: str) -> float:
         return RADIUS_MARGIN * smallest
     if scenario.radius_m < smallest:
         raise ScenarioError(
-            f"A turning radius ({named('radius_m')}) of {scenario.radius_m:g} m is tighter than {tractor.name} can drive "
-            f"on {ground} ({smallest:.2f} m); use {smallest:.2f} m or more."
+            f"A turning radius ({named('radius_m')}) of {scenario.radius_m:g} m is tighter than {tractor.name} can "
+            f"drive on {ground} ({smallest:.2f} m); use {smallest:.2f} m or more."
         )
     return scenario.radius_m

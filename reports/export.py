@@ -41,8 +41,9 @@ def ranking_json(ranking: Ranking) -> str:
     """The ranking as JSON text with a trailing newline.
 
     Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS`, in the order of the
-    ranking), ``best`` (one of them, or null) and ``tractor_effects`` (values by id of the effects in the tractor file,
-    the amounts of its rest under ``rest``). Figures that are missing or not finite are null.
+    ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
+    the amounts of its rest under ``rest``) and ``scenario`` (what was asked, by parameter). Figures that are missing
+    or not finite are null.
     """
     best = ranking.best
     return _text(
@@ -52,6 +53,7 @@ def ranking_json(ranking: Ranking) -> str:
             "plans": [plan_entry(plan) for plan in ranking.plans],
             "best": None if best is None else plan_entry(best),
             "tractor_effects": ranking.tractor_effects,
+            "scenario": ranking.scenario,
         }
     )
 

@@ -3,7 +3,7 @@
 import pytest
 
 from planner.fleet_study import printed, study
-from planner.pool import local_pool
+from planner.pool import SerialExecutor, local_pool
 from reports.results import Study, StudyRow
 
 
@@ -82,4 +82,4 @@ def test_the_assumptions_are_sentences(result: Study) -> None:
 def test_the_study_is_repeatable(result: Study) -> None:
     from reports.export import study_json
 
-    assert study_json(study(processes=1)) == study_json(result)
+    assert study_json(study(executor=SerialExecutor())) == study_json(result)

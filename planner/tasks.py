@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from planner.drive import picture
-from planner.evaluate import Candidate, evaluate_run
+from planner.evaluate import Candidate, simulated
 from planner.pool import completed
 from planner.site import Site
 from reports.results import Drive, PlanResult
@@ -18,7 +18,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class Outcome:
     """A candidate's result, its run where it is feasible, and its picture where that was asked for."""
 
     result: PlanResult
@@ -31,20 +31,21 @@ def pack(site: Site) -> bytes:
     return pickle.dumps(site)
 
 
-def attempt(packed: bytes, candidate: Candidate, pictures: bool = False) -> Attempt:
+def work_out(packed: bytes, candidate: Candidate, pictures: bool = False) -> Outcome:
     """Evaluate a candidate on a packed site."""
     site: Site = pickle.loads(packed)
-    result, run = evaluate_run(site, candidate)
+    one = simulated(site, candidate)
+    result, run = one.result, one.run
     if run is None or run.outcome != DONE:
-        return Attempt(result)
-    return Attempt(result, run if result.feasible else None, picture(site, run, result) if pictures else None)
+        return Outcome(result)
+    return Outcome(result, run if result.feasible else None, picture(site, run, result) if pictures else None)
 
 
-def attempts(
+def outcomes(
     executor: Executor, work: list[tuple[bytes, Candidate, bool]], progress: Progress | None
-) -> Iterator[tuple[int, Attempt]]:
-    """(index, attempt) of every task as they are done; `progress` is called with how many are, and of how many."""
-    for done, pair in enumerate(completed(executor, attempt, work), start=1):
+) -> Iterator[tuple[int, Outcome]]:
+    """(index, outcome) of every task as they are done; `progress` is called with how many are, and of how many."""
+    for done, pair in enumerate(completed(executor, work_out, work), start=1):
         if progress:
             progress(done, len(work))
         yield pair
