@@ -46,9 +46,9 @@ def field(
     site = prepare(scenario)
     facts = describe(site)
     if json:
-        import json as encoder
+        from reports.export import facts_json
 
-        typer.echo(encoder.dumps(facts, indent=2))
+        typer.echo(facts_json(facts), nl=False)
     else:
         from reports.table import field_table
 

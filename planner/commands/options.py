@@ -32,7 +32,7 @@ TractorOption = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
 
 
-_OPTIONS = {"field": "the field", "counts": "--tractors"}
+_OPTIONS = {"field": "the field", "counts": "--tractors", "fixes": "--fix"}
 _UNITS = ("_mps", "_m", "_s", "_deg", "_per_deg")
 
 
