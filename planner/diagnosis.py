@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.errors import HeadlandError, ScenarioError, named
-from planner.evaluate import Candidate, drive
+from planner.evaluate import Candidate, run_candidate
 from planner.measure import guided_point
 from planner.scenario import Scenario
 from planner.site import Site, prepare
@@ -101,7 +101,7 @@ def plan_gain(before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
         )
     try:
         site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M), tractor=before)
-        first = drive(site, Candidate("row-by-row", 1))[0]
+        first = run_candidate(site, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
     world = World(first.plan, after, site.implement, seed=site.scenario.seed)
@@ -113,7 +113,7 @@ def plan_gain(before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
 
 def _lateral_cm(site: Site, run: Run) -> float:
     """Root mean square distance (cm) of the guided point from the track nearest to it, while working."""
-    points = guided_point(run, site, 0)[run.record[:, 0, 6] == WORKING]
+    points = guided_point(run, site, 0)[run.status(0) == WORKING]
     starts = np.array([track.start for track in site.layout.tracks])
     ends = np.array([track.end for track in site.layout.tracks])
     along = (ends - starts) / np.linalg.norm(ends - starts, axis=1, keepdims=True)

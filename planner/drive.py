@@ -24,7 +24,7 @@ def picture(site: Site, run: Run, result: PlanResult) -> Drive:
         width_m=layout.width_m,
         step_s=step,
         xy=tuple(guided_point(run, site, tractor) for tractor in range(run.plan.tractors)),
-        status=tuple(run.record[:, tractor, 6].astype(np.int64) for tractor in range(run.plan.tractors)),
+        status=tuple(run.status(tractor) for tractor in range(run.plan.tractors)),
         finish_s=tuple(float(t) for t in run.finish_s),
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         entrance=layout.field.entrance,

@@ -10,7 +10,7 @@ from planner.evaluate import Candidate
 from planner.scenario import KMH, Scenario, clock
 from planner.site import Site
 from reports.results import PlanResult, Ranking, quickness
-from strategies.registry import FORMATIONS
+from strategies.registry import STRATEGIES
 from vehicle.effects import REST_KEY
 from vehicle.tractor import Tractor
 
@@ -20,15 +20,15 @@ LEAST_WORKED_PCT = 50.0  # below half of the field a plan does not do what its r
 
 def candidates(scenario: Scenario) -> list[Candidate]:
     """Every combination worth simulating; for one tractor a formation is the plain order of tracks, tried once."""
-    found = []
+    tries = []
     for tractors in scenario.tractors:
         names = list(scenario.strategies)
         if tractors == 1:
-            formations = [name for name in names if name in FORMATIONS]
-            alone = [name for name in names if name not in FORMATIONS]
+            formations = [name for name in names if STRATEGIES[name].abreast]
+            alone = [name for name in names if not STRATEGIES[name].abreast]
             names = alone or formations[:1]
-        found += [Candidate(name, tractors) for name in names]
-    return found
+        tries += [Candidate(name, tractors) for name in names]
+    return tries
 
 
 def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
@@ -99,10 +99,10 @@ def _front(feasible: list[PlanResult]) -> list[PlanResult]:
 
 def tractor_effects(tractor: Tractor) -> dict[str, dict[str, float]]:
     """Effects of a tractor file with their values, and the amounts of its rest under "rest" if that is switched on."""
-    found = {name: dict(setting.value) for name, setting in tractor.effects.items()}
+    amounts = {name: dict(setting.value) for name, setting in tractor.effects.items()}
     if tractor.rest is not None and tractor.rest.on:
-        found[REST_KEY] = dict(tractor.rest.amounts)
-    return found
+        amounts[REST_KEY] = dict(tractor.rest.amounts)
+    return amounts
 
 
 def assumptions(site: Site) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from strategies.job import Manner
 from strategies.legs import STEP_M
 from strategies.paths import Path, Pose
 from strategies.turns import fishtail, omega_turn, switch_back, turn_depth, u_turn
-from vehicle.missions import Leg, Mission, Plan
+from vehicle.missions import TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.run import DONE
 from vehicle.tractor import Implement, Tractor
 from vehicle.world import simulate
@@ -35,7 +35,7 @@ class TurnClock:
     def mission(self, path: Path) -> Mission:
         """Some way of straight track, the turn, some way of straight track."""
         speed = self.manner.reverse_speed_mps if path.reverse_m else self.manner.turn_speed_mps
-        turn = [Leg(points, speed, gear, ground=self.ground, kind="turn") for gear, points in path.sample(STEP_M)]
+        turn = [Leg(points, speed, gear, ground=self.ground, task=Task(TURN)) for gear, points in path.sample(STEP_M)]
         return Mission((self._straight(path.start, -LEAD_M, 0.0), *turn, self._straight(path.end, 0.0, LEAD_M)))
 
     def seconds(self, path: Path) -> float | None:
@@ -52,7 +52,7 @@ class TurnClock:
     def _straight(self, pose: Pose, start: float, end: float) -> Leg:
         ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
         points = np.array([pose[:2] + start * ahead, pose[:2] + end * ahead])
-        return Leg(points, self.manner.work_speed_mps, ground=self.ground, kind="work", implement=True)
+        return Leg(points, self.manner.work_speed_mps, ground=self.ground, task=Task(TRACK), implement=True)
 
     def best_times(self, width_m: float, depth_m: float, kinds: tuple[str, ...]) -> tuple[float | None, ...]:
         """Seconds of the quickest fitting turn over 0, 1, 2 ... lines, up to the first plain U-turn and one more.

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from strategies.registry import NAMES
+
 ROOT = Path(__file__).parents[1]
 ROOMS = ("fields", "vehicle", "strategies", "reports", "planner")
 STOREYS = ("logs", "replay", "surprise", "fit", "causes", "mend", "answer")
@@ -65,7 +67,9 @@ def imported(path: Path, known: dict[str, Path]) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def graph() -> Graph:
     known = modules()
-    return {name: set(imported(path, known)) - {name} for name, path in known.items()}
+    edges = {name: set(imported(path, known)) - {name} for name, path in known.items()}
+    edges["strategies.registry"] |= {f"strategies.{name.replace('-', '_')}" for name in NAMES}  # imported by name
+    return edges
 
 
 def below(name: str, places: tuple[str, ...]) -> bool:

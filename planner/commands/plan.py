@@ -162,6 +162,10 @@ def _write(planned: Planned, html: Path | None, png: Path | None, save: Path | N
 
         save_png(map_figure(drive), png)
     if save and planned.run:
-        from vehicle.missions import plan_to_json
+        from dataclasses import asdict
 
-        write_text(save, plan_to_json(planned.run.plan) + "\n")
+        from vehicle.plan_file import plan_to_json
+
+        field, asked = planned.site.layout.field, asdict(planned.site.scenario)
+        text = plan_to_json(planned.run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asked)
+        write_text(save, text + "\n")

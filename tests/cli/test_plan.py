@@ -91,7 +91,7 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
     assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", text), "the page loads something"
     assert all(word in text for word in ("split-field", "interleaved", "small"))
     assert picture.read_bytes().startswith(b"\x89PNG\r\n\x1a\n") and picture.stat().st_size > 5000
-    from vehicle.missions import plan_from_json
+    from vehicle.plan_file import plan_from_json
 
     best = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["best"]
     plan = plan_from_json(plan_file.read_text(encoding="utf-8"))
@@ -101,7 +101,7 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
 def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
     headland: Callable[..., Any], small: Path, tmp_path: Path
 ) -> None:
-    from vehicle.missions import plan_from_json
+    from vehicle.plan_file import plan_from_json
     from vehicle.tractor import Implement, load_tractor
     from vehicle.world import simulate
 
