@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from planner.commands.options import option_of
 from planner.errors import ScenarioError, named
-from planner.scenario import Scenario, clock, nearest, parse_clock, parse_counts
+from planner.scenario import Scenario, clock, nearest, parse_clock, parse_counts, parse_strategies
 
 QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 
@@ -55,6 +55,10 @@ class TestClock:
         assert Scenario("f", start_s=13 * 3600, before_s=17 * 3600 + 60).allowed_s == 4 * 3600 + 60
         assert Scenario("f", start_s=13 * 3600).allowed_s is None
 
+    def test_a_deadline_past_midnight_is_on_the_next_day(self) -> None:
+        assert Scenario("f", start_s=22 * 3600, before_s=2 * 3600).allowed_s == 4 * 3600
+        assert Scenario("f", start_s=60, before_s=0).allowed_s == 24 * 3600 - 60
+
 
 @pytest.mark.parametrize(
     ("options", "words"),
@@ -98,6 +102,17 @@ def test_refusals_name_value_rule_and_fix(options: dict[str, Any], words: str) -
     assert not re.search(r"\w+_(m|mps|s|deg)\b", told), told
     if named(refusal.value.parameter) in refusal.value.args[0]:
         assert option_of(refusal.value.parameter) in told
+
+
+def test_turns_are_as_quick_as_the_work_but_no_quicker_than_the_wheels_turn() -> None:
+    for speed_kmh, turn_kmh in ((3.0, 3.0), (5.0, 5.0), (8.0, 5.0)):
+        assert Scenario(speed_mps=speed_kmh / 3.6).turning_mps == pytest.approx(turn_kmh / 3.6)
+    assert Scenario(speed_mps=1.0, turn_speed_mps=2.0).turning_mps == 2.0
+
+
+def test_all_strategies_or_those_named_once_each() -> None:
+    assert parse_strategies(" all ") == Scenario().strategies
+    assert parse_strategies("split-field, row-by-row,split-field") == ("split-field", "row-by-row")
 
 
 def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
