@@ -120,4 +120,5 @@ def assumptions(site: Site) -> tuple[str, ...]:
         f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
         + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
         *(("Positions err as those of an RTK receiver do, a few millimetres.",) if site.scenario.gnss else ()),
+        *layout.field.remarks,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import queue
@@ -19,8 +20,8 @@ def main() -> None:
     os.dup2(2, 1)  # whatever is printed on the way must not get among the answers
     calls: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(sys.stdin.buffer, calls), daemon=True).start()
-    import planner.evaluate  # noqa: F401 - while nobody waits for it yet
-
+    with contextlib.suppress(Exception):  # what cannot be loaded is told by the first call that needs it
+        import planner.evaluate  # noqa: F401 - while nobody waits for it yet
     while True:
         output.write(_answer(calls.get()))
         output.flush()

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.commands.options import AsJson, TractorOption, check_kept, check_output, write_text
+from planner.commands.options import AsJson, TractorOption
 
 if TYPE_CHECKING:
+    from planner.commands.outputs import Content
     from vehicle.measured.answer.demo import Hidden
     from vehicle.measured.answer.verdict import Diagnosis
 
@@ -40,20 +40,28 @@ def diagnose(
     from planner.commands.single import one_thread
 
     one_thread()
-    check_output(html, ".html")
-    check_output(save, ".toml")
+    from planner.commands.outputs import check_outputs, inputs, written
+
     _check_demo(demo, logs, seed, hide, fix)
-    check_kept(log_inputs(logs or ()), html, save)
+    check_outputs((html, ".html"), (save, ".toml"), reads=inputs(logs=logs or (), tractor=tractor))
     found, hidden = _answer(logs, tractor, ground, fix, 1 if seed is None else seed, hide)
-    _print(found, hidden, json)
+    with written(_results(found, hidden, html, save)):
+        _print(found, hidden, json)
+
+
+def _results(
+    found: Diagnosis, hidden: Hidden | None, html: Path | None, save: Path | None
+) -> list[tuple[Path, Content]]:
+    results: list[tuple[Path, Content]] = []
     if html:
         from reports.diagnosis_page import diagnosis_page
 
-        write_text(html, diagnosis_page(found, None if hidden is None else hidden.words))
+        results.append((html, diagnosis_page(found, None if hidden is None else hidden.words)))
     if save:
         from vehicle.measured.answer.save import tractor_toml
 
-        write_text(save, tractor_toml(found.tractor))
+        results.append((save, tractor_toml(found.tractor)))
+    return results
 
 
 def _check_demo(
@@ -69,13 +77,6 @@ def _check_demo(
     for name, value in (("--seed", seed), ("--hide", hide)):
         if value is not None and not demo:
             raise ScenarioError(f"{name} {value} belongs to the demonstration; add --demo or leave {name} out.")
-
-
-def log_inputs(logs: Sequence[str]) -> dict[Path, str]:
-    """The log files of an order, as check_kept takes them."""
-    from vehicle.measured.logs.reading import log_files
-
-    return {path: f"the log {path}" for path in (log_files(logs) if logs else ())}
 
 
 def _answer(

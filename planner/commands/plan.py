@@ -15,15 +15,14 @@ from planner.commands.options import (
     Local,
     TractorOption,
     Width,
-    check_distinct,
-    check_output,
-    write_text,
 )
 
 if TYPE_CHECKING:
+    from planner.commands.outputs import Content
     from planner.planning import Planned
     from planner.scenario import Scenario
     from reports.results import Ranking
+    from vehicle.run import Run
 
 NO_PLAN_STATUS = 3
 BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time, else the quickest."
@@ -67,23 +66,24 @@ def plan(
 
     Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --before 17:00
     """
+    from planner.commands.outputs import check_outputs, inputs, written
+    from planner.commands.show import remark
     from planner.errors import ScenarioError
 
     if json and csv:
         raise ScenarioError("--json and --csv both print to standard output; choose one.")
     if processes is not None and processes < 1:
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
-    check_output(png, ".png")
-    check_output(html, ".html")
-    check_output(save)
-    check_distinct(field, html, png, save)
+    reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table)
+    check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, tractor, seed, gnss, gnss_table,
     )  # fmt: skip
     planned = _planned(scenario, processes, pictures=html is not None)
-    _print(planned.ranking, json, csv, full)
-    _write(planned, html, png, save)
+    remark(planned.site.layout.field.remarks)
+    with written(_results(planned, html, png, save)):
+        _print(planned.ranking, json, csv, full)
     if planned.ranking.best is None or planned.ranking.missed_by_s is not None:
         raise typer.Exit(NO_PLAN_STATUS)
 
@@ -143,12 +143,13 @@ def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
     out(ranking_table(ranking, most=None if full else 20))
 
 
-def _write(planned: Planned, html: Path | None, png: Path | None, save: Path | None) -> None:
-    """Pictures and files of the best plan, and a word on standard error where it is none or late."""
+def _results(planned: Planned, html: Path | None, png: Path | None, save: Path | None) -> list[tuple[Path, Content]]:
+    """Pictures and files of the best plan; says on standard error where it is none or late."""
     from reports.wording import duration
 
     best, late = planned.ranking.best, planned.ranking.missed_by_s
     drive = None if best is None else planned.drives[best.strategy, best.tractors]
+    results: list[tuple[Path, Content]] = []
     if late is not None:
         typer.echo(f"No plan meets the deadline; the closest misses it by {duration(late)}.", err=True)
     if drive is None and (html or png or save):
@@ -156,16 +157,22 @@ def _write(planned: Planned, html: Path | None, png: Path | None, save: Path | N
     if html:
         from reports.page import plan_page
 
-        write_text(html, plan_page(planned.ranking, drive))
+        results.append((html, plan_page(planned.ranking, drive)))
     if png and drive:
-        from reports.figures import map_figure, save_png
+        from reports.figures import map_figure, png_bytes
 
-        save_png(map_figure(drive), png)
+        results.append((png, png_bytes(map_figure(drive))))
     if save and planned.run:
-        from dataclasses import asdict
+        results.append((save, _saved(planned, planned.run)))
+    return results
 
-        from vehicle.plan_file import plan_to_json
 
-        field, asked = planned.site.layout.field, asdict(planned.site.scenario)
-        text = plan_to_json(planned.run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asked)
-        write_text(save, text + "\n")
+def _saved(planned: Planned, run: Run) -> str:
+    """The best plan's file."""
+    from dataclasses import asdict
+
+    from vehicle.plan_file import plan_to_json
+
+    field = planned.site.layout.field
+    text = plan_to_json(run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asdict(planned.site.scenario))
+    return text + "\n"
