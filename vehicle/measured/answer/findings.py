@@ -10,15 +10,16 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.effects import CATALOGUE, CIRCLE, LIMIT, STEERING, Effect, effect, neutral
+from vehicle.effects import CATALOGUE, STEERING, Effect, effect, neutral
+from vehicle.kinds import Interval
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
-from vehicle.measured.causes.naming import LEAST_GAIN, Projector, deviation, tried, without
+from vehicle.measured.causes.naming import LEAST_GAIN, Projector, tried, without
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.horizons import Halves, Squares, chain, run_squares, total_error
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
 from vehicle.measured.fit.openloop import Term
 from vehicle.measured.logs.record import Array
-from vehicle.measured.mend.extension import Extension, Interval, driven_seconds, main_terms
+from vehicle.measured.mend.extension import Extension, driven_seconds, main_terms
 from vehicle.measured.surprise.bench import Bench
 from vehicle.tractor import Tractor
 
@@ -101,11 +102,11 @@ def look_alikes(bench: Bench, fit: Fit, name: str) -> dict[str, dict[str, float]
     gain = rest.loss - fit.loss
     found = {}
     for entry in CATALOGUE:
-        if entry.id in fit.settings or entry.kind == CIRCLE:
+        if entry.id in fit.settings or entry.kind.searched:
             continue
         knobs = knobs_for(tractor, entry.id)
         other = tried(bench, rest, knobs, project)
-        far = deviation(tractor, knobs, other.at)
+        far = knobs.deviation(other.at)
         if other.gain > gain - LOOK_ALIKE - LOOK_ALIKE_SHARE * gain and far > finest_of(tractor, entry.id):
             found[entry.id] = knobs.values(other.at)
     return found
@@ -176,8 +177,7 @@ def _absent(case: Case, entry: Effect) -> Finding:
     """An effect that is not in the model: refuted when its usual size would have shown."""
     smallest = visible(case, entry)
     typical = entry.size.for_wheelbase(case.tractor.wheelbase_m).typical
-    # The finer limit is the larger one: a limit that is never reached is no limit.
-    finer = smallest is not None and (smallest >= typical if entry.kind == LIMIT else smallest <= 1.001 * typical)
+    finer = smallest is not None and entry.kind.as_fine(smallest, typical)
     # What the surprises speak for is not refuted, though it does not lower the error.
     status = REFUTED if finer and not _spoken_for(case, entry) else NOT_VISIBLE
     return Finding(entry.id, status, None, None, None, None, smallest, entry.size.unit, entry.block, "")
@@ -186,7 +186,7 @@ def _absent(case: Case, entry: Effect) -> Finding:
 def _spoken_for(case: Case, entry: Effect) -> bool:
     """Whether the fit to the surprises has the effect, beyond its tolerance."""
     tractor, row_s = case.tractor, case.bench.row_s
-    sizes = [deviation(tractor, knobs, at) for knobs, at in case.fit.parts if knobs.id == entry.id]
+    sizes = [knobs.deviation(at) for knobs, at in case.fit.parts if knobs.id == entry.id]
     return any(size > finest_of(tractor, entry.id, row_s) for size in sizes)
 
 
@@ -209,10 +209,8 @@ def visible(case: Case, entry: Effect) -> float | None:
 
 def _size(tractor: Tractor, knobs: Knobs, at: Array, share: float, strength: float) -> float | None:
     """Size at which a trace, growing with the square of the size, would just show."""
-    if effect(knobs.id).kind == LIMIT:
-        return 1.0 / float(at[0])
-    smaller = share * math.sqrt(2.0 * LEAST_GAIN / strength) * knobs.typical[0]
-    return finite(max(finest_of(tractor, knobs.id), smaller))
+    enough = share * math.sqrt(2.0 * LEAST_GAIN / strength)
+    return finite(effect(knobs.id).kind.smallest(at, enough, knobs.typical[0], finest_of(tractor, knobs.id)))
 
 
 def _others(fit: Fit, name: str) -> npt.NDArray[np.int64]:

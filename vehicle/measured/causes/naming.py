@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import CATALOGUE, CIRCLE, LIMIT, effect
+from vehicle.effects import CATALOGUE, effect
 from vehicle.measured.causes.dependence import Dependence, Score, columns, scores
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.fit.fitting import (
@@ -240,7 +240,7 @@ def scan(bench: Bench, fit: Fit, tractor: Tractor, skip: set[str], progress: Pro
         knobs = knobs_for(tractor, entry.id)
         if not bench.has_wheel:
             knobs = knobs.with_fewer_starts()
-        if entry.kind == CIRCLE:
+        if entry.kind.searched:
             patch = best_patch(bench, fit)
             if patch is None:
                 continue
@@ -253,7 +253,7 @@ def scan(bench: Bench, fit: Fit, tractor: Tractor, skip: set[str], progress: Pro
 
 def _rank(one: Tried) -> float:
     """Order of the candidates: a circle that chose its own place must explain clearly more than a plain effect."""
-    if effect(one.knobs.id).kind == CIRCLE:
+    if effect(one.knobs.id).kind.searched:
         return -(one.gain / PATCH_HANDICAP - LEAST_GAIN)
     return -one.gain
 
@@ -362,7 +362,7 @@ def exchanged(bench: Bench, fit: Fit, tractor: Tractor, threshold: float) -> Fit
         if not is_nameable(bench, fit, tractor, knobs.id):
             continue
         rest = without(bench, fit, knobs.id)
-        found = scan(bench, rest, tractor, {knobs.id, *(entry.id for entry in CATALOGUE if entry.kind == CIRCLE)})
+        found = scan(bench, rest, tractor, {knobs.id, *(entry.id for entry in CATALOGUE if entry.kind.searched)})
         if found and found[0].gain > rest.loss - fit.loss + LEAST_GAIN:
             return refined(bench, joined(bench, rest, found[0]))
     return fit
@@ -387,13 +387,6 @@ def pruned(bench: Bench, fit: Fit, threshold: float) -> Fit:
     return fit
 
 
-def deviation(tractor: Tractor, knobs: Knobs, at: Array) -> float:
-    """How far an effect is from neutral, in the unit of its size."""
-    if effect(knobs.id).kind == LIMIT:
-        return float(at[0])
-    return float(np.linalg.norm(at - np.array(knobs.neutral)))
-
-
 def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
     """Whether a part is larger than the tolerance of the base tractor, and clearly so."""
     knobs, at = next(part for part in fit.parts if part[0].id == name)
@@ -402,4 +395,4 @@ def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
     # Of a direction that the logs never tell, as of a slope driven one way only, nothing is asked.
     inverse = np.linalg.pinv(robust_covariance(bench, fit)[mine, mine], rcond=1e-12, hermitian=True)
     sigmas = float(np.sqrt(away @ inverse @ away))
-    return deviation(tractor, knobs, at) > finest_of(tractor, name, bench.row_s) and sigmas > CLEAR_SIGMAS
+    return knobs.deviation(at) > finest_of(tractor, name, bench.row_s) and sigmas > CLEAR_SIGMAS

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.effects import LIMIT, SLOPE, effect
+from vehicle.kinds import SURE, Interval
 from vehicle.measured.answer.verdict import Finding
 from vehicle.measured.causes.naming import robust_covariance
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.horizons import Halves, chain, squares
-from vehicle.measured.fit.knobs import Knobs, finest_of
+from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, Terms, moved, pieces_of, settings_in, to_neutral
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.mending import Mended, level_of
@@ -23,10 +23,7 @@ from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
 from vehicle.tractor import EffectSetting, Rest, Tractor
 
-Interval = tuple[float, float]
-SURE = 1.96
 DIGITS = 6
-KNEE_SHARE = 0.15  # of a limit: how tyres come to slide differs by as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,37 +150,11 @@ def value_interval(bench: Bench, term: Term, covariance: Array) -> dict[str, Int
     Where an effect is, as of a patch, was searched for and not fitted: no interval is claimed for it. Times are not
     told finer than half a row of the log.
     """
-    knobs, value, tractor = term.knobs, term.knobs.values(term.at), bench.rig.tractor
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    knobs = term.knobs
     if knobs.id in BY_NAME:
-        return {knobs.id: (value[knobs.id] - SURE * float(sigma[0]), value[knobs.id] + SURE * float(sigma[0]))}
-    if effect(knobs.id).kind == LIMIT:
-        wide = max(SURE * float(sigma[0]), KNEE_SHARE * float(term.at[0]))
-        most, least = float(term.at[0]) + wide, float(term.at[0]) - wide
-        return {"limit_g": (1.0 / most if most > 0.0 else math.inf, 1.0 / least if least > 0.0 else math.inf)}
-    if effect(knobs.id).kind == SLOPE:
-        return _slope_interval(tractor, term, covariance)
-    size = effect(knobs.id).size
-    wide = math.hypot(SURE * float(sigma[0]), finest_of(tractor, knobs.id, bench.row_s))
-    return {size.name: _clipped(knobs, value[size.name] - wide, value[size.name] + wide)}
-
-
-def _clipped(knobs: Knobs, low: float, high: float) -> Interval:
-    return max(low, float(knobs.low[0])), min(high, float(knobs.high[0]))
-
-
-def _slope_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str, Interval]:
-    """Interval of ratio and bearing: the spread of the two components along and across the slope that was found."""
-    value = term.knobs.values(term.at)
-    ratio, bearing = value["ratio"], value["bearing_deg"]
-    along = term.at / max(ratio, 1e-9)
-    across = np.array([along[1], -along[0]])
-    wide = math.hypot(SURE * math.sqrt(max(float(along @ covariance @ along), 0.0)), finest_of(tractor, term.knobs.id))
-    aside = math.hypot(
-        SURE * math.sqrt(max(float(across @ covariance @ across), 0.0)), finest_of(tractor, term.knobs.id)
-    )
-    turn = math.degrees(math.atan2(aside, ratio)) if aside < 3.0 * ratio else 180.0
-    return {"ratio": (max(ratio - wide, 0.0), ratio + wide), "bearing_deg": (bearing - turn, bearing + turn)}
+        amount, sigma = float(term.at[0]), float(np.sqrt(np.maximum(np.diag(covariance), 0.0))[0])
+        return {knobs.id: (amount - SURE * sigma, amount + SURE * sigma)}
+    return knobs.interval(term.at, covariance, finest_of(bench.rig.tractor, knobs.id, bench.row_s))
 
 
 def extended_tractor(

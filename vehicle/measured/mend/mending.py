@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import CATALOGUE, Effect
-from vehicle.measured.causes.naming import deviation
 from vehicle.measured.fit.fitting import FIRST_STEP, solve
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, rest_knobs
 from vehicle.measured.fit.openloop import (
@@ -134,7 +133,7 @@ def _beyond_tolerance(loop: OpenLoop, term: Term, times: float = 1.0) -> bool:
     if name in BY_NAME:
         return True
     tractor = bench.rig.tractor
-    return deviation(tractor, term.knobs, term.at) > times * finest_of(tractor, name, bench.row_s)
+    return term.knobs.deviation(term.at) > times * finest_of(tractor, name, bench.row_s)
 
 
 def _at_a_limit(terms: Terms) -> bool:
