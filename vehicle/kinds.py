@@ -127,9 +127,7 @@ class Kind:
         """Size that would just show, when coordinates `tried` did show and `share` of the typical one would have."""
         return max(finest, share * typical)
 
-    def drawn(
-        self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator
-    ) -> dict[str, float]:
+    def drawn(self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator) -> dict[str, float]:
         """Values of an effect to hide, to either side of neutral where a tractor can have both."""
         size = params[0]
         both = size.low < neutral[size.name] - size.typical
@@ -173,9 +171,7 @@ class Limit(Kind):
         """The limit that was tried: below what was driven it has no trace, so no other can be told from it."""
         return 1.0 / float(tried[0])
 
-    def drawn(
-        self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator
-    ) -> dict[str, float]:
+    def drawn(self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator) -> dict[str, float]:
         """A limit that much lower than the usual one."""
         return {params[0].name: round(params[0].typical / draw.share, 3)}
 
@@ -216,9 +212,7 @@ class Slope(Kind):
             params[1].name: (bearing - turn, bearing + turn),
         }
 
-    def drawn(
-        self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator
-    ) -> dict[str, float]:
+    def drawn(self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator) -> dict[str, float]:
         """A size, and any bearing."""
         values = super().drawn(params, neutral, draw, rng)
         return {**values, params[1].name: round(float(rng.uniform(0.0, 360.0)), 1)}
@@ -229,9 +223,7 @@ class Inside(Kind):
 
     searched = True
 
-    def drawn(
-        self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator
-    ) -> dict[str, float]:
+    def drawn(self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator) -> dict[str, float]:
         """A size inside the circle of the draw."""
         values = super().drawn(params, neutral, draw, rng)
         return {**values, **dict(zip([param.name for param in params[1:]], draw.place, strict=True))}

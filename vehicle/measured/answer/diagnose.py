@@ -1,6 +1,6 @@
 """From logs to a diagnosis: the order of the work, and the figures of the answer.
 
-Causes are named by what surprises in the logs (causes.naming). Where surprises are left that no cause explains, the
+Causes are named by what surprises in the logs (causes.selection). Where surprises are left that no cause explains, the
 open-loop error itself is lowered (mend.mending); what that takes is a calibration without a name, unless nothing else
 could take its place.
 """
@@ -17,7 +17,10 @@ from vehicle.measured.answer.curves import best_curve
 from vehicle.measured.answer.findings import Case, Rivals, findings, look_alikes
 from vehicle.measured.answer.nextdrive import next_drive
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, Diagnosis, Finding, Grounds
-from vehicle.measured.causes.naming import Projector, Selection, is_nameable, retuned, select, without
+from vehicle.measured.causes.evidence import is_nameable
+from vehicle.measured.causes.refit import retuned, without
+from vehicle.measured.causes.selection import Selection, select
+from vehicle.measured.causes.trial import Projector
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit, empty_fit
 from vehicle.measured.fit.horizons import errors_of, floor_squares, run_squares
@@ -37,15 +40,18 @@ from vehicle.measured.replay.course import make_course
 from vehicle.measured.replay.replaying import make_rig, own_rig
 from vehicle.measured.surprise.bench import Bench, first_noise, prepare
 from vehicle.measured.surprise.noise import tuned
+from vehicle.measured.thresholds import (
+    ABOVE_FLOOR,
+    ABOVE_PER_ROW_S,
+    ABOVE_UNNAMED,
+    HARM_PCT,
+    SAME_ERROR,
+    WORTH_A_NAME_PCT,
+    WORTH_OF_WHEEL_PCT,
+    WORTH_SAYING,
+)
 from vehicle.tractor import Tractor
 
-ABOVE_UNNAMED = 2.0
-WORTH_A_NAME_PCT = 0.5
-WORTH_OF_WHEEL_PCT = 10.0
-HARM_PCT = 2.0
-ABOVE_FLOOR, ABOVE_PER_ROW_S = 1.3, 1.0  # what happens between rows is not known
-WORTH_SAYING = 0.02
-SAME_ERROR = 1.02
 ON_OWN_GROUND = (
     "The figures after are for every run on its own ground, told from the other half of the run; the tractor file has "
     "one ground and does worse on the other."

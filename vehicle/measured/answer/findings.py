@@ -13,7 +13,8 @@ import numpy.typing as npt
 from vehicle.effects import CATALOGUE, STEERING, Effect, effect, neutral
 from vehicle.kinds import Interval
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
-from vehicle.measured.causes.naming import LEAST_GAIN, Projector, tried, without
+from vehicle.measured.causes.refit import without
+from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.horizons import Halves, Squares, chain, run_squares, total_error
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
@@ -21,11 +22,10 @@ from vehicle.measured.fit.openloop import Term
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.extension import Extension, driven_seconds, main_terms
 from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import LEAST_GAIN, LOOK_ALIKE, LOOK_ALIKE_SHARE, SURELY_SHOWN
 from vehicle.tractor import Tractor
 
-LOOK_ALIKE = 12.0
-LOOK_ALIKE_SHARE = 0.02
-DRAWS = 400
+DRAWS = 400  # resampled sets of runs: chosen, leaves an interval steady to its last digit printed
 TRIAL_SHARES = (0.3, 1.0, 2.0)
 Rivals = Mapping[str, Mapping[str, dict[str, float]]]
 
@@ -105,7 +105,7 @@ def look_alikes(bench: Bench, fit: Fit, name: str) -> dict[str, dict[str, float]
         if entry.id in fit.settings or entry.kind.searched:
             continue
         knobs = knobs_for(tractor, entry.id)
-        other = tried(bench, rest, knobs, project)
+        other = tried(bench.change, rest, knobs, project)
         far = knobs.deviation(other.at)
         if other.gain > gain - LOOK_ALIKE - LOOK_ALIKE_SHARE * gain and far > finest_of(tractor, entry.id):
             found[entry.id] = knobs.values(other.at)
@@ -202,14 +202,14 @@ def visible(case: Case, entry: Effect) -> float | None:
         at = knobs.inside(np.array(knobs.neutral) + share * np.array(knobs.typical))
         trace = project(bench.change(settings_of([*parts, (knobs, at)]), bare, frozenset({entry.block})) - bare)
         strength = float(trace @ trace)
-        if strength > 2.0 * LEAST_GAIN * case.misfit:
+        if strength > SURELY_SHOWN * LEAST_GAIN * case.misfit:
             return _size(tractor, knobs, at, share, strength / case.misfit)
     return None
 
 
 def _size(tractor: Tractor, knobs: Knobs, at: Array, share: float, strength: float) -> float | None:
     """Size at which a trace, growing with the square of the size, would just show."""
-    enough = share * math.sqrt(2.0 * LEAST_GAIN / strength)
+    enough = share * math.sqrt(SURELY_SHOWN * LEAST_GAIN / strength)
     return finite(effect(knobs.id).kind.smallest(at, enough, knobs.typical[0], finest_of(tractor, knobs.id)))
 
 

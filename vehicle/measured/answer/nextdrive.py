@@ -15,16 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.measured.answer.verdict import NextDrive
-from vehicle.measured.causes.naming import Projector, tried
+from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, knobs_for
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import DT_S, Course, Stretch
 from vehicle.measured.replay.replaying import replay, seen
 from vehicle.measured.surprise.bench import Bench, Channel, prepare
+from vehicle.measured.thresholds import DECISIVE
 from vehicle.tractor import Tractor
 
-DECISIVE = 50.0
 STEP_S = 0.1
 PACE_MPS = 1.4
 Values = Mapping[str, dict[str, float]]
@@ -112,20 +112,12 @@ def _misfit(trial: Bench, tractor: Tractor, wrong: Values, name: str) -> float:
     rest = {k: v for k, v in wrong.items() if k != name}
     surprise = trial.surprise(rest)
     fixed = Fit((), surprise, np.zeros((len(surprise), 0)))
-    base = _Bound(trial, rest)
-    found = tried(base, fixed, knobs, Projector(fixed.slope))  # type: ignore[arg-type]
-    return fixed.loss - found.gain
 
+    def change(settings: Values, base: Array, blocks: frozenset[str]) -> Array:
+        """As Bench.change, on top of the other effects."""
+        return trial.change({**rest, **settings}, base, blocks)
 
-class _Bound:
-    """A bench on which further effects come on top of fixed ones."""
-
-    def __init__(self, bench: Bench, fixed: Values) -> None:
-        self.bench, self.fixed = bench, fixed
-
-    def change(self, settings: Values, base: Array, blocks: frozenset[str]) -> Array:
-        """As Bench.change with the fixed effects added."""
-        return self.bench.change({**self.fixed, **settings}, base, blocks)
+    return fixed.loss - tried(change, fixed, knobs, Projector(fixed.slope)).gain
 
 
 def _usual_heading(bench: Bench) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from vehicle.kinds import SURE, Interval
 from vehicle.measured.answer.verdict import Finding
-from vehicle.measured.causes.naming import robust_covariance
+from vehicle.measured.causes.evidence import robust_covariance
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.horizons import Halves, chain, squares

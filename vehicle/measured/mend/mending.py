@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import CATALOGUE, Effect
-from vehicle.measured.fit.fitting import FIRST_STEP, solve
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, rest_knobs
 from vehicle.measured.fit.openloop import (
     Model,
@@ -25,23 +24,28 @@ from vehicle.measured.fit.openloop import (
     fitted,
     held_out_loss,
     moved,
-    slope_of,
+    slope_of_new,
 )
+from vehicle.measured.fit.solver import solve
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import (
+    CLEARLY_AT,
+    CLEARLY_LARGE,
+    DRIVEN,
+    FEWEST_RUNS,
+    LEAST_LEFT,
+    MARKED,
+    MOST_TERMS,
+    PAIRED,
+    RIVALS_LEAVE,
+    TRIED,
+    TWO_LEVELS,
+    WORTH,
+)
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Tractor
 
-MOST_TERMS = 10
-WORTH = 0.02  # of the held-out error that a term must take away
-DRIVEN, TRIED = 6, 3
-PAIRED = 0.93  # of the loss of the best single candidate, for a pair to go first
-TWO_LEVELS = 0.9  # of the loss of one level, to believe in two grounds
-FEWEST_RUNS = 2
-LEAST_LEFT = 0.05
-MARKED = 0.2  # of the squared error that an effect must take away to carry a name
-CLEARLY_AT = 0.05  # of the squared error of a run, to say at which of two levels it was
-RIVALS_LEAVE = 5.0 / 3.0  # times the squared error that is left with the effect
 Step = Callable[[], None]
 
 
@@ -211,7 +215,7 @@ def _two_levels(knobs: Knobs, tried: Sequence[Array], losses: Array) -> Terms:
 
 def _promising(loop: OpenLoop, model: Model, new: Terms, errors: Array) -> Candidate:
     """New terms whose errors, where they start, are known."""
-    columns = slope_of(loop, (*model.terms, *new), errors, FIRST_STEP, last=len(new))
+    columns = slope_of_new(loop, (*model.terms, *new), errors, len(new))
     slope = np.concatenate([model.slope, columns], axis=1)
     change = solve(slope, errors)
     left = errors + slope @ change
@@ -270,7 +274,7 @@ def irreplaceable(mended: Mended, tractor: Tractor, noise: float, step: Step) ->
 
 
 def _clearly_large(loop: OpenLoop, model: Model, name: str) -> bool:
-    return any(_beyond_tolerance(loop, term, 2.0) for term in model.terms if term.knobs.id == name)
+    return any(_beyond_tolerance(loop, term, CLEARLY_LARGE) for term in model.terms if term.knobs.id == name)
 
 
 def clear_levels(mended: Mended) -> list[tuple[Term, tuple[int, ...]]]:
