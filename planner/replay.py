@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
-from vehicle.measured.fit.horizons import anchored, chain, errors_of, pieces, run_squares
 from vehicle.measured.logs.reading import read_log, remarks
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import best_motion
 from vehicle.measured.replay.course import Stretch, make_course
-from vehicle.measured.replay.replaying import Settings, own_rig
-from vehicle.measured.surprise.bench import Bench, first_noise
+from vehicle.measured.replay.horizons import anchored, chain, errors_of, pieces, run_squares
+from vehicle.measured.replay.replaying import Rig, own_rig
 from vehicle.tractor import load_tractor
 
 LAID_S, PIECE_S = 5.0, 5.0
@@ -28,15 +28,14 @@ def replayed(log: str, tractor: str, ground: str, fixes: tuple[str, ...] = ()) -
     run = read_log(log, fixes, machine.wheelbase_m)
     course = make_course([run])
     rig, settings = own_rig(machine, ground, course.origin)
-    bench = Bench(course, rig, first_noise(course), (), (), ())
-    errors = errors_of(run_squares(bench, {0: settings}))
-    stretches = tuple(_stretch(bench, stretch, settings) for stretch in course.stretches)
+    errors = errors_of(run_squares(course, rig, {0: settings}))
+    stretches = tuple(_stretch(rig, stretch, settings) for stretch in course.stretches)
     left_out = course.rows_read - course.rows
     return Replayed(run.name, machine.name, tuple(settings), errors, stretches, left_out), remarks(run)
 
 
-def _stretch(bench: Bench, stretch: Stretch, settings: Settings) -> ReplayedStretch:
-    antenna, heading, wheel, speed = chain(bench, stretch, settings)
+def _stretch(rig: Rig, stretch: Stretch, settings: Settings) -> ReplayedStretch:
+    antenna, heading, wheel, speed = chain(rig, stretch, settings)
     turn, shift = lay_on(stretch, antenna, heading)
     parts = tuple((rows, anchored(stretch, antenna, heading, rows)) for rows in pieces(stretch.time, PIECE_S))
     return ReplayedStretch(stretch, antenna @ turn.T + shift, wheel, speed, parts)

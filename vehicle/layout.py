@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-HISTORY = 96  # steps that delays can reach back
+DT_S = 1.0 / 60.0  # one step: pymunk's customary 60 Hz, which 10 Hz control divides
+HISTORY = 96  # steps that delays can reach back: 1.6 s, the longest dead time and latency together with a margin
 
 # What does not change during a run, per kind of tractor; SI and radians, distances from the centre of mass.
 MODEL = np.dtype(
@@ -163,6 +164,12 @@ LEG = np.dtype(
 
 GATE = np.dtype([("tractor", "i8"), ("progress", "f8")])
 
-# Columns of the record kept at 10 Hz.
+# Columns of the record kept at 10 Hz, and their places; REC_POSE is x, y and angle, REC_PLACE the first two.
 RECORD = ("x", "y", "angle", "steering_rad", "speed_mps", "leg", "status")
+REC_X, REC_Y, REC_ANGLE, REC_STEERING, REC_SPEED, REC_LEG, REC_STATUS = range(len(RECORD))
+REC_PLACE, REC_POSE = slice(REC_X, REC_ANGLE), slice(REC_X, REC_STEERING)
+# Columns of a body as pymunk reads it in batch: place, mathematical angle, velocity, spin (counter-clockwise).
+BODY = ("x", "y", "angle", "vx", "vy", "spin")
+BODY_X, BODY_Y, BODY_ANGLE, BODY_VX, BODY_VY, BODY_SPIN = range(len(BODY))
+BODY_WIDTH, BODY_PLACE, BODY_VELOCITY = len(BODY), slice(BODY_X, BODY_ANGLE), slice(BODY_VX, BODY_SPIN)
 WORKING, TURNING, WAITING, REVERSING, FINISHED = 1, 2, 3, 4, 0

@@ -10,8 +10,9 @@ from tests.truth.drives import default_programme
 from tests.truth.model import make_logs
 from vehicle.measured.answer.demo import demo_logs, draw_hidden
 from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.fit.heldout import Pieces, half_of, steps_without
+from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.logs.reading import log_from_frame
+from vehicle.measured.replay.windows import half_of
 from vehicle.tractor import EffectSetting
 
 FAST = ("fast_circles", "fast_steps", "speed_steps", "circles_right")

@@ -23,7 +23,6 @@ from vehicle.measured.causes.selection import Selection, select
 from vehicle.measured.causes.trial import Projector
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit, empty_fit
-from vehicle.measured.fit.horizons import errors_of, floor_squares, run_squares
 from vehicle.measured.fit.openloop import Term, settings_in
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.logs.remarks import remarks
@@ -37,9 +36,11 @@ from vehicle.measured.mend.extension import (
 )
 from vehicle.measured.mend.mending import Mended, clear_levels, irreplaceable, mend
 from vehicle.measured.replay.course import make_course
+from vehicle.measured.replay.horizons import errors_of, run_squares
 from vehicle.measured.replay.replaying import make_rig, own_rig
-from vehicle.measured.surprise.bench import Bench, first_noise, prepare
-from vehicle.measured.surprise.noise import tuned
+from vehicle.measured.surprise.bench import Bench, prepare
+from vehicle.measured.surprise.floor import floor_squares
+from vehicle.measured.surprise.noise import first_noise, tuned
 from vehicle.measured.thresholds import (
     ABOVE_FLOOR,
     ABOVE_PER_ROW_S,
@@ -151,7 +152,7 @@ def holds(case: Case, name: str) -> bool:
 def noise_share(case: Case) -> float:
     """Share of the open-loop error without terms that noise alone would leave, every horizon and kind the same."""
     runs = range(len(case.bench.course.names))
-    before = run_squares(case.bench, {run: {} for run in runs})
+    before = run_squares(case.bench.course, case.bench.rig, {run: {} for run in runs})
     shares = []
     for horizon in openloop.HORIZONS_S:
         sums = [np.sum([one[horizon][:3] for one in squares], axis=0) for squares in (case.floor, before)]
@@ -180,8 +181,7 @@ def _least_worth(bench: Bench, name: str) -> float:
 
 def with_real_noise(bench: Bench, fit: Fit) -> Bench:
     """The bench with the noise that the logs show, not the wider one that a wrong model may have been judged by."""
-    plain = replace(bench, noise=first_noise(bench.course))
-    return replace(plain, noise=tuned(plain, fit.settings))
+    return replace(bench, noise=tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings))
 
 
 def _answer(
@@ -191,8 +191,8 @@ def _answer(
     bench, fit, case = selection.bench, selection.fit, found.case
     extension, course = case.extension, base.course
     own, settings = own_rig(tractor, ground, course.origin)
-    before = run_squares(replace(bench, rig=own), dict.fromkeys(range(len(course.names)), settings))
-    after = run_squares(bench, extension.held_out)
+    before = run_squares(course, own, dict.fromkeys(range(len(course.names)), settings))
+    after = run_squares(course, bench.rig, extension.held_out)
     # Most important first: by the held-out error that comes back without the effect.
     named = [one.id for one in sorted(told, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
     guilty = _guilty(named, told, selection)

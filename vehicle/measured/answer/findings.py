@@ -16,11 +16,11 @@ from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFU
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.fitting import Fit
-from vehicle.measured.fit.horizons import Halves, Squares, chain, run_squares, total_error
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
 from vehicle.measured.fit.openloop import Term
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.extension import Extension, driven_seconds, main_terms
+from vehicle.measured.replay.horizons import Halves, Squares, chain, run_squares, total_error
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import LEAST_GAIN, LOOK_ALIKE, LOOK_ALIKE_SHARE, SURELY_SHOWN
 from vehicle.tractor import Tractor
@@ -56,7 +56,7 @@ class Case:
 
     def error(self, settings: Mapping[int, Halves]) -> Array:
         """Error of every run as one number."""
-        return self.number(run_squares(self.bench, settings))
+        return self.number(run_squares(self.bench.course, self.bench.rig, settings))
 
     def gain_of(self, name: str) -> tuple[float, tuple[float, float]]:
         """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs."""
@@ -79,7 +79,7 @@ def _wheel_squares(bench: Bench, settings: Mapping[int, Halves]) -> Array:
     """Squared error of the simulated wheel angle, per run."""
     found = np.zeros(len(bench.course.names))
     for stretch in bench.course.stretches:
-        wheel = chain(bench, stretch, settings[stretch.run][0])[2]
+        wheel = chain(bench.rig, stretch, settings[stretch.run][0])[2]
         if stretch.wheel is not None:
             found[stretch.run] += float(np.sum((stretch.wheel - wheel) ** 2))
     return found

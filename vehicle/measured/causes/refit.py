@@ -11,8 +11,8 @@ from vehicle.measured.causes.trial import Tried
 from vehicle.measured.fit.fitting import Extra, Fit, linear_extra, refined, slopes
 from vehicle.measured.fit.knobs import Knobs, settings_of
 from vehicle.measured.logs.record import Array
-from vehicle.measured.surprise.bench import Bench, first_noise, prepare
-from vehicle.measured.surprise.noise import tuned
+from vehicle.measured.surprise.bench import Bench, prepare
+from vehicle.measured.surprise.noise import first_noise, tuned
 from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
 
 
@@ -43,7 +43,7 @@ def restarted(bench: Bench, parts: tuple[tuple[Knobs, Array], ...], unnamed: tup
 
 def retuned(bench: Bench, fit: Fit) -> Bench:
     """The bench with noise and weights as the fit leaves them."""
-    noise = tuned(replace(bench, noise=first_noise(bench.course)), fit.settings)
+    noise = tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings)
     found = prepare(bench.course, bench.rig, fit.settings, noise)
     for _ in range(MOST_EASINGS):
         # A model that is wrong everywhere, as of a vehicle of another kind, must not be judged by the millimetre: with

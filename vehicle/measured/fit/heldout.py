@@ -59,8 +59,3 @@ def _step(pieces: Pieces, kept: npt.NDArray[np.bool_], told: npt.NDArray[np.bool
         push = (side + square @ step)[told]
         step[told] = -np.linalg.solve(inner + GUARD * np.diag(np.maximum(np.diag(inner), 1e-12)), push)
     return step
-
-
-def half_of(seconds: Array, window_s: float = 20.0) -> npt.NDArray[np.int64]:
-    """Half (0 or 1) that times since the start of a stretch belong to: windows of 20 s in turn."""
-    return (seconds / window_s).astype(np.int64) % 2

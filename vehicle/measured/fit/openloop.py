@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import REST_KEY
+from vehicle.learnt import Settings
 from vehicle.measured.fit.fitting import add_products, flat
 from vehicle.measured.fit.heldout import Pieces, steps_without
-from vehicle.measured.fit.horizons import anchored_pieces, chain, pieces
 from vehicle.measured.fit.knobs import Knobs
 from vehicle.measured.fit.solver import (
     FIRST_STEP,
@@ -29,12 +29,12 @@ from vehicle.measured.fit.solver import (
 )
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import Settings
+from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
+from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
 
 HORIZONS_S = (1.0, 5.0)
-WINDOW_S = 20.0
 KINDS = 3
 ITERATIONS = 3  # chosen: candidates start where a straight line promises most, and every step costs m simulations
 SETTLED = 0.01  # chosen, of the loss: a step that gains less is the last; half of what a term must be worth
@@ -79,7 +79,7 @@ class OpenLoop:
         return out
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
-        antenna, heading, _, _ = chain(self.bench, stretch, settings)
+        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings)
         found = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
         return np.nan_to_num(np.concatenate(found).ravel())
 
@@ -107,7 +107,7 @@ class OpenLoop:
         """Window of 20 s of every entry, counted through all runs."""
         found, count = [], 0
         for one in self.bench.course.stretches:
-            window = count + (one.time / WINDOW_S).astype(np.int64)
+            window = count + window_of(one.time)
             found.append(np.tile(np.repeat(window, KINDS), len(HORIZONS_S)))
             count = int(window[-1]) + 1
         return np.concatenate(found)
@@ -120,7 +120,7 @@ class OpenLoop:
         runs[self.windows] = self.runs
         first = 0
         for one in self.bench.course.stretches:
-            size = int(one.time[-1] / WINDOW_S) + 1
+            size = int(window_of(one.time[-1:])[0]) + 1
             halves[first : first + size] = np.arange(size) % 2
             first += size
         return runs, halves

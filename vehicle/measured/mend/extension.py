@@ -9,16 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.kinds import SURE, Interval
+from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Finding
 from vehicle.measured.causes.evidence import robust_covariance
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.heldout import Pieces, steps_without
-from vehicle.measured.fit.horizons import Halves, chain, squares
 from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, Terms, moved, pieces_of, settings_in, to_neutral
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.mending import Mended, level_of
-from vehicle.measured.replay.replaying import Settings
+from vehicle.measured.replay.horizons import Halves, chain, squares
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
 from vehicle.tractor import EffectSetting, Rest, Tractor
@@ -139,7 +139,7 @@ def _loss(bench: Bench, run: int, settings: Mapping[str, Mapping[str, float]], h
     """Squared error across over 1 s of one half of a run."""
     total = 0.0
     for stretch in bench.course.of(run):
-        antenna, heading, _, _ = chain(bench, stretch, settings)
+        antenna, heading, _, _ = chain(bench.rig, stretch, settings)
         total += float(squares(stretch, antenna, heading, half)[1.0][0])
     return total
 
