@@ -36,9 +36,7 @@ def next_drive(bench: Bench, fit: Fit, tractor: Tractor, rivals: Mapping[str, Va
     return None
 
 
-def _score(
-    bench: Bench, drill: Drill, tractor: Tractor, both: tuple[Values, Values], names: tuple[str, str]
-) -> float:
+def _score(bench: Bench, drill: Drill, tractor: Tractor, both: tuple[Values, Values], names: tuple[str, str]) -> float:
     """What separates the rivals: the smaller of the two losses of explaining one's drive by the other."""
     heading, pace = usual(bench.course.stretches)
     losses = []

@@ -65,7 +65,7 @@ class _Cells:
 
     def best_circles(self) -> list[tuple[float, Circle]]:
         """The best circle of each of several sizes, the better ones first."""
-        found = []
+        circles = []
         whole = float(self.turned.sum())
         for radius in self.size * np.array([1.5, 2.2, 3.2, 4.5, 6.5, 9.0]):
             best: tuple[float, Circle] = (0.0, (0.0, 0.0, 0.0))
@@ -76,8 +76,8 @@ class _Cells:
                     weights = inside.astype(np.float64)
                     gain = explained((weights @ self.square @ weights).reshape(1, 1), np.array([weights @ self.side]))
                     best = max(best, (gain, (float(e), float(n), float(radius))))
-            found.append(best)
-        return sorted(found, reverse=True)[:POLISHED]
+            circles.append(best)
+        return sorted(circles, reverse=True)[:POLISHED]
 
 
 def _gripped(move: Increments, inside: Mask) -> Increments:

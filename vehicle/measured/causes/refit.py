@@ -44,16 +44,16 @@ def restarted(bench: Bench, parts: tuple[tuple[Knobs, Array], ...], unnamed: tup
 def retuned(bench: Bench, fit: Fit) -> Bench:
     """The bench with noise and weights as the fit leaves them."""
     noise = tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings)
-    found = prepare(bench.course, bench.rig, fit.settings, noise)
+    eased = prepare(bench.course, bench.rig, fit.settings, noise)
     for _ in range(MOST_EASINGS):
         # A model that is wrong everywhere, as of a vehicle of another kind, must not be judged by the millimetre: with
         # less trust in each measurement longer ways count.
-        path = found.path_surprise(found.path(fit.settings), fit.settings)
+        path = eased.path_surprise(eased.path(fit.settings), fit.settings)
         if float(np.mean(path * path)) < WRONG_EVERYWHERE:
             break
-        wider = {name: EASING * getattr(found.noise, name) for name in ("position", "heading")}
-        found = prepare(bench.course, bench.rig, fit.settings, replace(found.noise, **wider))
-    return found
+        wider = {name: EASING * getattr(eased.noise, name) for name in ("position", "heading")}
+        eased = prepare(bench.course, bench.rig, fit.settings, replace(eased.noise, **wider))
+    return eased
 
 
 def without(bench: Bench, fit: Fit, name: str) -> Fit:

@@ -48,6 +48,11 @@ class Term:
     at: Array
     runs: frozenset[int] | None = None
 
+    @property
+    def value(self) -> dict[str, float]:
+        """Values of the effect, or the amount of the term of the rest."""
+        return self.knobs.values(self.at)
+
     def acts_in(self, run: int) -> bool:
         """Whether the term counts in a run."""
         return self.runs is None or run in self.runs
@@ -58,12 +63,12 @@ Terms = tuple[Term, ...]
 
 def settings_in(terms: Sequence[Term], run: int) -> Settings:
     """Settings of one run."""
-    found: dict[str, dict[str, float]] = {}
+    settings: dict[str, dict[str, float]] = {}
     for term in terms:
         if term.acts_in(run):
             key = REST_KEY if term.knobs.id in BY_NAME else term.knobs.id
-            found[key] = found.get(key, {}) | term.knobs.values(term.at)
-    return found
+            settings[key] = settings.get(key, {}) | term.value
+    return settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +85,8 @@ class OpenLoop:
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
         antenna, heading, _, _ = chain(self.bench.rig, stretch, settings)
-        found = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
-        return np.nan_to_num(np.concatenate(found).ravel())
+        parts = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
+        return np.nan_to_num(np.concatenate(parts).ravel())
 
     @cached_property
     def _units(self) -> Array:
@@ -105,12 +110,12 @@ class OpenLoop:
     @cached_property
     def windows(self) -> npt.NDArray[np.int64]:
         """Window of 20 s of every entry, counted through all runs."""
-        found, count = [], 0
+        numbers, count = [], 0
         for one in self.bench.course.stretches:
             window = count + window_of(one.time)
-            found.append(np.tile(np.repeat(window, KINDS), len(HORIZONS_S)))
+            numbers.append(np.tile(np.repeat(window, KINDS), len(HORIZONS_S)))
             count = int(window[-1]) + 1
-        return np.concatenate(found)
+        return np.concatenate(numbers)
 
     @cached_property
     def places(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -183,11 +188,11 @@ class _Coordinates:
 
     def terms_at(self, at: Array) -> Terms:
         """The terms at other coordinates."""
-        found, first = [], 0
+        terms, first = [], 0
         for term in self.terms:
-            found.append(replace(term, at=at[first : first + term.knobs.count]))
+            terms.append(replace(term, at=at[first : first + term.knobs.count]))
             first += term.knobs.count
-        return tuple(found)
+        return tuple(terms)
 
     def left(self, at: Array, start: Point) -> Array:
         return self.loop.errors(self.terms_at(at))
@@ -198,12 +203,12 @@ class _Coordinates:
 
 def moved(terms: Terms, change: Array) -> Terms:
     """Terms with their coordinates changed, kept inside what a tractor can have."""
-    found, first = [], 0
+    others, first = [], 0
     for term in terms:
         count = term.knobs.count
-        found.append(replace(term, at=term.knobs.inside(term.at + change[first : first + count])))
+        others.append(replace(term, at=term.knobs.inside(term.at + change[first : first + count])))
         first += count
-    return tuple(found)
+    return tuple(others)
 
 
 def slope_of_new(loop: OpenLoop, terms: Terms, errors: Array, new: int) -> Array:
@@ -236,8 +241,8 @@ def pieces_of(loop: OpenLoop, model: Model) -> Pieces:
 
 def to_neutral(terms: Terms) -> Array:
     """Change of the coordinates that takes every term away."""
-    found = [np.array(term.knobs.neutral) - term.at for term in terms]
-    return np.concatenate(found) if found else np.zeros(0)
+    parts = [np.array(term.knobs.neutral) - term.at for term in terms]
+    return np.concatenate(parts) if parts else np.zeros(0)
 
 
 def held_out_loss(loop: OpenLoop, model: Model) -> float:
