@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
-from vehicle.measured.fit.horizons import anchored, chain, errors_of, pieces, run_squares
 from vehicle.measured.logs.reading import read_log, remarks
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.replay.anchoring import best_motion
 from vehicle.measured.replay.course import Stretch, make_course
-from vehicle.measured.replay.replaying import Settings, own_rig
-from vehicle.measured.surprise.bench import Bench, first_noise
+from vehicle.measured.replay.horizons import anchored, chain, errors_of, pieces, run_squares
+from vehicle.measured.replay.replaying import Rig, own_rig
 from vehicle.tractor import Tractor, load_tractor
 
 LAID_S, PIECE_S = 5.0, 5.0
@@ -45,16 +45,15 @@ def replay(
     run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
     course = make_course([run])
     rig, settings = own_rig(machine, ground, course.origin)
-    bench = Bench(course, rig, first_noise(course), (), (), ())
-    errors = errors_of(run_squares(bench, {0: settings}))
-    stretches = tuple(_stretch(bench, stretch, settings) for stretch in course.stretches)
+    errors = errors_of(run_squares(course, rig, {0: settings}))
+    stretches = tuple(_stretch(rig, stretch, settings) for stretch in course.stretches)
     left_out = course.rows_read - course.rows
     told = Replayed(run.name, machine.name, tuple(settings), errors, stretches, left_out)
     return Replay(told, tuple(remarks(run)))
 
 
-def _stretch(bench: Bench, stretch: Stretch, settings: Settings) -> ReplayedStretch:
-    antenna, heading, wheel, speed = chain(bench, stretch, settings)
+def _stretch(rig: Rig, stretch: Stretch, settings: Settings) -> ReplayedStretch:
+    antenna, heading, wheel, speed = chain(rig, stretch, settings)
     turn, shift = lay_on(stretch, antenna, heading)
     parts = tuple((rows, anchored(stretch, antenna, heading, rows)) for rows in pieces(stretch.time, PIECE_S))
     return ReplayedStretch(stretch, antenna @ turn.T + shift, wheel, speed, parts)

@@ -15,8 +15,8 @@ from vehicle.measured.logs.conventions import apply_fixes, conventions, first_pl
 from vehicle.measured.logs.gating import Gate, gate_rows, segments
 from vehicle.measured.logs.record import Fix, Gated, Log, Suspicion
 from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.logs.stretches import SHORTEST_S
 from vehicle.measured.logs.table import Columns, columns_of, read_frame
-from vehicle.measured.replay.course import SHORTEST_S
 
 if TYPE_CHECKING:
     import pandas as pd

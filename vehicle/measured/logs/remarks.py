@@ -8,7 +8,7 @@ import numpy as np
 
 from vehicle.measured.logs.gating import FIRST_ROW_LINE
 from vehicle.measured.logs.record import COLUMNS, Log, Rows
-from vehicle.measured.replay.course import SHORTEST_S, forward_stretches
+from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
 
 STEEPEST_DEG = 60.0
 _NEAR = 0.7

@@ -16,18 +16,18 @@ import numpy as np
 
 from vehicle.calibration import steering_tables
 from vehicle.chassis import body_step
-from vehicle.compile import compile_grounds, compile_model, learnt
+from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
 from vehicle.effects import effect_fields
 from vehicle.ground import ground_index
 from vehicle.jit import compiled
-from vehicle.layout import STATE
+from vehicle.layout import DT_S, STATE
+from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.course import DT_S, Stretch
+from vehicle.measured.replay.course import Stretch
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
-Settings = Mapping[str, Mapping[str, float]]
 X, Y, ANGLE, STEERING, FORWARD = range(5)
 
 
@@ -86,7 +86,7 @@ class Rig:
     def with_effects(self, settings: Settings) -> Any:
         """The model record with effects; places in the field are moved to the origin of the course."""
         model = self.model.copy()
-        fields = effect_fields(settings) | dict(self.ranges)
+        fields = Learnt(settings, self.ranges).fields
         fields["affected"] = 1.0
         fields["patch_east"] -= self.origin[0]
         fields["patch_north"] -= self.origin[1]
@@ -96,8 +96,8 @@ class Rig:
 
 
 def make_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rig:
-    """The tractor as its file describes it, without the effects of the file."""
-    bare = tractor.model_copy(update={"effects": {}, "rest": None})
+    """The tractor as its file describes it, without what logs taught. Raises VehicleError for an unknown ground."""
+    bare = without_logs(tractor)
     index = ground_index(ground)
     model = np.zeros(1, dtype=compile_model(bare, Implement()).dtype)
     model[0] = compile_model(bare, Implement())
@@ -106,8 +106,8 @@ def make_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rig:
 
 def own_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple[Rig, Settings]:
     """The tractor of make_rig, and what its file has from logs: effects, and the rest where it was seen."""
-    settings, ranges = learnt(tractor)
-    return replace(make_rig(tractor, ground, origin), ranges=ranges), settings
+    own = learnt(tractor)
+    return replace(make_rig(tractor, ground, origin), ranges=own.ranges), own.settings
 
 
 def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, from_speed: bool) -> Array:

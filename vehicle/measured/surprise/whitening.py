@@ -17,8 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.effects import effect_fields
 from vehicle.jit import compiled
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.replaying import Rig, replay
 
 SIZE, SEEN = 7, 3
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
@@ -156,3 +160,12 @@ def increments(x: Array, y: Array, angle: Array) -> Increments:
     dx, dy = np.diff(x), np.diff(y)
     cosine, sine = np.cos(angle[:-1]), np.sin(angle[:-1])
     return Increments(dx * cosine + dy * sine, dx * sine - dy * cosine, np.diff(angle))
+
+
+def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Increments:
+    """Increments between the rows of a stretch, replayed from measured wheel angle and speed and seen as late as the
+    settings say."""
+    states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
+    grid = np.arange(len(states)) / 60.0
+    late = stretch.time - effect_fields(settings)["latency"] / 60.0
+    return increments(*(np.interp(late, grid, states[:, column]) for column in range(3)))
