@@ -21,7 +21,7 @@ from vehicle.measured.answer.verdict import Diagnosis, PlanGain
 from vehicle.measured.logs.reading import read_logs
 from vehicle.measured.logs.record import Log
 from vehicle.run import DONE, Run
-from vehicle.tractor import Tractor, load_tractor
+from vehicle.tractor import Tractor, as_tractor
 from vehicle.world import World
 
 PLAN_FIELD = "iwamizawa"
@@ -46,7 +46,7 @@ def diagnose(
     `logs` are Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object, a name or
     a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
     """
-    machine = tractor if isinstance(tractor, Tractor) else load_tractor(tractor)
+    machine = as_tractor(tractor)
     return _with_gain(find_causes(logs_of(logs, fixes, machine), machine, ground, progress), machine)
 
 
@@ -64,7 +64,7 @@ def demonstrate(
     """
     if seed < 0:
         raise ScenarioError(f"{named('seed')} {seed} is negative; use 0 or more.")
-    machine = tractor if isinstance(tractor, Tractor) else load_tractor(tractor)
+    machine = as_tractor(tractor)
     hidden = draw_hidden(seed, machine, hide)
     return _with_gain(find_causes(demo_logs(hidden, machine, ground, seed), machine, ground, progress), machine), hidden
 

@@ -17,7 +17,7 @@ from vehicle.measured.replay.anchoring import best_motion
 from vehicle.measured.replay.course import Stretch, make_course
 from vehicle.measured.replay.horizons import anchored, chain, errors_of, pieces, run_squares
 from vehicle.measured.replay.replaying import Rig, own_rig
-from vehicle.tractor import Tractor, load_tractor
+from vehicle.tractor import Tractor, as_tractor
 
 LAID_S, PIECE_S = 5.0, 5.0
 
@@ -41,7 +41,7 @@ def replay(
 
     Raises LogError and VehicleError.
     """
-    machine = tractor if isinstance(tractor, Tractor) else load_tractor(tractor)
+    machine = as_tractor(tractor)
     run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
     course = make_course([run])
     rig, settings = own_rig(machine, ground, course.origin)

@@ -19,7 +19,7 @@ from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
 from vehicle.gnss import NO_ERROR, Table, default_table, load_table
 from vehicle.ground import ground_names
-from vehicle.tractor import Implement, Tractor, load_tractor
+from vehicle.tractor import Implement, Tractor, as_tractor
 
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_MARGIN = 1.08
@@ -74,8 +74,7 @@ def prepare(
         field = read_field(scenario.field if field is None else str(field), local=scenario.local)
     _check_field(field)
     fixes = gnss_errors(scenario)
-    if not isinstance(tractor, Tractor):
-        tractor = load_tractor(scenario.tractor if tractor is None else tractor)
+    tractor = as_tractor(scenario.tractor if tractor is None else tractor)
     implement = Implement(width_m=scenario.width_m)
     radius = _planned_radius(scenario, tractor, field.default_ground)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))

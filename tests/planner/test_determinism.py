@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner import Planned, Scenario, SerialExecutor, WorkerPool, plan
+from planner import HeadlandError, Planned, Scenario, SerialExecutor, WorkerPool, plan
 from planner.scenario import parse_counts
 from reports.export import ranking_csv, ranking_json
 from reports.results import Ranking
@@ -84,6 +84,12 @@ def test_objects_and_names_are_the_same_question(scenario: Scenario, first: str,
     nameless = replace(scenario, field="no such file", tractor="no such tractor")
     assert ranking_json(plan(nameless, field=field, tractor=tractor, executor=pool).ranking) == first
     assert ranking_json(plan(nameless, field=scenario.field, tractor="eg105", executor=pool).ranking) == first
+
+
+def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: Scenario) -> None:
+    broken = load_tractor("eg105").model_copy(update={"mass_kg": -1.0})
+    with pytest.raises(HeadlandError, match="mass_kg"):
+        plan(scenario, tractor=broken, executor=SerialExecutor())
 
 
 def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
