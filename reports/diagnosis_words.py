@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from reports.effect_words import both, capital, label, spelled
 from reports.wording import listed, number
-from vehicle.effects import LIMIT, effect
+from vehicle.effects import effect
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, PlanGain
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Rest
@@ -61,8 +61,7 @@ def visible_text(one: Finding) -> str:
     """Smallest visible size."""
     if one.smallest_visible is None:
         return "none"
-    limit = "limit " if effect(one.id).kind == LIMIT else ""
-    return f"{limit}{one.smallest_visible:.2g} {one.unit}".strip()
+    return f"{effect(one.id).kind.size_word}{one.smallest_visible:.2g} {one.unit}".strip()
 
 
 def gain_text(one: Finding) -> str:

@@ -82,6 +82,11 @@ def ranking_csv(ranking: Ranking) -> str:
     return buffer.getvalue()
 
 
+def facts_json(facts: dict[str, Any]) -> str:
+    """Facts of a field as JSON text with a trailing newline, in the order given."""
+    return _text(facts)
+
+
 def study_json(study: Study) -> str:
     """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
     return _text(

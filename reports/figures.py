@@ -5,13 +5,11 @@ from __future__ import annotations
 import base64
 import io
 import textwrap
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reports import palette
-from reports.errors import ReportError
 from reports.paths import (
     REVERSING,
     STATES,
@@ -70,16 +68,11 @@ def map_figure(drive: Drive, field_name: str = "") -> Figure:
     return figure
 
 
-def save_png(figure: Figure, path: str | Path, dpi: int = 150) -> None:
-    """Write a figure as PNG.
-
-    Raises:
-        ReportError: the file cannot be written.
-    """
-    try:
-        figure.savefig(Path(path), dpi=dpi, format="png", facecolor="white", metadata={"Software": None})
-    except OSError as error:
-        raise ReportError(f"The picture {path} cannot be written: {error}; choose a folder you can write to.") from None
+def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
+    """A figure as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=dpi, format="png", facecolor="white", metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def to_svg(figure: Figure) -> str:

@@ -59,6 +59,19 @@ def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], sm
     assert plan["cost"] == pytest.approx(plan["time_s"] / 3600 * 40, abs=1e-5)
 
 
+def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path) -> None:
+    words = ("plan", small, "--local", *QUICK, "--start", "8:00", "--before", "8:05", "--json")
+    outcome = headland(*words)
+    answer = json.loads(outcome.out)
+    times = [plan["time_s"] for plan in answer["plans"]]
+    assert outcome.status == 3 and answer["best"]["time_s"] == min(times)
+    assert not any(plan["meets_deadline"] for plan in answer["plans"])
+    late = round(min(times) - 300)
+    assert f"the closest misses it by {late // 60}:{late % 60:02d}" in outcome.err
+    night = headland(*words[:-5], "--start", "23:50", "--before", "0:50", "--json")
+    assert night.status == 0 and json.loads(night.out)["best"]["meets_deadline"] is True
+
+
 def test_csv_says_what_json_says(headland: Callable[..., Any], small: Path) -> None:
     plans = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["plans"]
     rows = list(csv.DictReader(io.StringIO(headland("plan", small, "--local", *QUICK, "--csv").out)))

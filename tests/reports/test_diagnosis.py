@@ -34,7 +34,7 @@ from vehicle.measured.answer.verdict import (
     NextDrive,
     PlanGain,
 )
-from vehicle.measured.fit.horizons import Error
+from vehicle.measured.replay.horizons import Error
 from vehicle.tractor import EffectSetting, Rest, load_tractor
 
 REST = Rest(

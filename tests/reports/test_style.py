@@ -14,7 +14,7 @@ from reports.template import rendered
 from reports.trials import trials_page
 from tests.reports.test_diagnosis import NAMED, diagnosis, in_model
 from vehicle.measured.answer.verdict import Replayed
-from vehicle.measured.fit.horizons import Error
+from vehicle.measured.replay.horizons import Error
 from vehicle.trials.sheets.sheet import Comparison, Sheet, TextTable
 
 

@@ -24,11 +24,12 @@ from vehicle.effects import (
     WHEEL,
     effect,
 )
+from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Curve
 from vehicle.measured.causes.dependence import Dependence
 from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import Settings, replay, seen
+from vehicle.measured.replay.replaying import replay, seen
 from vehicle.measured.surprise.bench import Bench
 
 SPAN_S = 1.0

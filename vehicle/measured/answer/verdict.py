@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.measured.fit.horizons import Error
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.horizons import Error
 from vehicle.tractor import Tractor
 
 NAMED, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "equivalent", "refuted", "not-visible"
