@@ -183,7 +183,7 @@ def _title_lines(drive: Drive, field_name: str, width: float) -> list[str]:
     count = len(drive.xy)
     first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
     second = [f"width {drive.width_m:g} m", f"{len(drive.tracks)} tracks"]
-    second += [tractors(count), f"done in {duration(max(drive.finish_s))} (h:mm:ss)"] if count else []
+    second += [tractors(count), f"done in {duration(max(drive.finish_s))}"] if count else []
     room = int(width * _LETTERS_PER_INCH)
     return [line for text in (first, ", ".join(second)) for line in textwrap.wrap(text, room)]
 
