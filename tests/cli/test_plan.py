@@ -67,7 +67,7 @@ def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path
     assert outcome.status == 3 and answer["best"]["time_s"] == min(times)
     assert not any(plan["meets_deadline"] for plan in answer["plans"])
     late = round(min(times) - 300)
-    assert f"the closest misses it by {late // 60}:{late % 60:02d}" in outcome.err
+    assert f"the closest misses it by 0:{late // 60:02d}:{late % 60:02d}" in outcome.err
     night = headland(*words[:-5], "--start", "23:50", "--before", "0:50", "--json")
     assert night.status == 0 and json.loads(night.out)["best"]["meets_deadline"] is True
 
