@@ -93,7 +93,9 @@ def _told(error: Exception) -> tuple[str, int]:
 
 
 def _lacks_memory(error: BaseException) -> bool:
-    """Whether memory ran out, which a library that cannot be loaded and a process that cannot start say their way."""
+    """Whether memory ran out, which a library that cannot be loaded and a process that is lost say their way."""
+    if type(error).__name__ == "BrokenExecutor":
+        return True
     if isinstance(error, ImportError):
         return any(words in str(error) for words in ("failed to map segment", "allocate memory"))
     return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)

@@ -6,27 +6,28 @@ import json
 from collections.abc import Sequence
 
 from rich.console import RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from fields.read import Listed
-from reports.wording import NOTHING
+from reports.fitting import Column, FittedTable
+from reports.wording import NOTHING, number
 
 
 def parcels_table(parcels: Sequence[Listed]) -> RenderableType:
     """Position, key, area in hectares and number of holes of every field, or why it cannot be used."""
-    table = Table(box=None, header_style="bold", padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("#", justify="right", no_wrap=True)
-    table.add_column("ID", overflow="fold")
-    table.add_column("Area (ha)", justify="right", no_wrap=True)
-    table.add_column("Holes", justify="right", no_wrap=True)
+    columns = [Column("#"), Column("ID", words=True), Column("Area (ha)"), Column("Holes")]
     if any(parcel.fault for parcel in parcels):
-        table.add_column("Not usable", overflow="fold", ratio=1)
-    for parcel in parcels:
-        area = NOTHING if parcel.area_ha is None else f"{parcel.area_ha:.2f}"
-        holes = NOTHING if parcel.holes is None else str(parcel.holes)
-        table.add_row(str(parcel.position), *(Text(text) for text in (parcel.key, area, holes, parcel.fault) if text))
-    return table
+        columns.append(Column("Not usable", words=True))
+    rows = tuple(
+        (
+            str(parcel.position),
+            parcel.key,
+            number(parcel.area_ha, 2),
+            NOTHING if parcel.holes is None else str(parcel.holes),
+            parcel.fault,
+        )[: len(columns)]
+        for parcel in parcels
+    )
+    return FittedTable(tuple(columns), rows)
 
 
 def parcels_json(parcels: Sequence[Listed]) -> str:

@@ -253,3 +253,16 @@ def load_tractor(where: str | Path) -> Tractor:
         raise VehicleError(f"The tractor file {where} cannot be used: {faults_of(error, Tractor)}.") from None
     except (ValueError, RecursionError) as error:
         raise VehicleError(f"The tractor file {where} is not TOML: {parse_fault(error)}.") from None
+
+
+def as_tractor(given: Tractor | str | Path) -> Tractor:
+    """A tractor given as an object, or by its name or file.
+
+    Objects are checked once more, as `model_copy` checks nothing. Raises VehicleError.
+    """
+    if not isinstance(given, Tractor):
+        return load_tractor(given)
+    try:
+        return Tractor.model_validate(given.model_dump())
+    except ValidationError as error:
+        raise VehicleError(f"The tractor {given.name!r} cannot be used: {faults_of(error, Tractor)}.") from None

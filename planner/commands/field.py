@@ -63,9 +63,9 @@ def _print(site: Site, json: bool) -> None:
 
     facts = describe(site)
     if json:
-        import json as encoder
+        from reports.export import facts_json
 
-        typer.echo(encoder.dumps(facts, indent=2))
+        typer.echo(facts_json(facts), nl=False)
         return
     from planner.commands.show import out
     from reports.table import field_table

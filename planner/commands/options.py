@@ -32,7 +32,9 @@ Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]  # noq
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
 
 
-_OPTIONS = {"field": "the field", "counts": "--tractors", "list_fields": "headland field FILE --list"}
+_OPTIONS = {
+    "field": "the field", "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
+}  # fmt: skip
 _UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 
 

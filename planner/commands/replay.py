@@ -31,22 +31,22 @@ def replay(
 
     one_thread()
     from planner.commands.outputs import check_outputs, inputs, written
-    from planner.replay import replayed
+    from planner.replaying import replay as simulate
     from reports.replay_report import replay_figure, replay_json, replay_page, replay_table
 
     check_outputs((png, ".png"), (html, ".html"), reads=inputs(logs=[log], tractor=tractor))
-    found, remarks = replayed(log, tractor, ground, tuple(fix or ()))
+    answer = simulate(log, tractor=tractor, ground=ground, fixes=fix or ())
     results: list[tuple[Path, Content]] = []
     if png:
         from reports.figures import png_bytes
 
-        results.append((png, png_bytes(replay_figure(found))))
+        results.append((png, png_bytes(replay_figure(answer.replayed))))
     if html:
-        results.append((html, replay_page(found, remarks)))
+        results.append((html, replay_page(answer.replayed, answer.remarks)))
     with written(results):
         if json:
-            typer.echo(replay_json(found, remarks), nl=False)
+            typer.echo(replay_json(answer.replayed, answer.remarks), nl=False)
         else:
             from planner.commands.show import out
 
-            out(replay_table(found, remarks))
+            out(replay_table(answer.replayed, answer.remarks))

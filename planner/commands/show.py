@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 PATIENCE_S = 1.5
-NARROWEST, USUAL_WIDTH, WIDEST = 40, 80, 100
+NARROWEST, USUAL_WIDTH, WIDEST = 20, 80, 160
 COMPILING = "Compiling the simulator for this machine: first run only, up to half a minute."
 
 
@@ -45,7 +45,7 @@ def remark(sentences: Iterable[str]) -> None:
 
 
 def out(renderable: object) -> None:
-    """Print for people on standard output, at most 100 columns wide; where no width is known, 80."""
+    """Print for people on standard output, at most 160 columns wide; where no width is known, 80."""
     from rich.console import Console
 
     width = max(min(Console().width or USUAL_WIDTH, WIDEST), NARROWEST)
