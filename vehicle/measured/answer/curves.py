@@ -25,7 +25,7 @@ from vehicle.effects import (
     effect,
 )
 from vehicle.learnt import Settings
-from vehicle.measured.answer.verdict import Curve
+from vehicle.measured.answer.verdict import ResidualPlot
 from vehicle.measured.causes.dependence import Dependence
 from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Stretch
@@ -123,7 +123,7 @@ _UNNAMED = {"speed": SPEED, "square": SPEED, "direction": DIRECTION, "time": TIM
 
 def best_curve(
     bench: Bench, settings: Mapping[int, Settings], names: Sequence[str], unnamed: Sequence[Dependence]
-) -> Curve | None:
+) -> ResidualPlot | None:
     """The curve of the first name, or of the first unnamed dependence; None when there is neither.
 
     `settings` are those of every run with what was found.
@@ -148,7 +148,7 @@ def _inner(stretch: Stretch) -> Mask:
     return np.asarray(moving & (stretch.time > SPAN_S) & (stretch.time < stretch.time[-1] - SPAN_S))
 
 
-def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Array, bench: Bench) -> Curve | None:
+def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Array, bench: Bench) -> ResidualPlot | None:
     if len(at) < 50:
         return None
     edges = np.unique(np.quantile(at, np.linspace(0.0, 1.0, BINS + 1)))
@@ -174,4 +174,4 @@ def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Arra
             after[mine].std() / independent,
         ))  # fmt: skip
     columns = np.array(parts).T
-    return Curve(regressor, quantity, *columns)
+    return ResidualPlot(regressor, quantity, *columns)
