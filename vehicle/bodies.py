@@ -7,7 +7,7 @@ import pymunk
 from vehicle.compile import outline
 from vehicle.tractor import Implement, Tractor
 
-FRICTION = 0.5  # of paint and steel on each other; contacts end a plan, so it never decides one
+FRICTION = 0.5  # any value will do: plans in which tractors touch are reported as collisions
 
 
 def make_body(

@@ -151,8 +151,8 @@ class Engine:
         lib.cpSpaceEachBody(
             self.space._space, ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched"), self._data[1]
         )
-        found = [value for body in self.bodies for value in (*body.force, body.torque)]
-        wrong = found != self.write[:count].tolist()
+        written = [value for body in self.bodies for value in (*body.force, body.torque)]
+        wrong = written != self.write[:count].tolist()
         for body in self.bodies:
             body.force, body.torque = (0.0, 0.0), 0.0
         self.write[:count] = 0.0

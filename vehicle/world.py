@@ -23,8 +23,8 @@ from vehicle.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, Run
 from vehicle.slow import Scene, run_slow
 from vehicle.tractor import Implement, Tractor
 
-CHUNK_S = 600.0  # between two looks at the progress: a fraction of a second of computing
-STALL_S = 120.0  # without any progress: longer than any turn and any change of gear
+CHUNK_S = 600.0  # of simulated time between two calls of `progress`
+STALL_S = 120.0  # in which no tractor of the plan gets on: far longer than a change of gear
 Array = npt.NDArray[Any]
 
 

@@ -16,7 +16,7 @@ from vehicle.measured.replay.course import Course, Stretch
 from vehicle.measured.replay.replaying import Rig, replay, seen
 from vehicle.measured.replay.windows import half_of
 
-HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # a bend, a turn, a headland turn, a swath of a small field
+HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # from a moment to a short swath at 5 km/h
 FEWEST_ROWS = 4  # three numbers of the rigid fit and one that can be wrong
 Seen = tuple[Array, Array, Array, Array]
 Squares = dict[float, Array]

@@ -10,7 +10,7 @@ from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import Rig, seen
+from vehicle.measured.replay.replaying import ANGLE, FORWARD, Rig, X, Y, seen
 from vehicle.measured.surprise.whitening import DRIFT_MEMORY_S, SOIL_MEMORY_S, Noise
 
 
@@ -33,13 +33,13 @@ def noisy_instruments(
 def over_rough_ground(noise: Noise, states: Array, rng: np.random.Generator) -> Array:
     """Replayed states (n, 5) turned, step by step, by the disturbance of the soil."""
     pushes = noise.soil * coloured(rng, np.exp(-np.full(len(states), DT_S) / SOIL_MEMORY_S))
-    extra = np.cumsum(pushes * np.abs(states[:, 4]) * DT_S)
+    extra = np.cumsum(pushes * np.abs(states[:, FORWARD]) * DT_S)
     out = states.copy()
-    dx, dy = np.diff(states[:, 0]), np.diff(states[:, 1])
+    dx, dy = np.diff(states[:, X]), np.diff(states[:, Y])
     c, s = np.cos(extra[:-1]), np.sin(extra[:-1])
-    out[1:, 0] = states[0, 0] + np.cumsum(dx * c - dy * s)
-    out[1:, 1] = states[0, 1] + np.cumsum(dx * s + dy * c)
-    out[:, 2] += extra
+    out[1:, X] = states[0, X] + np.cumsum(dx * c - dy * s)
+    out[1:, Y] = states[0, Y] + np.cumsum(dx * s + dy * c)
+    out[:, ANGLE] += extra
     return out
 
 
