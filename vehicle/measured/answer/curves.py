@@ -32,9 +32,10 @@ from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.replaying import replay, seen
 from vehicle.measured.surprise.bench import Bench
 
-SPAN_S = 1.0
-BINS = 12
-FEWEST = 4
+SPAN_S = 1.0  # over which rates are taken: a receiver tells a degree of course over a metre or so
+BINS = 12  # enough to see a line bend
+FEWEST = 4  # rows: fewer give no standard error worth drawing
+LEAST_ROWS = 50  # of all: about four a bin
 Quantity = Callable[[Bench, Stretch, Settings], Array]
 
 
@@ -149,7 +150,7 @@ def _inner(stretch: Stretch) -> Mask:
 
 
 def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Array, bench: Bench) -> ResidualPlot | None:
-    if len(at) < 50:
+    if len(at) < LEAST_ROWS:
         return None
     edges = np.unique(np.quantile(at, np.linspace(0.0, 1.0, BINS + 1)))
     if 2 < len(edges) < BINS // 2:
