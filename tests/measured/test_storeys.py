@@ -1,6 +1,7 @@
 """The storeys know only those below them, and every storey's modules are tested by their name."""
 
 import ast
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,6 @@ def test_thresholds_know_nobody_and_each_has_a_word() -> None:
     """Every constant stands under a comment that says where it comes from."""
     lines = (ROOM / "thresholds.py").read_text(encoding="utf-8").splitlines()
     assert imported(ROOM / "thresholds.py") == {"__future__", "__future__.annotations"}
-    for before, line in zip(lines, lines[1:], strict=False):
+    for before, line in pairwise(lines):
         if line[:1].isupper() and " = " in line:
             assert before.startswith("# ") and not before.startswith("# ---"), line

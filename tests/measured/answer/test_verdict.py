@@ -39,8 +39,10 @@ def answer(*findings: Finding, **more: Any) -> Diagnosis:
 
 
 def test_the_headline_says_the_most_that_is_known() -> None:
-    named, one, other = told("wheel_slip", NAMED, "It slips."), told("steering_offset", EQUIVALENT, "This."), told(
-        "implement_side_draft", EQUIVALENT, "That."
+    named, one, other = (
+        told("wheel_slip", NAMED, "It slips."),
+        told("steering_offset", EQUIVALENT, "This."),
+        told("implement_side_draft", EQUIVALENT, "That."),
     )
     assert answer(named, one, depends_on=("speed",)).headline == "It slips."
     assert answer(one, other).headline == "Several causes fit these logs equally well: This. Or: That."
