@@ -1,19 +1,48 @@
-"""Measured logs of real drives, in storeys that know only those below them.
+"""Measured logs of real drives: reading, diagnosing, and what a diagnosis says. Storeys know those above them here.
 
-logs      what a log is: a file as columns (record, table, reading), rows that cannot be used (gating, motion), wrong
-          units and signs recognised and fixed (conventions, conversions, bends, directions, gears), remarks
-replay    logged commands through the functions of planning (course, replaying), the open-loop error over horizons
-          (horizons, anchoring, windows), drives that nobody has made yet (drives)
-surprise  what surprises in logs, given instruments and soil (noise, whitening, weights, bench), and what noise alone
-          leaves (draws, floor)
-fit       effects as coordinates (knobs), one solver for all fits (solver): of surprises (fitting) and of the open-loop
-          error (openloop), and coordinates for data held out (heldout)
-causes    one more effect (trial), where in the field (patches), errors without a name (dependence), what speaks for a
-          cause (evidence), the choice (selection) and the fits it needs (refit)
-mend      lowering the error of runs held out where no cause is known: what could (proposals), what does (mending), two
-          grounds (levels), names all the same (irreplaceable); what is added (extension), the file made (extended)
-answer    what is said: names, findings, notes, curves, nextdrive; verdict holds the result types, diagnose the order of
-          the work, save the tractor file, demo made logs with a hidden effect
+logs: reading
+    record, table          what a log is; a file as columns of numbers
+    gating, stretches      which rows can be used and why not the others; which of them a replay can use
+    motion                 what the positions alone say
+    conventions            wrong units and signs, with conversions, bends, directions and gears: recognised and fixed
+    reading, remarks       the door: read_log, read_logs, log_from_frame; what a reader should know of a log
+
+replay: comparing
+    course                 stretches on the simulation's grid
+    replaying              logged commands through the functions of planning, and what instruments show of them
+    anchoring, windows     rigid fits in closed form; the parts of a run that take turns
+    horizons               open-loop error over horizons, anchored again piece by piece
+    drives                 programmes a person can drive, and what a tractor would log on them
+
+surprise: judging
+    whitening              a Kalman filter that knows instruments and soil
+    noise, weights         how rough the ground is; what each difference weighs
+    bench                  one vector of surprises for a set of logs
+    draws, floor           noise drawn as it is believed; the error that noise alone leaves
+
+fit: explaining
+    knobs                  effects and terms of the rest as coordinates
+    solver                 bounded Gauss-Newton with one-sided slopes, for every fit
+    fitting, openloop      fits to the surprises, and to the open-loop error as one vector
+    heldout                coordinates for data that had no part in finding them
+
+causes: choosing
+    trial, patches         one more effect and how far above chance it is; where in the field
+    dependence             what an error without a name depends on
+    evidence, refit        what runs held out say, how sure a coordinate is; a fit with a part more or less
+    selection              the choice: forward, exchanges, backward
+
+mend: lowering the error where no cause is known
+    proposals, mending     what could lower it; what does, and stays
+    levels, irreplaceable  runs on two grounds; effects that get a name all the same
+    extension, extended    what is added to a tractor; the tractor file it makes
+
+answer: saying
+    case, names            errors held out; which effects carry a name
+    findings, notes        one finding per effect; sentences beside the answer
+    nextdrive, curves      the drive that decides, the plot that shows a cause
+    verdict, diagnose      the result types; the order of the work
+    save, demo             the tractor file as text; made logs with a hidden effect
 
 Every number that decides a verdict stands in thresholds.
 """
