@@ -30,7 +30,7 @@ from reports.effect_words import capital, label, spelled
 from reports.template import rendered
 from reports.wording import listed, number
 from vehicle.effects import effect
-from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Curve, Diagnosis, Finding
+from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding, ResidualPlot
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720.0, 300.0, 64.0, 44.0, 12.0
 SHOWN_S = 5.0
@@ -153,7 +153,7 @@ def _shown_by(diagnosis: Diagnosis) -> str:
     return "" if alike or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
 
 
-def _curve(curve: Curve) -> dict[str, Any]:
+def _curve(curve: ResidualPlot) -> dict[str, Any]:
     """Points, error bars and axes of the curve in drawing coordinates."""
     lows = np.concatenate([curve.before - 2 * curve.before_error, curve.after - 2 * curve.after_error, [0.0]])
     highs = np.concatenate([curve.before + 2 * curve.before_error, curve.after + 2 * curve.after_error, [0.0]])

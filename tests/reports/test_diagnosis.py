@@ -27,12 +27,12 @@ from vehicle.measured.answer.verdict import (
     NAMED,
     NOT_VISIBLE,
     REFUTED,
-    Curve,
     Diagnosis,
     Finding,
     Grounds,
     NextDrive,
     PlanGain,
+    ResidualPlot,
 )
 from vehicle.measured.replay.horizons import Error
 from vehicle.tractor import EffectSetting, Rest, load_tractor
@@ -74,7 +74,7 @@ def diagnosis(*told: Finding, **more: Any) -> Diagnosis:
         "findings": tuple(by_id.get(entry.id) or finding(entry.id) for entry in CATALOGUE),
         "named": tuple(one.id for one in told if one.status == NAMED), "unexplained_share": 0.0, "depends_on": (),
         "next_drive": None, "tractor": load_tractor("eg105"), "calibration": {},
-        "curve": Curve("wheel angle, deg", "turning rate left over, deg/s", at, at, 0 * at, 0 * at, 0 * at),
+        "curve": ResidualPlot("wheel angle, deg", "turning rate left over, deg/s", at, at, 0 * at, 0 * at, 0 * at),
     }  # fmt: skip
     return Diagnosis(**(values | more))
 
@@ -339,7 +339,7 @@ class TestPage:
 
     def test_a_curve_with_one_point_has_ticks_that_differ(self) -> None:
         one = np.array([9.0])
-        curve = Curve("wheel angle, deg", "turning rate left over, deg/s", one, one, 0 * one, 0 * one, 0 * one)
+        curve = ResidualPlot("wheel angle, deg", "turning rate left over, deg/s", one, one, 0 * one, 0 * one, 0 * one)
         page = diagnosis_page(diagnosis(curve=curve))
         labels = re.findall(r'text-anchor="middle">(.*?)<', page)
         assert len(set(labels)) == len(labels) >= 3 and "9.0" in labels

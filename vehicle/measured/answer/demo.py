@@ -24,8 +24,8 @@ from vehicle.measured.surprise.draws import noisy_instruments, over_rough_ground
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor
 
-NOISE = Noise(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)
-WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02
+NOISE = Noise(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)  # chosen: RTK with two antennas, ordinary soil
+WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
 PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
 
 

@@ -21,7 +21,7 @@ from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import LEAST_GAIN, LOOK_ALIKE, LOOK_ALIKE_SHARE, SURELY_SHOWN
 from vehicle.tractor import Tractor
 
-TRIAL_SHARES = (0.3, 1.0, 2.0)
+TRIAL_SHARES = (0.3, 1.0, 2.0)  # of the typical size: a small trial is nearly linear, a large one shows a dead band
 Rivals = Mapping[str, Mapping[str, dict[str, float]]]
 
 

@@ -20,7 +20,10 @@ from vehicle.measured.replay.replaying import antenna_lever
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.whitening import Increments, innovations
 
+# From what a tractor can follow to longer runs; neighbours a tenth apart are as good as each other.
 PERIODS_S = tuple(np.geomspace(2.5, 80.0, 36).tolist())
+FEWEST_ROWS_PER_PERIOD = 8.0  # chosen: a wave of fewer cannot be told from another
+LONGEST_PERIOD = 1.3  # of the longest run: chosen, a longer one is a straight line in it
 DISTANCE, ALWAYS = "a change of the distance driven", "always"
 Terms = list[Increments]
 Maker = Callable[[Stretch, Increments, Array], Terms]
@@ -145,9 +148,10 @@ def dependences(bench: Bench) -> list[Dependence]:
     if not all(stretch.speed_seen for stretch in bench.course.stretches):
         terms = [one for one in terms if one.changes != DISTANCE]
     longest = max(stretch.time[-1] for stretch in bench.course.stretches)
-    fastest = 8.0 * max(float(np.median(np.diff(stretch.time))) for stretch in bench.course.stretches)
+    row_s = max(float(np.median(np.diff(stretch.time))) for stretch in bench.course.stretches)
+    fastest = FEWEST_ROWS_PER_PERIOD * row_s
     for period in PERIODS_S:
-        if fastest < period < 1.3 * longest:
+        if fastest < period < LONGEST_PERIOD * longest:
             terms += _waves(period, longest)
     return terms
 

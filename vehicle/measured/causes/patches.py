@@ -13,8 +13,9 @@ from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.whitening import Increments
 from vehicle.measured.thresholds import FEWEST_TURNED_RAD, MOST_OF_TURNING
 
-CELLS = 30  # per longer side of the field
-POLISHED = 2
+CELLS = 30  # per longer side of the field: chosen, fine enough for a wet corner, and 900 products a side
+POLISHED = 2  # circles: chosen, the best and one more, for every one costs some hundred simulations of the filter
+RADII = (1.5, 2.2, 3.2, 4.5, 6.5, 9.0)  # in cells: chosen, from the least that is no stripe to most of the field
 Circle = tuple[float, float, float]
 
 
@@ -67,7 +68,7 @@ class _Cells:
         """The best circle of each of several sizes, the better ones first."""
         circles = []
         whole = float(self.turned.sum())
-        for radius in self.size * np.array([1.5, 2.2, 3.2, 4.5, 6.5, 9.0]):
+        for radius in self.size * np.array(RADII):
             best: tuple[float, Circle] = (0.0, (0.0, 0.0, 0.0))
             for e, n in zip(self.east, self.north, strict=True):
                 inside = np.hypot(self.east - e, self.north - n) < radius

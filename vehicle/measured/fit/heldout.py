@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.measured.logs.record import Array
+from vehicle.measured.thresholds import TOLD
 
-TOLD = 0.02  # of all that the logs say of a coordinate: less is not being told
-GUARD = 1e-9
+GUARD = 1e-9  # of every diagonal entry: keeps a solvable system solvable, and changes nothing else
 Steps = dict[int, tuple[Array, Array]]
 
 

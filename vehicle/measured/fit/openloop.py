@@ -34,8 +34,8 @@ from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
 
-HORIZONS_S = (1.0, 5.0)
-KINDS = 3
+HORIZONS_S = (1.0, 5.0)  # chosen: soil drowns what is sought over longer ones, noise of the receiver over shorter
+KINDS = 3  # errors across, along and of the heading
 ITERATIONS = 3  # chosen: candidates start where a straight line promises most, and every step costs m simulations
 SETTLED = 0.01  # chosen, of the loss: a step that gains less is the last; half of what a term must be worth
 
