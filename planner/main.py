@@ -83,9 +83,10 @@ def _told(error: Exception) -> tuple[str, int]:
             f"There is not enough memory; {done}, try one process (--processes 1), fewer tractors or a smaller field, "
             "or allow more memory."
         ), FAULT_STATUS
-    if isinstance(error, OSError):
-        place = f"'{os.fsdecode(error.filename)}'" if isinstance(error.filename, str | bytes) else "Standard output"
-        return f"{place} cannot be used: {error.strerror}; {done}, mend that and try again.", FAULT_STATUS
+    if isinstance(error, OSError) and isinstance(error.filename, str | bytes):
+        return f"'{os.fsdecode(error.filename)[-80:]}' cannot be used: {error.strerror}; {done}.", BAD_INPUT_STATUS
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO, errno.EBADF):
+        return f"Standard output cannot be used: {error.strerror}; {done}, print to another place.", FAULT_STATUS
     words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     again = "" if debug else f"; {DEBUG}=1 shows where it happened, please report it"
     return f"A fault of Headland ({words}); {done}{again}.", FAULT_STATUS

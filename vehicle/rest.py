@@ -67,7 +67,7 @@ def rest_fields(amounts: Mapping[str, float]) -> dict[str, float]:
         if name not in BY_NAME:
             raise VehicleError(f"The rest has a term {name!r}; use some of: {', '.join(BY_NAME)}.")
         if not abs(amount) <= MOST:
-            raise VehicleError(f"The rest has {name} = {amount:g}; give a number of at most {MOST:g} either way.")
+            raise VehicleError(f"The rest has {name} = {amount:g}; give a finite number from {-MOST:g} to {MOST:g}.")
         fields[BY_NAME[name].field] = amount * BY_NAME[name].scale
     return fields
 

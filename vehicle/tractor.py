@@ -43,9 +43,9 @@ class Steering(_Frozen):
     """Steering system simulator, Eq. 2.8."""
 
     dead_band_deg: Annotated[float, _number(0.0, 45.0, "degrees")] = 0.1
-    switch_deg: Annotated[float, _number(0.001, 180.0, "degrees")] = 5.0
+    switch_deg: Annotated[float, _number(0.001, 360.0, "degrees")] = 5.0
     rate_deg_per_s: Annotated[float, _number(0.1, 10_000.0, "degrees per s")] = 16.0
-    lag_s: Annotated[float, _number(0.0001, 60.0, "s")] = 0.1
+    lag_s: Annotated[float, _number(1e-9, 60.0, "s")] = 0.1
     gain: Annotated[float, _number(0.001, 100.0, "wheel angle per commanded angle, 1 for a true one")] = 1.0
     latch: StrictBool = True
 

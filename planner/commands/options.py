@@ -35,7 +35,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs in
 _OPTIONS = {
     "field": "the field", "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
 }  # fmt: skip
-_UNITS = ("_mps", "_m", "_s", "_deg", "_per_deg")
+_UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 
 
 def option_of(parameter: str) -> str:

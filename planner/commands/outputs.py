@@ -56,12 +56,13 @@ def check_outputs(*outputs: Output, reads: Mapping[str | Path, str] | None = Non
     wanted = [(path, kind) for path, kind in outputs if path is not None]
     for path, kind in wanted:
         _check_kind(path, kind)
-    plain = {path: _check_place(path) for path, _ in wanted}
-    inputs = [(Path(path), what) for path, what in (reads or {}).items() if os.path.exists(path)]
-    for number, (path, _) in enumerate(wanted):
-        for other, what in (*inputs, *((earlier, "another result") for earlier, _ in wanted[:number])):
-            if _same(path, other, plain[path]):
+    capitals_alike = {path: _check_place(path) for path, _ in wanted}
+    taken = [(Path(path), what) for path, what in (reads or {}).items() if os.path.exists(path)]
+    for path, _ in wanted:
+        for other, what in taken:
+            if _same(path, other, capitals_alike[path]):
                 _refuse(f"{path} would overwrite {what}; choose another file.")
+        taken.append((path, "another result"))
 
 
 def _check_kind(path: Path, kind: str) -> None:
@@ -75,7 +76,8 @@ def _check_place(path: Path) -> bool:
     """Refuse a place that takes no file; True when its folder takes names that differ in capitals for one."""
     real = _real(path)
     if not os.path.isdir(real.parent):
-        _refuse(f"{_named(path)} cannot be written: the folder {real.parent} does not exist; make it first.")
+        parent = real.parent if os.path.islink(path) else path.parent
+        _refuse(f"{_named(path)} cannot be written: the folder {parent} does not exist; make it first.")
     try:
         now = os.stat(real)
     except FileNotFoundError:
@@ -99,13 +101,20 @@ def _check_place(path: Path) -> bool:
 def _check_present(path: Path, now: os.stat_result) -> None:
     if not stat.S_ISREG(now.st_mode):
         _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
+    if any(os.path.samestat(now, printed) for printed in _printed()):
+        _refuse(f"{path} is where this command prints to; choose another file.")
+
+
+def _printed() -> Iterator[os.stat_result]:
+    """What standard output and standard error lead to, as far as they lead anywhere."""
     for stream in (sys.__stdout__, sys.__stderr__):
-        with suppress(OSError, ValueError, AttributeError):
-            if os.path.samestat(now, os.fstat(stream.fileno())):  # type: ignore[union-attr]
-                _refuse(f"{path} is where this command prints to; choose another file.")
+        with suppress(OSError, ValueError):
+            if stream is not None:
+                yield os.fstat(stream.fileno())
 
 
 def _same(path: Path, other: Path, capitals_alike: bool) -> bool:
+    """Whether two names lead to one file, or would once it is written."""
     with suppress(OSError):
         if os.path.samefile(path, other):
             return True

@@ -48,5 +48,5 @@ def out(renderable: object) -> None:
     """Print for people on standard output, at most 100 columns wide; where no width is known, 80."""
     from rich.console import Console
 
-    console = Console()
-    console.print(renderable, width=max(min(console.width or USUAL_WIDTH, WIDEST), NARROWEST))
+    width = max(min(Console().width or USUAL_WIDTH, WIDEST), NARROWEST)
+    Console(width=width).print(renderable)
