@@ -125,10 +125,9 @@ def _planned(scenario: Scenario, processes: int | None, pictures: bool) -> Plann
     from planner.pool import local_pool
     from planner.rank import candidates
 
-    with local_pool(len(candidates(scenario)), processes) as executor:
-        warm_up()
-        with progress_bar("Simulating plans") as progress:
-            return simulate_all(scenario, executor=executor, progress=progress, pictures=pictures)
+    warm_up()
+    with local_pool(len(candidates(scenario)), processes) as executor, progress_bar("Simulating plans") as progress:
+        return simulate_all(scenario, executor=executor, progress=progress, pictures=pictures)
 
 
 def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
