@@ -5,7 +5,7 @@
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
 evaluate       one candidate: built, simulated, repaired, measured (deconflict, steady, measure)
-tasks, pool    candidates as tasks for any executor; processes of this machine (worker is their other end)
+tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from planner.errors import HeadlandError
     from planner.fleet_study import study
     from planner.planning import Planned, plan
-    from planner.pool import SerialExecutor, WorkerPool, local_pool
+    from planner.pool import LocalPool, SerialExecutor, local_pool
     from planner.replaying import Replay, replay
     from planner.scenario import Scenario
 
 __all__ = [
     "HeadlandError",
+    "LocalPool",
     "Planned",
     "Replay",
     "Scenario",
     "SerialExecutor",
-    "WorkerPool",
     "diagnose",
     "local_pool",
     "plan",
@@ -50,7 +50,7 @@ _HOMES = {
     "errors": ("HeadlandError",),
     "fleet_study": ("study",),
     "planning": ("Planned", "plan"),
-    "pool": ("SerialExecutor", "WorkerPool", "local_pool"),
+    "pool": ("SerialExecutor", "LocalPool", "local_pool"),
     "replaying": ("Replay", "replay"),
     "scenario": ("Scenario",),
 }

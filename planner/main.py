@@ -94,7 +94,7 @@ def _told(error: Exception) -> tuple[str, int]:
 
 def _lacks_memory(error: BaseException) -> bool:
     """Whether memory ran out, which a library that cannot be loaded and a process that is lost say their way."""
-    if type(error).__name__ == "BrokenExecutor":
+    if type(error).__name__ == "BrokenProcessPool":
         return True
     if isinstance(error, ImportError):
         return any(words in str(error) for words in ("failed to map segment", "allocate memory"))

@@ -1,29 +1,23 @@
 """Executors that plan on this machine, and how any executor is asked.
 
-Processes of the pool are started as fresh interpreters, never forked: the caller may have threads, and its main
-module is not run again in them. They hear of their tasks through a pipe and end when it is closed, so none outlives
-the process that started it, however that one ends.
+The pool is the standard library's, with processes that are started afresh (`spawn`) and never forked: the caller may
+have threads. A script that uses it keeps what it does under `if __name__ == "__main__":`, as any that starts processes.
 """
 
 from __future__ import annotations
 
-import contextlib
+import multiprocessing
 import os
-import pickle
-import queue
-import subprocess
-import sys
+import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from multiprocessing.spawn import get_executable
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
-Task = tuple[Future[Any], Callable[..., Any], tuple[Any, ...], dict[str, Any]]
-BOOT = "import sys; sys.path[:] = {path!r}; from planner.worker import main; main()"
-LOST = "A worker process ended before its result was there, perhaps for want of memory; use fewer processes."
+AHEAD = 2  # tasks handed to each process at a time: one to do and one to go on with
 
 
 class SerialExecutor(Executor):
@@ -39,121 +33,45 @@ class SerialExecutor(Executor):
         return future
 
 
-class WorkerPool(Executor):
-    """Fresh processes that start at once, and the caller as one more hand while it waits (`assist`).
+class LocalPool(ProcessPoolExecutor):
+    """Fresh processes that end when the one that started them does, however that one ends.
 
-    Tasks and results are pickled. A task that fails raises its error from the future; BrokenExecutor where the
-    process itself was lost. Leaving the `with` block by an exception, such as Ctrl-C, ends what is under way.
+    `completed` makes the caller one more hand: it does tasks itself where all processes have enough. Leaving the
+    `with` block by an exception, such as Ctrl-C, ends what is under way.
     """
 
     def __init__(self, processes: int) -> None:
-        self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
-        self._processes = [_start() for _ in range(processes)]
-        self._threads = [
-            threading.Thread(target=self._feed, args=(process,), daemon=True) for process in self._processes
-        ]
-        self._closed = False
-        for thread in self._threads:
-            thread.start()
-
-    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """A future of the call in one of the processes, or in the caller's own when it assists."""
-        if self._closed:
-            raise RuntimeError("This pool is shut down; make another.")
-        future: Future[T] = Future()
-        self._tasks.put((future, fn, args, kwargs))
-        return future
-
-    def assist(self) -> bool:
-        """Do one task that nobody has begun, here and now; False when there is none."""
-        try:
-            task = self._tasks.get_nowait()
-        except queue.Empty:
-            return False
-        if task is None:
-            self._tasks.put(None)
-            return False
-        future, fn, args, kwargs = task
-        if future.set_running_or_notify_cancel():
-            try:
-                future.set_result(fn(*args, **kwargs))
-            except Exception as error:
-                future.set_exception(error)
-        return True
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more tasks; the processes end when those submitted, or only those begun, are done."""
-        if not self._closed:
-            self._closed = True
-            if cancel_futures:
-                self._drop()
-            for _ in self._threads:
-                self._tasks.put(None)
-        if wait:
-            for thread in self._threads:
-                thread.join()
+        context = multiprocessing.get_context("spawn")
+        listen, self._lifeline = context.Pipe(duplex=False)
+        super().__init__(processes, context, _begin, (listen,))
+        self.window = AHEAD * processes
+        for _ in range(processes):
+            self.submit(_load)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
         if kind is not None:
-            for process in self._processes:
-                process.kill()
-        self.shutdown(cancel_futures=kind is not None)
-        return None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def _drop(self) -> None:
-        """Cancel what nobody has begun."""
-        while True:
-            try:
-                task = self._tasks.get_nowait()
-            except queue.Empty:
-                return
-            if task is not None:
-                task[0].cancel()
-
-    def _feed(self, process: subprocess.Popen[bytes]) -> None:
-        """Hand tasks to one process, one at a time, until there are no more."""
-        with contextlib.suppress(OSError), process:  # closing the pipe of a process that was killed may complain
-            while (task := self._tasks.get()) is not None:
-                future, *call = task
-                if not future.set_running_or_notify_cancel():
-                    continue
-                try:
-                    done, value = _ask(process, call)
-                except (EOFError, OSError, pickle.UnpicklingError):
-                    future.set_exception(BrokenExecutor(LOST))
-                    return
-                except Exception as error:
-                    future.set_exception(error)
-                    continue
-                if done:
-                    future.set_result(value)
-                else:
-                    future.set_exception(value)
+            self._lifeline.close()
+        return super().__exit__(kind, error, trace)
 
 
-def _start() -> subprocess.Popen[bytes]:
-    """A process that takes tasks; in a group of its own, so that Ctrl-C is for the one that collects the results."""
-    path = [os.path.abspath(place) for place in sys.path]
-    words = [os.fsdecode(get_executable()), "-c", BOOT.format(path=path)]
-    if os.name == "posix":
-        return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, process_group=0)
-    flags = int(getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0))
-    return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, creationflags=flags)
+def _begin(lifeline: Connection) -> None:
+    """In a new process: leave Ctrl-C to the one that collects the results, and end as soon as the lifeline does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_outlive_nobody, args=(lifeline,), daemon=True).start()
 
 
-def _ask(process: subprocess.Popen[bytes], call: list[Any]) -> tuple[bool, Any]:
-    """Send a call, its length first, and wait for (True, its result) or (False, its error)."""
-    assert process.stdin is not None and process.stdout is not None
-    text = pickle.dumps(call)
-    process.stdin.write(len(text).to_bytes(8, "big") + text)
-    process.stdin.flush()
-    answer: tuple[bool, Any] = pickle.load(process.stdout)
-    return answer
+def _outlive_nobody(lifeline: Connection) -> None:
+    try:
+        lifeline.recv_bytes()
+    except (EOFError, OSError):
+        os._exit(0)
+
+
+def _load() -> None:
+    """Bring in what every candidate needs while the caller still prepares them."""
+    import planner.evaluate  # noqa: F401
 
 
 def local_pool(tasks: int, processes: int | None = None) -> Executor:
@@ -162,19 +80,24 @@ def local_pool(tasks: int, processes: int | None = None) -> Executor:
     The calling process counts as one: a single task or a single process needs no other.
     """
     count = min(processes or os.cpu_count() or 1, tasks)
-    return SerialExecutor() if count <= 1 else WorkerPool(count - 1)
+    return SerialExecutor() if count <= 1 else LocalPool(count - 1)
 
 
 def completed(executor: Executor, fn: Callable[..., T], work: list[tuple[Any, ...]]) -> Iterator[tuple[int, T]]:
     """(index, result) of fn(*work[index]) as they are done; what is not begun is cancelled if the caller leaves."""
+    window = executor.window if isinstance(executor, LocalPool) else len(work)
     waiting: dict[Future[T], int] = {}
-    assist: Callable[[], bool] = getattr(executor, "assist", lambda: False)
+    left = list(enumerate(work))[::-1]
     try:
-        for index, arguments in enumerate(work):
-            waiting[executor.submit(fn, *arguments)] = index
-            yield from _finished(waiting)
-        while waiting:
-            if not assist():
+        while left or waiting:
+            while left and len(waiting) < window:
+                index, arguments = left.pop()
+                waiting[executor.submit(fn, *arguments)] = index
+                yield from _finished(waiting)
+            if left:
+                index, arguments = left.pop()
+                yield index, fn(*arguments)
+            elif waiting:
                 wait(waiting, return_when=FIRST_COMPLETED)
             yield from _finished(waiting)
     finally:

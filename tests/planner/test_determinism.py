@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner import HeadlandError, Planned, Scenario, SerialExecutor, WorkerPool, plan
+from planner import HeadlandError, LocalPool, Planned, Scenario, SerialExecutor, plan
 from planner.scenario import parse_counts
 from reports.export import ranking_csv, ranking_json
 from reports.results import Ranking
@@ -25,15 +25,15 @@ EXECUTORS: dict[str, Callable[[], Executor]] = {
     "serial": SerialExecutor,
     "threads": lambda: ThreadPoolExecutor(3),
     "spawned": spawned,
-    "one worker and the caller": lambda: WorkerPool(1),
-    "more workers than cores": lambda: WorkerPool(3),
+    "one worker and the caller": lambda: LocalPool(1),
+    "more workers than cores": lambda: LocalPool(3),
 }
 
 
 @pytest.fixture(scope="module")
-def pool() -> Iterator[WorkerPool]:
+def pool() -> Iterator[LocalPool]:
     """Processes that several questions share."""
-    with WorkerPool(1) as executor:
+    with LocalPool(1) as executor:
         yield executor
 
 
@@ -71,13 +71,13 @@ def test_same_bytes_from_any_executor(scenario: Scenario, answer: Planned, first
     assert other.run.record.tobytes() == answer.run.record.tobytes()
 
 
-def test_same_bytes_for_another_order_of_counts_and_names(scenario: Scenario, first: str, pool: WorkerPool) -> None:
+def test_same_bytes_for_another_order_of_counts_and_names(scenario: Scenario, first: str, pool: LocalPool) -> None:
     swapped = replace(scenario, tractors=parse_counts("3,1-2"), strategies=scenario.strategies[::-1])
     assert swapped.tractors == scenario.tractors
     assert ranking_json(plan(swapped, executor=pool).ranking) == first
 
 
-def test_objects_and_names_are_the_same_question(scenario: Scenario, first: str, pool: WorkerPool) -> None:
+def test_objects_and_names_are_the_same_question(scenario: Scenario, first: str, pool: LocalPool) -> None:
     from fields import read_field
 
     field, tractor = read_field(scenario.field, local=True), load_tractor("eg105")
@@ -93,7 +93,7 @@ def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: Scenario) -
 
 
 def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
-    scenario: Scenario, answer: Planned, pool: WorkerPool
+    scenario: Scenario, answer: Planned, pool: LocalPool
 ) -> None:
     best = answer.ranking.best
     assert best is not None and answer.run is not None
@@ -122,7 +122,7 @@ def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: Scenario, an
         assert replace(among, rank=None, on_pareto_front=False) == alone(count, name)
 
 
-def test_the_seed_is_echoed_and_changes_nothing_else(scenario: Scenario, first: str, pool: WorkerPool) -> None:
+def test_the_seed_is_echoed_and_changes_nothing_else(scenario: Scenario, first: str, pool: LocalPool) -> None:
     import json
 
     other = json.loads(ranking_json(plan(replace(scenario, seed=8), executor=pool).ranking))
@@ -132,7 +132,7 @@ def test_the_seed_is_echoed_and_changes_nothing_else(scenario: Scenario, first: 
     assert before == other
 
 
-def test_progress_counts_up_to_all(scenario: Scenario, pool: WorkerPool) -> None:
+def test_progress_counts_up_to_all(scenario: Scenario, pool: LocalPool) -> None:
     seen: list[tuple[int, int]] = []
     small = replace(scenario, tractors=(1, 2), strategies=("split-field", "interleaved"))
     ranking = plan(small, executor=pool, progress=lambda done, total: seen.append((done, total))).ranking
