@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.deconflict import without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
-from planner.site import Site, gnss_errors
+from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from reports.results import PlanResult
 from strategies.errors import StrategyError
@@ -99,10 +99,8 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
 
 def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
-    fixes = gnss_errors(site.scenario)
-
     def simulate(plan: Plan) -> Run:
-        world = World(plan, site.tractor, site.implement, fixes=fixes, seed=site.scenario.seed)
+        world = World(plan, site.tractor, site.implement, fixes=site.fixes, seed=site.scenario.seed)
         return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
 
     refine = strategy.refine

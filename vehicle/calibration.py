@@ -1,4 +1,4 @@
-"""Circles driven by the base model, and the steering table that gives a tractor its measured turning radii.
+"""The steering table that gives a tractor its measured turning radii, from circles driven by the base model.
 
 Eq. 2.9, 2.10 and 5.1 map the physical angle to the angle of the thesis's own base model. On another base model the
 invariant is the measured radius, so the table is the inverse of *our* base model's curve, measured here.
@@ -12,13 +12,15 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.circles import CIRCLE_SPEED_MPS, Circle, fixed_circle
 from vehicle.errors import VehicleError
-from vehicle.ground import GROUNDS
+from vehicle.ground import GROUNDS, ground_index
+from vehicle.learnt import without_logs
 from vehicle.tractor import Tractor
 
-CIRCLE_SPEED_MPS = 5.0 / 3.6  # speed of the thesis's experiments
-BASE_LOCK_DEG = 55.0
-TABLE_STEPS = 281
+BASE_LOCK_DEG = 55.0  # the base model turns further than any tractor, so that every measured radius is found
+TABLE_STEPS = 281  # a quarter of a degree apart at a lock of 35
+SETTLED_S = 20.0  # of a circle: longer changes its radius by less than a millionth
 _SAMPLES_DEG = (1.0, 2.0, 4.0, 7.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 54.0)
 Array = npt.NDArray[np.float64]
 
@@ -31,12 +33,10 @@ def identity_table(lock_deg: float) -> Array:
 @lru_cache(maxsize=16)
 def _base_curve(tractor_key: str, ground: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Measured over kinematic radius of the base model at the sample angles (degrees)."""
-    from vehicle.world import drive_circle  # the world needs this module's tables
-
     tractor = Tractor.model_validate_json(tractor_key)
     ratios = []
     for angle in _SAMPLES_DEG:
-        radius = drive_circle(tractor, angle, GROUNDS[ground].name, corrected=False, seconds=20.0).radius_m
+        radius = base_circle(tractor, angle, ground, SETTLED_S).radius_m
         ratios.append(radius / float(kinematic_radius(tractor, np.array(math.radians(angle)))))
     return _SAMPLES_DEG, tuple(ratios)
 
@@ -84,16 +84,43 @@ def _base_angle(tractor: Tractor, radius: Array, ground: int) -> Array:
 
 
 def _bare(tractor: Tractor) -> str:
-    """The tractor without names and measured radii, as a cache key."""
-    return tractor.model_copy(update={"radius": {}, "source": {}, "name": "", "effects": {}}).model_dump_json()
+    """The tractor without names, measured radii and what logs taught, as a cache key."""
+    bare = without_logs(tractor).model_copy(update={"radius": {}, "source": {}, "name": ""})
+    return bare.model_dump_json()
 
 
 def steering_tables(tractor: Tractor) -> Array:
-    """Tables of all grounds, shape (grounds, TABLE_STEPS)."""
-    return np.array(_tables(tractor.model_copy(update={"effects": {}}).model_dump_json()))
+    """Tables of all grounds, shape (grounds, TABLE_STEPS).
+
+    Measured radii are those of the tractor before logs taught more of it: effects and rest come on top.
+    """
+    return np.array(_tables(without_logs(tractor).model_dump_json()))
 
 
 @lru_cache(maxsize=16)
 def _tables(tractor_key: str) -> tuple[tuple[float, ...], ...]:
     tractor = Tractor.model_validate_json(tractor_key)
     return tuple(tuple(steering_table(tractor, ground).tolist()) for ground in range(len(GROUNDS)))
+
+
+def base_circle(
+    tractor: Tractor, steering_deg: float, ground: int, seconds: float = 60.0, speed_mps: float = CIRCLE_SPEED_MPS
+) -> Circle:
+    """The circle of the base model with its own larger lock, the angle handed to it as it is."""
+    wide = tractor.model_copy(update={"max_steering_deg": BASE_LOCK_DEG})
+    tables = np.array([identity_table(BASE_LOCK_DEG)] * len(GROUNDS))
+    return fixed_circle(wide, steering_deg, ground, tables, seconds=seconds, speed_mps=speed_mps)
+
+
+def drive_circle(
+    tractor: Tractor, steering_deg: float, ground: str, *, corrected: bool = True, seconds: float = 60.0,
+    speed_mps: float = CIRCLE_SPEED_MPS,
+) -> Circle:  # fmt: skip
+    """The circle of a tractor at a wheel angle, with effects and rest of its file; uncorrected, of the base model.
+
+    Raises VehicleError for an unknown ground.
+    """
+    index = ground_index(ground)
+    if not corrected:
+        return base_circle(tractor, steering_deg, index, seconds, speed_mps)
+    return fixed_circle(tractor, steering_deg, index, steering_tables(tractor), seconds=seconds, speed_mps=speed_mps)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.effects import REST_KEY, effect_fields
 from vehicle.ground import GROUNDS, ground_index
 from vehicle.layout import GATE, GROUND, LEG, MODEL, STATE
+from vehicle.learnt import learnt
 from vehicle.missions import Leg, Mission, Plan
-from vehicle.rest import range_fields
 from vehicle.tractor import Implement, Tractor
 
 Array = npt.NDArray[Any]
@@ -70,24 +68,9 @@ def compile_model(tractor: Tractor, implement: Implement) -> Array:
         ),
         **boxes,
     }
-    for name, value in (values | extension_fields(tractor)).items():
+    for name, value in (values | learnt(tractor).fields).items():
         model[name] = value
     return model
-
-
-def extension_fields(tractor: Tractor) -> dict[str, float]:
-    """Fields of MODEL for what logs have added to a tractor: its effects, and its rest unless that is switched off."""
-    settings, ranges = learnt(tractor)
-    return effect_fields(settings) | ranges
-
-
-def learnt(tractor: Tractor) -> tuple[dict[str, Mapping[str, float]], dict[str, float]]:
-    """Settings of what logs have added to a tractor, and the fields that keep its rest to where it was seen."""
-    settings: dict[str, Mapping[str, float]] = {name: one.value for name, one in tractor.effects.items()}
-    rest = tractor.rest
-    if rest is None or not rest.on:
-        return settings, {}
-    return settings | {REST_KEY: rest.amounts}, range_fields(rest.speed_mps, rest.angle_deg)
 
 
 def compile_grounds() -> Array:

@@ -9,10 +9,10 @@ import math
 
 from vehicle.driveline import STOPPED_MPS
 from vehicle.guidance import project, steering_command, target_point, wrapped
+from vehicle.instruments import seen_pose
 from vehicle.jit import compiled
 from vehicle.layout import FINISHED, REVERSING, TURNING, WAITING, WORKING
 from vehicle.speed import approach_speed, follower_speed
-from vehicle.terms import seen_pose
 
 ARRIVED_M = 0.08
 CREEP_MPS = 0.12

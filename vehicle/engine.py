@@ -18,6 +18,7 @@ from numba.extending import intrinsic
 from pymunk._chipmunk_cffi import ffi, lib
 
 from vehicle.errors import VehicleError
+from vehicle.layout import BODY_WIDTH
 
 READ = (
     pymunk.batch.BodyFields.POSITION
@@ -27,7 +28,7 @@ READ = (
 )
 WRITE = pymunk.batch.BodyFields.FORCE | pymunk.batch.BodyFields.TORQUE
 TOUCH = pymunk.batch.ArbiterFields.BODY_A_ID | pymunk.batch.ArbiterFields.BODY_B_ID
-READ_WIDTH, WRITE_WIDTH, SLACK = 6, 3, 16
+READ_WIDTH, WRITE_WIDTH, SLACK = BODY_WIDTH, 3, 16
 
 # Places in the array of addresses handed to compiled code.
 STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SPACE, READ_DATA, WRITE_DATA, TOUCH_DATA = range(10)
@@ -150,8 +151,8 @@ class Engine:
         lib.cpSpaceEachBody(
             self.space._space, ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched"), self._data[1]
         )
-        found = [value for body in self.bodies for value in (*body.force, body.torque)]
-        wrong = found != self.write[:count].tolist()
+        written = [value for body in self.bodies for value in (*body.force, body.torque)]
+        wrong = written != self.write[:count].tolist()
         for body in self.bodies:
             body.force, body.torque = (0.0, 0.0), 0.0
         self.write[:count] = 0.0

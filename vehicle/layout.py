@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-HISTORY = 96  # steps that delays can reach back
+DT_S = 1.0 / 60.0  # one step: pymunk's customary 60 Hz, which 10 Hz control divides
+HISTORY = 96  # steps that delays can reach back: 1.6 s, above the longest dead time and latency of the catalogue
 
 # What does not change during a run, per kind of tractor; SI and radians, distances from the centre of mass.
 MODEL = np.dtype(

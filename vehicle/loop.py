@@ -30,6 +30,7 @@ from vehicle.engine import (
 )
 from vehicle.gnss import draw_error
 from vehicle.jit import compiled
+from vehicle.layout import REC_ANGLE, REC_LEG, REC_SPEED, REC_STATUS, REC_STEERING, REC_X, REC_Y
 from vehicle.steering import corrected_angle
 from vehicle.terms import affected_tangent, ground_drift
 
@@ -82,13 +83,13 @@ def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
     """Write one row of the 10 Hz record, columns as in vehicle.layout.RECORD."""
     for i in range(len(states)):
         state = states[i]
-        record[row, i, 0] = state.x
-        record[row, i, 1] = state.y
-        record[row, i, 2] = state.angle
-        record[row, i, 3] = state.steering
-        record[row, i, 4] = state.forward
-        record[row, i, 5] = state.leg - state.first_leg
-        record[row, i, 6] = state.status
+        record[row, i, REC_X] = state.x
+        record[row, i, REC_Y] = state.y
+        record[row, i, REC_ANGLE] = state.angle
+        record[row, i, REC_STEERING] = state.steering
+        record[row, i, REC_SPEED] = state.forward
+        record[row, i, REC_LEG] = state.leg - state.first_leg
+        record[row, i, REC_STATUS] = state.status
 
 
 @compiled
@@ -165,7 +166,7 @@ def run_loop(  # type: ignore[no-untyped-def]
 def run_fixed(  # type: ignore[no-untyped-def]
     steps, dt, addresses, read, write, read_count, write_count, states, models, grounds, ground, tables, track
 ) -> None:  # fmt: skip
-    """Drive one tractor with the command and target speed in its state; `track` (steps, 6) keeps the raw body."""
+    """Drive one tractor with the command and target speed in its state; `track` (steps, 6) keeps its BODY columns."""
     for step in range(steps):
         read_count[0] = 0
         call_each(addresses[EACH_BODY], addresses[SPACE], addresses[GET_BODY], addresses[READ_DATA])

@@ -1,4 +1,4 @@
-"""What measured effects do to the steering, the path and the antenna: one formula each, for planning and for replay.
+"""What measured effects do to the steering and the path: one formula each, for planning and for replay.
 
 Every function takes a MODEL record of vehicle.layout; its fields of effects are filled by vehicle.effects and count
 only where `affected` is set, so that a tractor without effects pays for one comparison.
@@ -14,9 +14,9 @@ from vehicle.steering import corrected_angle
 
 GRAVITY_MPS2 = 9.80665
 DRIFT_LIMIT = 0.3  # grip that changes with time is not believed beyond this share of it
-KNEE = 5.0  # how sharply a curve meets the limit of side force
-REST_LIMIT = 0.9
-CRAWL_MPS = 0.1
+KNEE = 5.0  # how sharply a curve meets the limit of side force: at four fifths of it 5 % of a curve are lost
+REST_LIMIT = 0.9  # of the curvature: a rest told at some speeds and angles must not turn a tractor the other way
+CRAWL_MPS = 0.1  # below it a push fades out: a tractor that stands stays
 
 
 @compiled
@@ -148,23 +148,3 @@ def delayed(ring, step: int, late: float) -> float:  # type: ignore[no-untyped-d
     whole = int(late)
     share = late - whole
     return ring[(step - whole) % size] * (1.0 - share) + ring[(step - whole - 1) % size] * share  # type: ignore[no-any-return]
-
-
-@compiled
-def seen_pose(state, model) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
-    """Centre of mass and heading as guidance believes them: late, biased, with the antenna where the file says."""
-    x, y, true = state.x, state.y, state.angle
-    last = state.clock - 1
-    if model.latency > 0.0 and last >= 0:
-        # The rings end with the pose one step ago.
-        late = min(max(model.latency - 1.0, 0.0), float(last))
-        share = min(model.latency, 1.0)
-        x += share * (delayed(state.xs, last, late) - x)
-        y += share * (delayed(state.ys, last, late) - y)
-        true += share * (delayed(state.angles, last, late) - true)
-    angle = true + model.heading_bias
-    # The antenna stands at (forward + shift, shift) of the true heading; the file's lever is taken off the seen one.
-    ahead = model.guide + model.shift_forward
-    x += ahead * math.cos(true) + model.shift_right * math.sin(true) - model.guide * math.cos(angle)
-    y += ahead * math.sin(true) - model.shift_right * math.cos(true) - model.guide * math.sin(angle)
-    return x, y, angle

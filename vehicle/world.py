@@ -1,61 +1,31 @@
-"""A pymunk space with tractors in it, and the two ways to drive them: by a plan, or by a fixed command."""
+"""A pymunk space with tractors in it, driven by a plan."""
 
 from __future__ import annotations
 
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from vehicle.calibration import BASE_LOCK_DEG, CIRCLE_SPEED_MPS, identity_table, steering_tables
-from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compile_plan, outline
+from vehicle.bodies import make_body
+from vehicle.calibration import steering_tables
+from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compile_plan
 from vehicle.engine import Engine, EngineUnavailable
 from vehicle.gnss import NO_ERROR, error_keys
-from vehicle.ground import GROUNDS, ground_index
-from vehicle.layout import STATE
-from vehicle.loop import ALL_DONE, RUNNING, STALLED, TOO_CLOSE, run_fixed, run_loop
+from vehicle.layout import DT_S, RECORD
+from vehicle.loop import ALL_DONE, RUNNING, STALLED, TOO_CLOSE, run_loop
 from vehicle.missions import Plan, check_plan
 from vehicle.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, Run
+from vehicle.slow import Scene, run_slow
 from vehicle.tractor import Implement, Tractor
 
-DT_S = 1.0 / 60.0
-CHUNK_S = 600.0
-STALL_S = 120.0
+CHUNK_S = 600.0  # of simulated time between two calls of `progress`
+STALL_S = 120.0  # in which no tractor of the plan gets on: far longer than a change of gear
 Array = npt.NDArray[Any]
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A drive with a fixed steering angle: the antenna's track (t, 2), its radius and centre."""
-
-    track: npt.NDArray[np.float64]
-    radius_m: float
-
-
-def make_body(
-    space: pymunk.Space, tractor: Tractor, implement: Implement, pose: tuple[float, float, float]
-) -> pymunk.Body:
-    """A tractor body at its centre of mass, with contact boxes for tractor and implement."""
-    body = pymunk.Body(tractor.mass_kg, tractor.inertia_kg_m2)
-    body.position, body.angle = pose[:2], pose[2]
-    boxes = outline(tractor, implement)
-    shapes = [
-        _box(body, boxes["tail"], boxes["nose"], boxes["half_width"]),
-        _box(body, boxes["tool_tail"], boxes["tool_front"], boxes["tool_half_width"]),
-    ]
-    space.add(body, *shapes)
-    return body
-
-
-def _box(body: pymunk.Body, rear: float, front: float, half: float) -> pymunk.Poly:
-    shape = pymunk.Poly(body, [(rear, -half), (front, -half), (front, half), (rear, half)])
-    shape.friction = 0.5
-    return shape
 
 
 class World:
@@ -103,7 +73,7 @@ class World:
         outcome = RUNNING
         total = float(sum(self.program.legs["end"][s["last_leg"]] for s in self.program.states))
         while outcome == RUNNING and self.clock[0] < most:
-            chunk = np.empty((math.ceil(CHUNK_S / (DT_S * self.every)) + 1, self.plan.tractors, 7))
+            chunk = np.empty((math.ceil(CHUNK_S / (DT_S * self.every)) + 1, self.plan.tractors, len(RECORD)))
             steps = min(round(CHUNK_S / DT_S), most - int(self.clock[0]))
             outcome, rows, *self.pair = advance(steps, chunk, stop_clearance_m)
             chunks.append(chunk[:rows])
@@ -127,10 +97,12 @@ class World:
                     program.points, program.cumulative, record, self.clearances, self.contacts, stop, STALL_S,
                     self.fixes,
                 )  # fmt: skip
-        from vehicle.slow import run_slow
-
         self.ids = np.array([body.id for body in self.bodies])
-        return lambda steps, record, stop: run_slow(self, steps, DT_S, record, stop, STALL_S)
+        scene = Scene(
+            self.space, self.bodies, program, self.models, self.grounds, self.tables, self.fixes, self.every,
+            self.clock, self.clearances, self.contacts,
+        )  # fmt: skip
+        return lambda steps, record, stop: run_slow(scene, steps, DT_S, record, stop, STALL_S)
 
     def _result(self, outcome: int, record: Array) -> Run:
         names = {ALL_DONE: DONE, TOO_CLOSE: CONFLICT, STALLED: STALL, RUNNING: TIMEOUT}
@@ -169,39 +141,3 @@ class World:
 def simulate(plan: Plan, tractor: Tractor, implement: Implement, **options: Any) -> Run:
     """Build a world for the plan and run it; options as for World.run."""
     return World(plan, tractor, implement).run(**options)
-
-
-def drive_circle(
-    tractor: Tractor, steering_deg: float, ground: str, *, corrected: bool = True, seconds: float = 60.0,
-    speed_mps: float = CIRCLE_SPEED_MPS,
-) -> Circle:  # fmt: skip
-    """Drive with the wheels at a fixed angle and measure the circle of the antenna over the last second.
-
-    Without correction the angle goes straight to the base model, up to its own larger lock.
-    """
-    index = ground_index(ground)
-    if not corrected:
-        tractor = tractor.model_copy(update={"max_steering_deg": BASE_LOCK_DEG})
-        tables = np.array([identity_table(BASE_LOCK_DEG)] * len(GROUNDS))
-    else:
-        tables = steering_tables(tractor)
-    space = pymunk.Space()
-    engine = Engine(space, [make_body(space, tractor, Implement(), (0.0, 0.0, math.pi / 2))])
-    states = np.zeros(1, dtype=STATE)
-    # The wheels stand at the angle from the start: Eq. 2.8 would leave them up to its dead band short of it.
-    states["command"] = states["steering"] = math.radians(steering_deg)
-    states["target_speed"] = speed_mps
-    states["stage"] = 1
-    steps = round(seconds / DT_S)
-    track = np.empty((steps, 6))
-    run_fixed(
-        steps, DT_S, engine.addresses, engine.read, engine.write, engine.read_count, engine.write_count,
-        states, np.array([compile_model(tractor, Implement())]), compile_grounds(), index, tables, track,
-    )  # fmt: skip
-    reach = tractor.antenna_forward_m - tractor.rear_axle_m
-    antenna = track[:, :2] + reach * np.stack([np.cos(track[:, 2]), np.sin(track[:, 2])], axis=1)
-    velocity = track[-60:, 3:5] + reach * track[-60:, 5:6] * np.stack(
-        [-np.sin(track[-60:, 2]), np.cos(track[-60:, 2])], axis=1
-    )
-    radius = np.hypot(*velocity.T) / np.maximum(np.abs(track[-60:, 5]), 1e-12)
-    return Circle(antenna, float(radius.mean()))

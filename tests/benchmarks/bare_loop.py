@@ -12,8 +12,9 @@ import numpy as np
 
 from vehicle.clearance import closest_pair
 from vehicle.control import control_tick
+from vehicle.layout import DT_S
 from vehicle.loop import drive_tractor, note
-from vehicle.world import DT_S, World
+from vehicle.world import World
 
 
 @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]

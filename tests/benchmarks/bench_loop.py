@@ -23,10 +23,11 @@ from tests.benchmarks.bare_loop import BareWorld
 from tests.benchmarks.plain_pymunk import PlainWorld
 from vehicle.gnss import default_table
 from vehicle.ground import tyres_on
+from vehicle.layout import DT_S
 from vehicle.missions import TRACK, TURN, Gate, Leg, Mission, Plan, Task
 from vehicle.tractor import Implement, load_tractor
 from vehicle.trials.drive import compile_tyres
-from vehicle.world import DT_S, World
+from vehicle.world import World
 
 SIZES = (1, 9, 25, 50)
 SPEED_MPS = 5.0 / 3.6

@@ -12,7 +12,8 @@ from typing import Any
 
 import pymunk
 
-from vehicle.world import DT_S, World
+from vehicle.layout import DT_S
+from vehicle.world import World
 
 GRAVITY = 9.80665
 CREEP_MPS = 0.05

@@ -18,11 +18,13 @@ from tests.truth.drives import circles, straight
 from tests.truth.model import make_logs
 from vehicle.measured.answer.demo import demo_logs, draw_hidden
 from vehicle.measured.answer.save import tractor_toml
-from vehicle.measured.fit.horizons import anchored, errors_of, floor_squares, run_squares
 from vehicle.measured.logs.reading import log_from_frame
 from vehicle.measured.replay.course import make_course
+from vehicle.measured.replay.horizons import anchored, errors_of, run_squares
 from vehicle.measured.replay.replaying import make_rig
-from vehicle.measured.surprise.bench import Bench, first_noise, prepare
+from vehicle.measured.surprise.bench import Bench, prepare
+from vehicle.measured.surprise.floor import floor_squares
+from vehicle.measured.surprise.noise import first_noise
 from vehicle.tractor import EffectSetting, load_tractor
 
 
@@ -72,7 +74,7 @@ def test_surprises_are_linear_in_the_motion(bench: Bench) -> None:
 
 
 def test_the_noise_floor_is_what_a_nominal_tractor_leaves(bench: Bench) -> None:
-    found = errors_of(run_squares(bench, {0: {}, 1: {}}))[5.0]
+    found = errors_of(run_squares(bench.course, bench.rig, {0: {}, 1: {}}))[5.0]
     floor = errors_of(floor_squares(bench, {0: {}, 1: {}}))[5.0]
     assert found.cross_cm == pytest.approx(floor.cross_cm, rel=0.35)
     assert found.heading_deg == pytest.approx(floor.heading_deg, rel=0.35)

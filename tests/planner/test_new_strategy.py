@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from planner.evaluate import Candidate, evaluate, simulated
-from planner.plan import candidates, rank
+from planner.rank import candidates, rank
 from planner.scenario import Scenario
 from planner.site import Site
 from strategies.errors import StrategyError

@@ -7,11 +7,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from vehicle.calibration import TABLE_STEPS, identity_table, kinematic_radius, steering_table, steering_tables
+from vehicle.calibration import (
+    TABLE_STEPS,
+    drive_circle,
+    identity_table,
+    kinematic_radius,
+    steering_table,
+    steering_tables,
+)
 from vehicle.errors import VehicleError
 from vehicle.ground import GROUNDS, ground_names
 from vehicle.tractor import PowerLaw, Tractor, load_tractor, tractor_names
-from vehicle.world import drive_circle
 
 ANGLES = (-35.0, -25.0, -15.0, -5.0, 5.0, 15.0, 25.0, 35.0)
 

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.calibration import identity_table, kinematic_radius
+from vehicle.bodies import make_body
+from vehicle.calibration import drive_circle, identity_table, kinematic_radius
 from vehicle.chassis import GRAVITY, body_step, wheel
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.engine import Engine
@@ -18,7 +19,6 @@ from vehicle.ground import GROUNDS
 from vehicle.layout import STATE
 from vehicle.loop import run_fixed
 from vehicle.tractor import Implement, Tractor
-from vehicle.world import drive_circle, make_body
 
 DT = 1.0 / 60.0
 SPEED = 5.0 / 3.6

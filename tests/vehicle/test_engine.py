@@ -8,11 +8,12 @@ import pymunk.batch
 import pytest
 
 import vehicle.engine
+from vehicle.bodies import make_body
 from vehicle.engine import READ_WIDTH, WRITE_WIDTH, Engine, EngineUnavailable, lib
 from vehicle.missions import Follow, Gate, Plan
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
-from vehicle.world import World, make_body, simulate
+from vehicle.world import World, simulate
 
 
 def gated(build: Any) -> Plan:

@@ -1,22 +1,48 @@
-"""Measured logs of real drives: reading, diagnosing, and what a diagnosis says.
+"""Measured logs of real drives: reading, diagnosing, and what a diagnosis says. Storeys know those above them here.
 
-Reading
-record, table          what a log is; a file as columns of numbers
-gating, motion         which rows can be used and why not the others; what the positions alone say
-conventions            wrong units and signs, with conversions, bends, directions and gears: recognised and fixed
-logs, remarks          the door: read_log, read_logs, log_from_frame; what a reader should know of a log
+logs: reading
+    record, table          what a log is; a file as columns of numbers
+    gating, stretches      which rows can be used and why not the others; which of them a replay can use
+    motion                 what the positions alone say
+    conventions            wrong units and signs, with conversions, bends, directions and gears: recognised and fixed
+    reading, remarks       the door: read_log, read_logs, log_from_frame; what a reader should know of a log
 
-Comparing
-course, replay         stretches on the simulation's grid; logged commands through the functions of planning
-horizons, anchoring    open-loop error over horizons, anchored again piece by piece
-whitening, noise, bench  what surprises in the logs, given instruments and soil
-openloop               the open-loop error as one vector
+replay: comparing
+    course                 stretches on the simulation's grid
+    replaying              logged commands through the functions of planning, and what instruments show of them
+    anchoring, windows     rigid fits in closed form; the parts of a run that take turns
+    horizons               open-loop error over horizons, anchored again piece by piece
+    drives                 programmes a person can drive, and what a tractor would log on them
 
-Explaining
-knobs, fitting         effects as coordinates; fits to the surprises
-naming, patches, dependence  which effects the logs speak for, where, and what is left without a name
-mending, heldout       lowering the error on runs held out where no cause is known
-extension, findings    what is added to the tractor; one finding per effect
-nextdrive, curves, verdict, diagnose  the drive that decides, the plot that shows it, the answer
-save, demo             the tractor file; made logs with a hidden effect
+surprise: judging
+    whitening              a Kalman filter that knows instruments and soil
+    noise, weights         how rough the ground is; what each difference weighs
+    bench                  one vector of surprises for a set of logs
+    draws, floor           noise drawn as it is believed; the error that noise alone leaves
+
+fit: explaining
+    knobs                  effects and terms of the rest as coordinates
+    solver                 bounded Gauss-Newton with one-sided slopes, for every fit
+    fitting, openloop      fits to the surprises, and to the open-loop error as one vector
+    heldout                coordinates for data that had no part in finding them
+
+causes: choosing
+    trial, patches         one more effect and how far above chance it is; where in the field
+    dependence             what an error without a name depends on
+    evidence, refit        what runs held out say, how sure a coordinate is; a fit with a part more or less
+    selection              the choice: forward, exchanges, backward
+
+mend: lowering the error where no cause is known
+    proposals, mending     what could lower it; what does, and stays
+    levels, irreplaceable  runs on two grounds; effects that get a name all the same
+    extension, extended    what is added to a tractor; the tractor file it makes
+
+answer: saying
+    case, names            errors held out; which effects carry a name
+    findings, notes        one finding per effect; sentences beside the answer
+    nextdrive, curves      the drive that decides, the plot that shows a cause
+    verdict, diagnose      the result types; the order of the work
+    save, demo             the tractor file as text; made logs with a hidden effect
+
+Every number that decides a verdict stands in thresholds.
 """

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.calibration import CIRCLE_SPEED_MPS
+from vehicle.circles import CIRCLE_SPEED_MPS
 from vehicle.errors import VehicleError
 from vehicle.ground import Tyres, tyres_on
 from vehicle.tractor import Tractor

@@ -11,18 +11,18 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from vehicle.calibration import CIRCLE_SPEED_MPS, identity_table, steering_tables
+from vehicle.calibration import identity_table, steering_tables
+from vehicle.circles import CIRCLE_SPEED_MPS
 from vehicle.compile import compile_grounds, compile_model, compile_plan
 from vehicle.engine import Engine
 from vehicle.errors import VehicleError
 from vehicle.gnss import NO_ERROR, Table, error_keys
 from vehicle.ground import Tyres
-from vehicle.layout import GATE, GROUND, LEG, STATE
+from vehicle.layout import DT_S, GATE, GROUND, LEG, STATE
 from vehicle.missions import Mission, Plan
 from vehicle.tractor import Implement, Steering, Tractor
 from vehicle.trials.loop import COLUMNS, run_trials
 from vehicle.trials.paths import with_jump
-from vehicle.world import DT_S
 
 Array = npt.NDArray[np.float64]
 STEERINGS = ("proposed", "traditional", "none", "unlatched")

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.calibration import CIRCLE_SPEED_MPS
+from vehicle.circles import CIRCLE_SPEED_MPS
 from vehicle.ground import ENGINE_CURVE, MODELS, FrictionCurve, Tyres, tyres_on
+from vehicle.layout import DT_S
 from vehicle.tractor import SpeedControl, Tractor
 from vehicle.trials.drive import Trace, drive_steered, with_steering
 from vehicle.trials.oversteer import settled_radius, settles
-from vehicle.world import DT_S
 
 Array = npt.NDArray[np.float64]
 ANGLES_DEG = (25.0, 30.0, 35.0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.calibration import CIRCLE_SPEED_MPS
+from vehicle.circles import CIRCLE_SPEED_MPS
 from vehicle.gnss import NO_ERROR, Table
 from vehicle.missions import TRACK, TURN, Leg, Mission, Task
 from vehicle.tractor import Tractor

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.calibration import CIRCLE_SPEED_MPS
+from vehicle.circles import CIRCLE_SPEED_MPS
 from vehicle.ground import ENGINE_CURVE, FrictionCurve, tyres_on
 from vehicle.missions import Mission
 from vehicle.tractor import Tractor

@@ -11,9 +11,9 @@ from vehicle.measured.errors import LogError
 from vehicle.measured.logs.motion import motion
 from vehicle.measured.logs.record import Array, Log
 
-CLEAR_STEERING_DEG = 3.0
-_FEWEST = 5
-_MOST = 0.8
+CLEAR_STEERING_DEG = 3.0  # beyond any offset, slope or draft of the catalogue at its usual size
+_FEWEST = 5  # chords: fewer bends may be one swerve
+_MOST = 0.8  # of the clear bends: a few are read wrong where the steering just changes
 
 
 def steering(log: Log) -> Array:

@@ -16,14 +16,14 @@ from vehicle.measured.logs.record import Array, Fix, Log, Suspicion
 __all__ = ["apply_fixes", "conventions", "first_place"]
 
 SLOWEST_STEP_S = 5.0  # logs have at least 1 Hz; at 1 to 200 Hz milliseconds give steps of 5 to 1000
-SMALLEST_WHEELBASE_M = 0.12
-LARGEST_RAD = 1.0
+SMALLEST_WHEELBASE_M = 0.12  # of a model car
+LARGEST_RAD = 1.0  # 57 degrees: no road wheel turns further
 # What a speed in km/h is to the path's in m/s: 3.6, less or more by slip. A command may be far from being reached.
 _KMH, _KMH_COMMAND = (2.7, 4.8), (2.7, 6.0)
-_ALIKE = 0.02
+_ALIKE = 0.02  # of a mean cosine: readings that near to each other are not told apart
 _SURE = 4.0  # standard errors
 _LEAST_SPREAD = 0.02  # of the steering: 1.1 degrees in radians, and noise in degrees
-_FEWEST_BENDS = 8
+_FEWEST_BENDS = 8  # chords, each half overlapping the next: four observations for two numbers
 
 
 def conventions(log: Log, wheelbase_m: float | None = None, others: Sequence[Log] = ()) -> list[Suspicion]:
@@ -33,12 +33,12 @@ def conventions(log: Log, wheelbase_m: float | None = None, others: Sequence[Log
     `others`, further logs of the same logger, help to tell readings of a straight drive apart.
     Raises LogError when the two steering columns contradict each other.
     """
-    found: list[Suspicion] = []
+    suspicions: list[Suspicion] = []
     for check in (_time, _positions, _speed, _heading_unit, _steering_unit):
         for fix, why in check(log, wheelbase_m, others):
-            found.append(Suspicion(fix, why))
+            suspicions.append(Suspicion(fix, why))
             log, others = fixed(log, fix), [fixed(other, fix) for other in others]
-    return [*found, *directions(log, others)]
+    return [*suspicions, *directions(log, others)]
 
 
 def _time(log: Log, _wheelbase_m: float | None, _others: Sequence[Log]) -> list[tuple[Fix, str]]:

@@ -16,12 +16,15 @@ from vehicle.effects import effect
 from vehicle.measured.logs.bends import clear_bends, is_mirrored
 from vehicle.measured.logs.gears import wrong_gear
 from vehicle.measured.logs.motion import Motion, motion
-from vehicle.measured.logs.record import Array, Fix, Log, Suspicion
+from vehicle.measured.logs.record import Array, Fix, Log, Suspicion, asking
 
+# Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a
+# wrong convention is told by a reading that comes nearer than any effect needs.
 HEADING_FITS, HEADING_MATCHES = math.cos(math.radians(30.0)), math.cos(math.radians(18.0))
 STRAIGHT_PER_M, LEVER_M = 0.06, 3.0  # curvature of what is straight; antennas stand less far from the rear axle
-_NEAR_DEG = 20.0
+_NEAR_DEG = 20.0  # of a convention's own angle: the largest heading_bias of the catalogue
 _FEWEST = 5
+# Ranges of UTM: eastings have a false origin of 500 km; northings of fields, 900 km and more from the equator.
 _UTM_EAST, _UTM_NORTH = (1.0e5, 9.0e5), (9.0e5, 1.0e7)
 
 
@@ -31,29 +34,29 @@ def directions(log: Log, others: Sequence[Log] = ()) -> list[Suspicion]:
     if gear is not None and gear[1] is None:
         return [gear[0]]
     log = log if gear is None or gear[1] is None else gear[1]
-    found = _together(log, others, _heading(log, others), _steering_sense(log))
-    return found if gear is None else [gear[0], *found]
+    suspicions = _together(log, others, _heading(log, others), _steering_sense(log))
+    return suspicions if gear is None else [gear[0], *suspicions]
 
 
 def _together(
     log: Log, others: Sequence[Log], heading: Suspicion | None, steering: Suspicion | None
 ) -> list[Suspicion]:
     """Heading and steering mirrored at once are one mirrored path."""
-    found = [one for one in (heading, steering) if one is not None]
+    suspicions = [one for one in (heading, steering) if one is not None]
     frame = _frame(log)
     if frame == "plain":
-        return found
+        return suspicions
     if heading is not None and heading.fix is Fix.HEADING_CCW_EAST:
         mirrored = steering is not None or is_mirrored(*clear_bends([log, *others]))
         if mirrored is None:
-            other = "easting and northing may be swapped instead: --fix east-north-swapped"
+            other = f"easting and northing may be swapped instead: {asking(Fix.EAST_NORTH_SWAPPED)}"
             return [replace(heading, advice="; ".join(filter(None, (heading.advice, other))))]
-        return [_swapped(frame, heading.why)] if mirrored else found
+        return [_swapped(frame, heading.why)] if mirrored else suspicions
     if log.heading_deg is None and steering is not None:
         if frame == "swapped":
             return [_swapped(frame, steering.why)]
         return [replace(steering, advice="without heading_deg a swap of easting and northing looks the same")]
-    return found
+    return suspicions
 
 
 def _swapped(frame: str, why: str) -> Suspicion:
@@ -62,7 +65,7 @@ def _swapped(frame: str, why: str) -> Suspicion:
     return Suspicion(
         Fix.EAST_NORTH_SWAPPED, f"heading and steering are both mirrored against the path: {why}",
         advice="or, if the axes are right, heading runs counter-clockwise from east and steering is positive to the "
-        "left: --fix heading-ccw-east --fix steering-left-positive",
+        f"left: {asking(Fix.HEADING_CCW_EAST)} {asking(Fix.STEERING_LEFT)}",
     )  # fmt: skip
 
 
@@ -170,7 +173,7 @@ def _heading(log: Log, others: Sequence[Log]) -> Suspicion | None:
         return turned or mirrored
     if mirrored.fix is None:
         return turned
-    other = f"--fix {turned.fix}, or reverse without -1 in shuttle" if turned.fix else turned.what
+    other = f"{asking(turned.fix)}, or reverse without -1 in shuttle" if turned.fix else turned.what
     return replace(mirrored, advice=f"driven along one line only, the other reading is: {other}")
 
 

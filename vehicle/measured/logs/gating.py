@@ -12,14 +12,15 @@ from vehicle.measured.logs.record import Array, Gated, Mask
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of what was driven
 STANDSTILL_MPS = 0.1  # a speed sensor's noise about zero; larger negative speeds are a direction
-LOCK_DEG = 90.0
-MOST_HEADING_DEG, SPIKE_DEG = 720.0, 60.0
-GAP_SAMPLES = 5.0
-FIRST_ROW_LINE = 2
-_OPEN_CHAINS = 8
+LOCK_DEG = 90.0  # no wheel turns further: what does is no angle
+MOST_HEADING_DEG = 720.0  # two turns, as of a counter that goes on
+SPIKE_DEG = 60.0  # no tractor yaws so far and back between two rows
+GAP_SAMPLES = 5.0  # half a second of the usual 10 Hz, in which a straight line stands in for the path
+FIRST_ROW_LINE = 2  # after the header
+_OPEN_CHAINS = 8  # places a receiver may jump between before the shortest chain is given up
 
 
-class Gate:
+class RowRules:
     """Rows still in use, and the rules that took the others out."""
 
     def __init__(self, rows: int) -> None:
@@ -27,7 +28,7 @@ class Gate:
         self.used: Mask = np.ones(rows, dtype=np.bool_)
         self.gated: list[Gated] = []
 
-    def close(self, rule: str, bad: Mask) -> None:
+    def take_out(self, rule: str, bad: Mask) -> None:
         """Take the `bad` rows out, counting only those that were still in use."""
         rows = np.flatnonzero(bad & self.used)
         if len(rows):
@@ -35,59 +36,58 @@ class Gate:
             self.used[rows] = False
 
 
-def gate_rows(columns: dict[str, Array]) -> Gate:
+def gate_rows(columns: dict[str, Array]) -> RowRules:
     """Apply every rule to the columns (units of the contract); roll and pitch, which nothing uses, take no row out."""
-    gate = Gate(len(columns["time_s"]))
-    gate.close("time missing or not a number", ~np.isfinite(columns["time_s"]))
+    rules = RowRules(len(columns["time_s"]))
+    rules.take_out("time missing or not a number", ~np.isfinite(columns["time_s"]))
     east, north = columns["easting_m"], columns["northing_m"]
-    gate.close("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))
-    _apply(gate, "time not increasing", outside_longest_increase(columns["time_s"][gate.used]))
-    rows = gate.used
-    _apply(
-        gate, f"position jumps faster than {FASTEST_MPS:g} m/s", jumps(columns["time_s"][rows], east[rows], north[rows])
-    )
+    rules.take_out("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))
+    _apply(rules, "time not increasing", outside_longest_increase(columns["time_s"][rules.used]))
+    rows = rules.used
+    jumping = jumps(columns["time_s"][rows], east[rows], north[rows])
+    _apply(rules, f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
     for name in ("heading_deg", "steering_command_deg", "steering_deg"):
         if name in columns:
-            gate.close(f"{name} missing or not a number", ~np.isfinite(columns[name]))
-    _gate_headings(gate, columns)
+            rules.take_out(f"{name} missing or not a number", ~np.isfinite(columns[name]))
+    _gate_headings(rules, columns)
     for name in ("speed_mps", "speed_command_mps"):
         if name in columns:
-            gate.close(f"{name} missing or not a number", ~np.isfinite(columns[name]))
-            gate.close(f"{name} below 0 (the direction belongs in shuttle)", columns[name] < -STANDSTILL_MPS)
-            gate.close(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
-    _gate_ranges(gate, columns)
-    return gate
+            rules.take_out(f"{name} missing or not a number", ~np.isfinite(columns[name]))
+            rules.take_out(f"{name} below 0 (the direction belongs in shuttle)", columns[name] < -STANDSTILL_MPS)
+            rules.take_out(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
+    _gate_ranges(rules, columns)
+    return rules
 
 
-def _gate_headings(gate: Gate, columns: dict[str, Array]) -> None:
+def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
     """Headings that are no angle, and single ones that stand far out of their neighbours."""
     if "heading_deg" not in columns:
         return
     heading = columns["heading_deg"]
-    gate.close(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
-    rows = np.flatnonzero(gate.used)
+    rules.take_out(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
+    rows = np.flatnonzero(rules.used)
     if len(rows) >= 3:
         step = (np.diff(heading[rows]) + 180.0) % 360.0 - 180.0
         alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
-        _apply(gate, f"heading_deg more than {SPIKE_DEG:g} deg off the rows about it", np.pad(alone, 1))
+        _apply(rules, f"heading_deg more than {SPIKE_DEG:g} deg off the rows about it", np.pad(alone, 1))
 
 
-def _gate_ranges(gate: Gate, columns: dict[str, Array]) -> None:
+def _gate_ranges(rules: RowRules, columns: dict[str, Array]) -> None:
     for name in ("steering_command_deg", "steering_deg"):
         if name in columns:
-            gate.close(f"{name} beyond {LOCK_DEG:g} deg", np.abs(columns[name]) > LOCK_DEG)
+            rules.take_out(f"{name} beyond {LOCK_DEG:g} deg", np.abs(columns[name]) > LOCK_DEG)
     if "implement" in columns:
-        gate.close("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
+        rules.take_out("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
     if "shuttle" in columns:
-        gate.close("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
-        gate.close("shuttle in neutral", columns["shuttle"] == 0.0)
+        rules.take_out("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
+        rules.take_out("shuttle in neutral", columns["shuttle"] == 0.0)
 
 
-def _apply(gate: Gate, rule: str, bad_of_used: Mask) -> None:
-    """Close a gate by a mask over the rows in use."""
-    bad = np.zeros(len(gate.used), dtype=np.bool_)
-    bad[np.flatnonzero(gate.used)[bad_of_used]] = True
-    gate.close(rule, bad)
+def _apply(rules: RowRules, rule: str, bad_of_used: Mask) -> None:
+    """Take rows out by a mask over the rows in use."""
+    bad = np.zeros(len(rules.used), dtype=np.bool_)
+    bad[np.flatnonzero(rules.used)[bad_of_used]] = True
+    rules.take_out(rule, bad)
 
 
 def outside_longest_increase(values: Array) -> Mask:

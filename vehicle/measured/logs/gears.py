@@ -11,10 +11,10 @@ from vehicle.measured.logs.gating import FIRST_ROW_LINE
 from vehicle.measured.logs.motion import motion
 from vehicle.measured.logs.record import Log, Mask, Rows, Suspicion
 
-_FEWEST = 5
+_FEWEST = 5  # chords: fewer may be one change of gear
 _AGREES = 0.7  # cosine between heading and course from which they point the same way
-_MOST, _SOME = 0.8, 0.1
-_ONE_LINE = 0.95
+_MOST, _SOME = 0.8, 0.1  # shares of the chords for all of them, and for too many to be the moments of a change
+_ONE_LINE = 0.95  # mean resultant of course and heading doubled: driven along one line only
 
 
 def wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from vehicle.measured.logs.record import Array, Log
 
-_SPANS_S = (2.0, 1.0, 0.5, 0.25, 0.1)
+_SPANS_S = (2.0, 1.0, 0.5, 0.25, 0.1)  # long ones have less noise, short ones follow the bends of fast small vehicles
 _STRAIGHTEST = 0.93  # chord over two half chords: an arc of about 86 degrees
-_MOVING_SHARE = 0.3
+_MOVING_SHARE = 0.3  # of the median chord: slower ones have no direction
 _FEWEST = 3
 
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from vehicle.measured.errors import LogError
 from vehicle.measured.logs.conventions import apply_fixes, conventions, first_place
-from vehicle.measured.logs.gating import Gate, gate_rows, segments
+from vehicle.measured.logs.gating import RowRules, gate_rows, segments
 from vehicle.measured.logs.record import Fix, Gated, Log, Suspicion
 from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.logs.stretches import SHORTEST_S
 from vehicle.measured.logs.table import Columns, columns_of, read_frame
-from vehicle.measured.replay.course import SHORTEST_S
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,9 +26,9 @@ __all__ = [
     "read_logs", "remarks",
 ]  # fmt: skip
 
-_SUSPICIOUS_STEP_S = 2.0
-_FASTEST_HZ = 250.0
-_REFUSED_SHARE = 0.5
+_SUSPICIOUS_STEP_S = 2.0  # twice the slowest rate of the contract, 1 Hz
+_FASTEST_HZ = 250.0  # above the 100 Hz of the contract with room for uneven steps; beyond it time is in another unit
+_REFUSED_SHARE = 0.5  # of the rows: more lost to one rule is a column that is wrong, not a row
 _SHOWN_RULES = 4
 _STANDING_M = 0.3  # antenna noise spreads this far
 _POSITION_FIXES = (Fix.POSITION_DEGREES, Fix.POSITION_KM)
@@ -88,10 +88,10 @@ def log_from_frame(
     given = _fix_set(fixes)
     raw, others = columns_of(frame, name)
     columns = apply_fixes(raw, given, reference)
-    gate = gate_rows(columns)
+    rules = gate_rows(columns)
     columns = _without_negative_noise(columns)
-    _refuse_unusable(columns, gate, name)
-    log = _assemble(columns, gate, name, others)
+    _refuse_unusable(columns, rules, name)
+    log = _assemble(columns, rules, name, others)
     if check:
         _check(log, given, wheelbase_m)
     return log
@@ -121,7 +121,7 @@ def log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
 
     Raises LogError when a pattern matches no file and when there is no name at all.
     """
-    found: dict[Path, list[Path]] = {}
+    files: dict[Path, list[Path]] = {}
     for one in paths:
         text = str(one)
         matches = [Path(text)]
@@ -130,10 +130,10 @@ def log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
             if not matches:
                 raise LogError(f"{text} matches no file; check the pattern.")
         for path in matches:
-            found.setdefault(path.resolve(), []).append(path)
-    if not found:
+            files.setdefault(path.resolve(), []).append(path)
+    if not files:
         raise LogError("No log was given; name at least one file or pattern, for example runs/*.csv.")
-    return {first: tuple(map(str, again)) for first, *again in found.values()}
+    return {first: tuple(map(str, again)) for first, *again in files.values()}
 
 
 def _names(files: list[Path]) -> list[str]:
@@ -142,29 +142,29 @@ def _names(files: list[Path]) -> list[str]:
     return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, files, strict=True)]
 
 
-def _refuse_unusable(columns: Columns, gate: Gate, name: str) -> None:
-    backwards = next((one for one in gate.gated if one.rule == "time not increasing"), None)
-    if backwards is not None and backwards.rows > _REFUSED_SHARE * len(gate.used):
+def _refuse_unusable(columns: Columns, rules: RowRules, name: str) -> None:
+    backwards = next((one for one in rules.gated if one.rule == "time not increasing"), None)
+    if backwards is not None and backwards.rows > _REFUSED_SHARE * len(rules.used):
         raise LogError(
-            f"{name}: time_s does not increase in {backwards.rows} of {len(gate.used)} rows (first in line "
+            f"{name}: time_s does not increase in {backwards.rows} of {len(rules.used)} rows (first in line "
             f"{backwards.first_line}); sort the rows by time."
         )
     lost = next(
-        (one for one in gate.gated if one.rows > _REFUSED_SHARE * len(gate.used) and "missing" in one.rule), None
+        (one for one in rules.gated if one.rows > _REFUSED_SHARE * len(rules.used) and "missing" in one.rule), None
     )
-    if lost is not None and np.count_nonzero(gate.used) >= 2:
+    if lost is not None and np.count_nonzero(rules.used) >= 2:
         raise LogError(
-            f"{name}: {lost.rows} of {len(gate.used)} rows are lost to: {lost.rule} (first in line {lost.first_line}); "
-            "fill the column, or leave it out where it is not needed."
+            f"{name}: {lost.rows} of {len(rules.used)} rows are lost to: {lost.rule} (first in line "
+            f"{lost.first_line}); fill the column, or leave it out where it is not needed."
         )
-    if np.count_nonzero(gate.used) < 2:
-        largest = sorted(gate.gated, key=lambda one: -one.rows)[:_SHOWN_RULES]
+    if np.count_nonzero(rules.used) < 2:
+        largest = sorted(rules.gated, key=lambda one: -one.rows)[:_SHOWN_RULES]
         why = "; ".join(f"{one.rule}: {one.rows} rows from line {one.first_line}" for one in largest)
-        raise LogError(f"{name} has fewer than two usable rows of {len(gate.used)} ({why}); correct the log.")
+        raise LogError(f"{name} has fewer than two usable rows of {len(rules.used)} ({why}); correct the log.")
 
 
-def _assemble(columns: Columns, gate: Gate, name: str, others: tuple[str, ...]) -> Log:
-    rows = len(gate.used)
+def _assemble(columns: Columns, rules: RowRules, name: str, others: tuple[str, ...]) -> Log:
+    rows = len(rules.used)
     return Log(
         name=name,
         time_s=columns["time_s"],
@@ -179,28 +179,28 @@ def _assemble(columns: Columns, gate: Gate, name: str, others: tuple[str, ...]) 
         implement=columns.get("implement", np.zeros(rows)),
         roll_deg=columns.get("roll_deg"),
         pitch_deg=columns.get("pitch_deg"),
-        used=gate.used,
-        segment=segments(columns["time_s"], gate.used),
-        gated=tuple(gate.gated),
+        used=rules.used,
+        segment=segments(columns["time_s"], rules.used),
+        gated=tuple(rules.gated),
         ignored_columns=others,
     )
 
 
 def _check(log: Log, given: frozenset[Fix], wheelbase_m: float | None, others: Sequence[Log] = ()) -> None:
     """Refuse wrong conventions, a tractor that never moves, and a rate of no log."""
-    found = conventions(log, wheelbase_m, others)
-    _refuse_standing(log, found)
-    again = [one for one in found if one.fix in given]
+    suspicions = conventions(log, wheelbase_m, others)
+    _refuse_standing(log, suspicions)
+    again = [one for one in suspicions if one.fix in given]
     if again:
         raise LogError(f"{log.name}: after the fix {again[0].fix} {again[0].why}; leave that fix out.")
-    if found:
-        raise LogError(f"{log.name}: it seems that {'; and that '.join(one.sentence() for one in found)}.")
+    if suspicions:
+        raise LogError(f"{log.name}: it seems that {'; and that '.join(one.sentence() for one in suspicions)}.")
     _refuse_rate(log)
 
 
-def _refuse_standing(log: Log, found: Sequence[Suspicion]) -> None:
+def _refuse_standing(log: Log, suspicions: Sequence[Suspicion]) -> None:
     """Positions in a wrong unit seem to stand still as well; what they are is said instead."""
-    if any(one.fix in _POSITION_FIXES for one in found):
+    if any(one.fix in _POSITION_FIXES for one in suspicions):
         return
     moved = float(np.hypot(np.ptp(log.easting_m[log.used]), np.ptp(log.northing_m[log.used])))
     seconds = float(np.ptp(log.time_s[log.used]))

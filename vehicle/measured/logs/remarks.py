@@ -8,10 +8,10 @@ import numpy as np
 
 from vehicle.measured.logs.gating import FIRST_ROW_LINE
 from vehicle.measured.logs.record import COLUMNS, Log, Rows
-from vehicle.measured.replay.course import SHORTEST_S, forward_stretches
+from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
 
-STEEPEST_DEG = 60.0
-_NEAR = 0.7
+STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
+_NEAR = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 
 
 def remarks(log: Log) -> list[str]:
@@ -19,9 +19,9 @@ def remarks(log: Log) -> list[str]:
 
     The rows named in "left out" and "not used" are all rows of the file that no replay sees.
     """
-    found = [*_given(log), *_columns(log), *_tilt(log)]
-    found += [f"{_rows(one.rows)} left out: {one.rule} (first in line {one.first_line})" for one in log.gated]
-    return [f"{log.name}: {one}." for one in [*found, *_stretches(log)]]
+    told = [*_given(log), *_columns(log), *_tilt(log)]
+    told += [f"{_rows(one.rows)} left out: {one.rule} (first in line {one.first_line})" for one in log.gated]
+    return [f"{log.name}: {one}." for one in [*told, *_stretches(log)]]
 
 
 def _rows(count: int) -> str:
@@ -39,38 +39,38 @@ def _columns(log: Log) -> list[str]:
     absent = [name for name in COLUMNS if getattr(log, name) is None]
     unset = (("shuttle", log.shuttle == 1.0), ("implement", log.implement == 0.0))
     absent += [name for name, default in unset if default.all()]
-    found = []
+    told = []
     for name in log.ignored_columns:
         near = [one for one in absent if one.startswith(f"{name.lower()}_")]
         near = near or difflib.get_close_matches(name.lower(), absent, 1, _NEAR)
         hint = f"; rename it {near[0]} if that is what it holds" if near else ""
-        found.append(f"column {name!r} is not known and was ignored{hint}")
-    return found
+        told.append(f"column {name!r} is not known and was ignored{hint}")
+    return told
 
 
 def _tilt(log: Log) -> list[str]:
     """Roll and pitch are looked at, but no row is lost for them: nothing uses them."""
-    found = []
+    told = []
     for name, values in (("roll_deg", log.roll_deg), ("pitch_deg", log.pitch_deg)):
         if values is not None:
             bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG))
             if len(bad):
-                found.append(
+                told.append(
                     f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_rows(len(bad))} (first in line "
                     f"{_line(bad)}); it is not used, so they stay"
                 )
-    return found
+    return told
 
 
 def _stretches(log: Log) -> list[str]:
     back = np.flatnonzero(log.used & (log.shuttle < 0.0))
-    found = [f"{_rows(len(back))} not used: driven in reverse (first in line {_line(back)})"] if len(back) else []
+    told = [f"{_rows(len(back))} not used: driven in reverse (first in line {_line(back)})"] if len(back) else []
     long, short = forward_stretches(log)
     if short:
         rows = np.concatenate(short)
         where = f"in stretches shorter than {SHORTEST_S:g} s" if long else f"no stretch reaches {SHORTEST_S:g} s"
-        found.append(f"{_rows(len(rows))} not used: {where} (first in line {_line(rows)})")
-    return found
+        told.append(f"{_rows(len(rows))} not used: {where} (first in line {_line(rows)})")
+    return told
 
 
 def _line(rows: Rows) -> int:

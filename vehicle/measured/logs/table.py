@@ -85,14 +85,14 @@ def columns_of(frame: pd.DataFrame, name: str) -> tuple[Columns, tuple[str, ...]
     """
     _refuse_short(frame, name)
     present = {column: _numbers(frame[column], column, name) for column in COLUMNS if column in frame.columns}
-    found = {column: values for column, values in present.items() if np.isfinite(values).any()}
+    filled = {column: values for column, values in present.items() if np.isfinite(values).any()}
     for column in NEEDED:
-        if column not in found:
+        if column not in filled:
             raise LogError(_missing(column, frame, name))
-    if not any(column in found for column in STEERING):
+    if not any(column in filled for column in STEERING):
         raise LogError(_missing(" or ".join(STEERING), frame, name))
     others = tuple(str(column) for column in frame.columns if column not in COLUMNS)
-    return found, others
+    return filled, others
 
 
 def _refuse_short(frame: pd.DataFrame, name: str) -> None:

@@ -6,8 +6,8 @@ import math
 
 from vehicle.jit import compiled
 
-HEADING_TRUST_RAD = 0.035
-POSITION_TRUST_M = 0.01
+HEADING_TRUST_RAD = 0.035  # 2 degrees, what a compass may be off
+POSITION_TRUST_M = 0.01  # a centimetre, what a receiver with corrections is off
 
 
 @compiled

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.layout import DT_S
 from vehicle.measured.errors import LogError
 from vehicle.measured.logs.record import Array, Log, Rows
+from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
 
-DT_S = 1.0 / 60.0
-SHORTEST_S = 5.0
-CHORD_S = 0.6
-_SHOWN_LOGS = 3
+CHORD_S = 0.6  # a centimetre of antenna noise is a degree of course at walking pace
+_SHOWN_LOGS = 3  # of a refusal: more are counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,20 +106,6 @@ def _nothing_long(logs: Sequence[Log]) -> str:
     )
 
 
-def forward_stretches(log: Log) -> tuple[list[Rows], list[Rows]]:
-    """Rows of each stretch driven forward without a gap: those long enough to replay, and those too short."""
-    long: list[Rows] = []
-    short: list[Rows] = []
-    # A few rows left out are no gap, unless the gear was changed in them.
-    seen = np.flatnonzero(log.used | (log.shuttle <= 0.0))
-    number = np.where(log.used & (log.shuttle > 0.0), log.segment, -1)[seen]
-    for rows in np.split(seen, np.flatnonzero(np.diff(number) != 0) + 1):
-        if len(rows) and log.used[rows[0]] and log.shuttle[rows[0]] > 0.0:
-            enough = log.time_s[rows[-1]] - log.time_s[rows[0]] >= SHORTEST_S
-            (long if enough else short).append(rows)
-    return long, short
-
-
 def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float]) -> Stretch:
     time = log.time_s[rows] - log.time_s[rows[0]]
     east, north = log.easting_m[rows] - origin[0], log.northing_m[rows] - origin[1]
@@ -167,9 +153,9 @@ def _grids(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
     grid = np.arange(steps) * DT_S
     middles = 0.5 * (time[1:] + time[:-1])
     nearest = np.searchsorted(middles, grid)
-    found = {}
+    grids = {}
     for name, values in columns.items():
         if values is not None:
             held = name in ("command", "target", "working")
-            found[name] = values[nearest] if held else np.interp(grid, time, values)
-    return found
+            grids[name] = values[nearest] if held else np.interp(grid, time, values)
+    return grids

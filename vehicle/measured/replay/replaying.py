@@ -16,19 +16,20 @@ import numpy as np
 
 from vehicle.calibration import steering_tables
 from vehicle.chassis import body_step
-from vehicle.compile import compile_grounds, compile_model, learnt
+from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
 from vehicle.effects import effect_fields
 from vehicle.ground import ground_index
+from vehicle.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, shown_rows
 from vehicle.jit import compiled
-from vehicle.layout import STATE
+from vehicle.layout import DT_S, STATE
+from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.course import DT_S, Stretch
+from vehicle.measured.replay.course import Stretch
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
-Settings = Mapping[str, Mapping[str, float]]
-X, Y, ANGLE, STEERING, FORWARD = range(5)
+X, Y, ANGLE, STEERING, FORWARD = range(5)  # columns of replayed states
 
 
 @compiled
@@ -38,12 +39,13 @@ def replay_steps(  # type: ignore[no-untyped-def]
 ) -> None:  # fmt: skip
     """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
 
-    `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give.
+    `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
+    are those on the ground; where that itself is carried along, the tractor keeps its speed over what stays.
     """
     x, y, angle, forward = east[0], north[0], heading[0], speed[0]
     state.steering = state.play = state.commands[-1] = wheel[0]
     state.reference_speed = forward
-    right = spin = 0.0
+    right = spin = along = 0.0
     for i in range(len(command)):
         state.command, state.working, state.target_speed = command[i], working[i], target[i]
         if from_speed:
@@ -54,12 +56,16 @@ def replay_steps(  # type: ignore[no-untyped-def]
             state.play = played(state.play, state.steering, model)
         else:
             turn_wheels(state, model, dt)
-        drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
         there, across = math.cos(heading[i]), math.sin(heading[i])
+        known = from_speed or i == 0
+        pace = forward if known else forward + along
+        along, slide = ground_drift(state.play, pace, there, across, model)
+        if not known:
+            forward = pace - along
+        drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
         tangent = affected_tangent(
-            state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
+            state.play, pace, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
-        along, slide = ground_drift(state.play, forward, there, across, model)
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
         x += ((forward + along) * cosine + right * sine) * dt
@@ -86,7 +92,7 @@ class Rig:
     def with_effects(self, settings: Settings) -> Any:
         """The model record with effects; places in the field are moved to the origin of the course."""
         model = self.model.copy()
-        fields = effect_fields(settings) | dict(self.ranges)
+        fields = Learnt(settings, self.ranges).fields
         fields["affected"] = 1.0
         fields["patch_east"] -= self.origin[0]
         fields["patch_north"] -= self.origin[1]
@@ -96,8 +102,8 @@ class Rig:
 
 
 def make_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rig:
-    """The tractor as its file describes it, without the effects of the file."""
-    bare = tractor.model_copy(update={"effects": {}, "rest": None})
+    """The tractor as its file describes it, without what logs taught. Raises VehicleError for an unknown ground."""
+    bare = without_logs(tractor)
     index = ground_index(ground)
     model = np.zeros(1, dtype=compile_model(bare, Implement()).dtype)
     model[0] = compile_model(bare, Implement())
@@ -106,8 +112,8 @@ def make_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rig:
 
 def own_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple[Rig, Settings]:
     """The tractor of make_rig, and what its file has from logs: effects, and the rest where it was seen."""
-    settings, ranges = learnt(tractor)
-    return replace(make_rig(tractor, ground, origin), ranges=ranges), settings
+    own = learnt(tractor)
+    return replace(make_rig(tractor, ground, origin), ranges=own.ranges), own.settings
 
 
 def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, from_speed: bool) -> Array:
@@ -137,13 +143,20 @@ def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
 
 def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array, Array, Array]:
     """What instruments would have logged of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
-    fields = effect_fields(settings)
-    grid = np.arange(len(states)) * DT_S
-    late = stretch.time - fields["latency"] * DT_S
-    x, y, angle = (np.interp(late, grid, states[:, column]) for column in (X, Y, ANGLE))
-    ahead, aside = antenna_lever(rig, fields)
-    antenna = np.stack(
-        [x + ahead * np.cos(angle) + aside * np.sin(angle), y + ahead * np.sin(angle) - aside * np.cos(angle)], axis=1
-    )
+    grid = np.arange(len(states), dtype=np.float64) * DT_S
+    rows = shown_poses(rig, stretch, states, settings, grid, effect_fields(settings)["latency"] * DT_S)
     wheel, speed = (np.interp(stretch.time, grid, states[:, column]) for column in (STEERING, FORWARD))
-    return antenna, angle + fields["heading_bias"], wheel, speed
+    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING], wheel, speed
+
+
+def shown_poses(
+    rig: Rig, stretch: Stretch, states: Array, settings: Settings, grid: Array, latency_s: float
+) -> Array:
+    """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments."""
+    fields = effect_fields(settings)
+    out = np.empty((stretch.rows, 6))
+    shown_rows(
+        stretch.time, grid, states[:, X], states[:, Y], states[:, ANGLE], latency_s,
+        *antenna_lever(rig, fields), fields["heading_bias"], out,
+    )  # fmt: skip
+    return out

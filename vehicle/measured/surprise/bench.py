@@ -7,53 +7,32 @@ its channel out, and the block behind it is then driven by the commands.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import PATH, POSITION, SPEED, STEERING, effect_fields
-from vehicle.measured.fit.heldout import half_of
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import Rig, Settings, antenna_lever, replay, seen
-from vehicle.measured.surprise.whitening import Increments, Noise, increments, innovations, make_gains
+from vehicle.measured.replay.course import Course
+from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, seen
+from vehicle.measured.replay.windows import half_of
+from vehicle.measured.surprise.noise import first_noise
+from vehicle.measured.surprise.weights import Channel, Filter, channels, filters, huber
+from vehicle.measured.surprise.whitening import Increments, Noise, innovations, simulated_increments
 
-BLOCK_S = 10.0
-TIMING_S = 0.02  # commands come at the beat of a controller, not of the log
-TRANSIENT_S = 0.3  # how far off in time a speed change may be: drive lines differ
-DRIVE_LINE_S = 0.2  # and how far one of another make is: what that leaves is not the fault of a cause
-MOST_MEMORY = 0.9
-OUTLIER = 4.0
+BLOCK_S = 10.0  # half a window: soil forgets within it, a slow cause does not
 Parts = dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Filter:
-    """Gains and roots of one stretch."""
-
-    gains: Array
-    roots: Array
-    lever: tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """Weights of a directly compared channel of one stretch: standard deviation per row and memory from row to row.
-
-    `scatter` is the part of the standard deviation that a true model would leave: how far the channel scatters in a run
-    while nothing changes, and how far commands and drive lines are off in time.
-    """
-
-    sigma: Array
-    memory: float
-    scatter: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Bench:
-    """A course, a tractor, and what is known of the noise; makes vectors of surprises for settings."""
+    """A course, a tractor, and what is known of the noise; makes vectors of surprises for settings.
+
+    Per stretch a filter of the path and the weights of wheel angle and speed (None where the log lacks one).
+    """
 
     course: Course
     rig: Rig
@@ -61,20 +40,25 @@ class Bench:
     filters: tuple[Filter, ...]
     wheel: tuple[Channel | None, ...]
     speed: tuple[Channel | None, ...]
+    fixed: Settings = field(default_factory=dict)
+
+    def on_top_of(self, settings: Settings) -> Bench:
+        """The bench on which the effects asked for come on top of those of these settings."""
+        return replace(self, fixed={**self.fixed, **settings})
+
+    def _with_fixed(self, settings: Settings) -> Settings:
+        return {**self.fixed, **settings}
 
     def path(self, settings: Settings) -> list[Increments]:
         """Simulated increments of the centre of mass per stretch, with latency applied."""
-        return [self._increments(stretch, settings) for stretch in self.course.stretches]
-
-    def _increments(self, stretch: Stretch, settings: Settings) -> Increments:
-        states = replay(self.rig, stretch, settings, from_sensor=True, from_speed=True)
-        return sampled(stretch, states, settings)
+        settings = self._with_fixed(settings)
+        return [simulated_increments(self.rig, stretch, settings) for stretch in self.course.stretches]
 
     def path_surprise(self, moves: list[Increments], settings: Settings) -> Array:
         """Whitened innovations of all stretches (3 rows each), flat."""
-        fields = effect_fields(settings)
+        fields = effect_fields(self._with_fixed(settings))
         lever = antenna_lever(self.rig, fields)
-        found = []
+        parts = []
         for stretch, filtered, move in zip(self.course.stretches, self.filters, moves, strict=True):
             out = np.empty((stretch.rows, 3))
             innovations(
@@ -82,13 +66,14 @@ class Bench:
                 *lever, fields["heading_bias"], filtered.gains, filtered.roots, out,
             )  # fmt: skip
             out[0] = 0.0  # the filter takes the first position as it is
-            found.append(out.ravel())
-        return huber(np.concatenate(found))
+            parts.append(out.ravel())
+        return huber(np.concatenate(parts))
 
     def chain_surprise(self, settings: Settings) -> Parts:
         """Surprises of wheel angle and speed, driven by the commands."""
         if not any(self.wheel) and not any(self.speed):
             return {"wheel": np.zeros(self.course.rows), "speed": np.zeros(self.course.rows)}
+        settings = self._with_fixed(settings)
         wheels, speeds = [], []
         for index, stretch in enumerate(self.course.stretches):
             states = replay(self.rig, stretch, settings, from_sensor=False, from_speed=False)
@@ -105,14 +90,14 @@ class Bench:
     def change(self, settings: Settings, base: Array, blocks: frozenset[str]) -> Array:
         """As surprise(settings), taking over from `base` the channels that effects of the blocks cannot reach."""
         rows = self.course.rows
-        found = base.copy()
+        changed = base.copy()
         path_moves = bool(blocks & {PATH, POSITION}) or (STEERING in blocks and not self.has_wheel)
         if path_moves:
-            found[: 3 * rows] = self.path_surprise(self.path(settings), settings)
+            changed[: 3 * rows] = self.path_surprise(self.path(settings), settings)
         if blocks & {STEERING, SPEED}:
             chain = self.chain_surprise(settings)
-            found[3 * rows : 4 * rows], found[4 * rows :] = chain["wheel"], chain["speed"]
-        return found
+            changed[3 * rows : 4 * rows], changed[4 * rows :] = chain["wheel"], chain["speed"]
+        return changed
 
     @cached_property
     def has_wheel(self) -> bool:
@@ -161,18 +146,6 @@ class Bench:
         return out
 
 
-def sampled(stretch: Stretch, states: Array, settings: Settings) -> Increments:
-    """Increments between rows of replayed states, seen as late as the settings say."""
-    grid = stretch_grid(len(states))
-    late = stretch.time - effect_fields(settings)["latency"] / 60.0
-    return increments(*(np.interp(late, grid, states[:, column]) for column in range(3)))
-
-
-def stretch_grid(steps: int) -> Array:
-    """Times of the steps of a stretch."""
-    return np.arange(steps) / 60.0
-
-
 def _whitened(measured: Array | None, simulated: Array, channel: Channel | None, rows: int) -> Array:
     if measured is None or channel is None:
         return np.zeros(rows)
@@ -182,119 +155,8 @@ def _whitened(measured: Array | None, simulated: Array, channel: Channel | None,
     return huber(out)
 
 
-def huber(values: Array) -> Array:
-    """Values whose squares are the loss of Huber: beyond OUTLIER an error counts by its size, not by its square."""
-    size = np.abs(values)
-    far = np.sign(values) * np.sqrt(np.maximum(2.0 * OUTLIER * size - OUTLIER * OUTLIER, 0.0))
-    out: Array = np.where(size > OUTLIER, far, values)
-    return out
-
-
 def prepare(course: Course, rig: Rig, settings: Settings, noise: Noise | None = None) -> Bench:
     """A bench whose weights fit what is left of the logs with the given settings."""
-    bench = Bench(course, rig, noise or first_noise(course), (), (), ())
-    bench = replace(bench, filters=_filters(bench, settings))
-    wheel, speed = _channels(bench, settings)
-    return replace(bench, wheel=wheel, speed=speed)
-
-
-def first_noise(course: Course) -> Noise:
-    """White noise of positions and headings; the soil as an ordinary field has it."""
-    position, heading = [], []
-    for one in course.stretches:
-        position += [white_noise(one.time, one.east), white_noise(one.time, one.north)]
-        if one.heading_seen:
-            heading.append(white_noise(one.time, one.heading))
-    p = max(float(np.median(position)), 2e-4)
-    h = max(float(np.median(heading)), 2e-4) if heading else 1e3
-    return Noise(p, 1.5 * p, h, min(1.0 * h, 0.1), 0.0025, 0.01)
-
-
-def white_noise(time: Array, values: Array) -> float:
-    """Standard deviation of white noise on a smooth signal (k,), robustly: what four rows are off a parabola.
-
-    Third divided differences, which no parabola changes however uneven the times are.
-    """
-    t = np.lib.stride_tricks.sliding_window_view(time, 4)
-    apart = t[:, :, None] - t[:, None, :] + np.eye(4)
-    weights = 1.0 / apart.prod(axis=2)
-    left = (weights * np.lib.stride_tricks.sliding_window_view(values, 4)).sum(axis=1)
-    scaled = left / np.sqrt((weights * weights).sum(axis=1))
-    return float(1.4826 * np.median(np.abs(scaled - np.median(scaled))))
-
-
-def _filters(bench: Bench, settings: Settings) -> tuple[Filter, ...]:
-    fields = effect_fields(settings)
-    lever = antenna_lever(bench.rig, fields)
-    found = []
-    for stretch, move in zip(bench.course.stretches, bench.path(settings), strict=True):
-        gains, roots = np.empty((stretch.rows, 7, 3)), np.empty((stretch.rows, 3, 3))
-        make_gains(
-            stretch.time, stretch.heading, move.ahead, move.aside, *lever,
-            noise_row(bench.noise, stretch.heading_seen), gains, roots,
-        )  # fmt: skip
-        found.append(Filter(gains, roots, lever))
-    return tuple(found)
-
-
-def noise_row(noise: Noise, heading_seen: bool) -> Array:
-    """Noise as the filter takes it; a heading that was not measured says nothing."""
-    heading = noise.heading if heading_seen else 1e3
-    return np.array([
-        noise.position, noise.position_drift, heading, noise.heading_drift, noise.soil, noise.along
-    ])  # fmt: skip
-
-
-def _channels(bench: Bench, settings: Settings) -> tuple[tuple[Channel | None, ...], tuple[Channel | None, ...]]:
-    """Weights of wheel and speed from what is left: spread while steady, timing while moving, memory of all runs."""
-    wheel: list[tuple[Array, Array] | None] = []
-    speed: list[tuple[Array, Array] | None] = []
-    for stretch in bench.course.stretches:
-        states = replay(bench.rig, stretch, settings, from_sensor=False, from_speed=False)
-        _, _, angle, pace = seen(bench.rig, stretch, states, settings)
-        both = stretch.wheel is not None and stretch.command is not None
-        step = float(np.median(np.diff(stretch.time)))
-        jitter = TIMING_S + step / np.sqrt(12.0)
-        wheel.append((stretch.wheel - angle, jitter * _rate(stretch.time, angle)) if both else None)  # type: ignore[operator]
-        speed.append(
-            (stretch.speed - pace, TRANSIENT_S * _rate(stretch.time, pace)) if stretch.target is not None else None
-        )
-    return _weights(wheel, 5e-4, 1.0), _weights(speed, 0.005, DRIVE_LINE_S / TRANSIENT_S)
-
-
-def _rate(time: Array, values: Array) -> Array:
-    """Largest rate within half a second around each row."""
-    rate = np.abs(np.gradient(values, time))
-    width = max(1, round(0.5 / float(np.median(np.diff(time)))))
-    padded = np.pad(rate, width, mode="edge")
-    out: Array = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).max(axis=1)
-    return out
-
-
-def _weights(pairs: list[tuple[Array, Array] | None], least: float, share: float) -> tuple[Channel | None, ...]:
-    """Weights of all stretches; `share` is how much of being off in time a true model would have as well."""
-    known = [pair for pair in pairs if pair is not None]
-    if not known:
-        return tuple(None for _ in pairs)
-    moving = float(np.median(np.concatenate([two for _, two in known])))
-    steady = np.concatenate([_about_middle(off[rate <= moving]) for off, rate in known])
-    low, high = np.quantile(steady, (0.16, 0.84))
-    spread = max(0.5 * float(high - low), least)
-    scaled = [one / np.hypot(spread, two) for one, two in known]
-    before, after = np.concatenate([s[:-1] for s in scaled]), np.concatenate([s[1:] for s in scaled])
-    clipped = [np.clip(part, -4.0, 4.0) for part in (before, after)]
-    memory = float(clipped[0] @ clipped[1] / max(clipped[0] @ clipped[0], 1e-9))
-    memory = min(max(memory, 0.0), MOST_MEMORY)
-    fresh = huber((np.concatenate([s[1:] - memory * s[:-1] for s in scaled])) / np.sqrt(1.0 - memory * memory))
-    size = max(float(np.sqrt(np.mean(fresh * fresh))), 0.3)
-    wide = [None if pair is None else np.hypot(spread, pair[1]) for pair in pairs]
-    scatters = [None if pair is None else np.hypot(spread, share * pair[1]) for pair in pairs]
-    return tuple(
-        None if one is None or plain is None else Channel(size * one, memory, plain)
-        for one, plain in zip(wide, scatters, strict=True)
-    )
-
-
-def _about_middle(values: Array) -> Array:
-    """Values about their own median: what differs from run to run is no noise."""
-    return values - np.median(values) if len(values) else values
+    noise = noise or first_noise(course)
+    wheel, speed = channels(course, rig, settings)
+    return Bench(course, rig, noise, filters(course, rig, noise, settings), wheel, speed)

@@ -12,37 +12,64 @@ from dataclasses import replace
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array, Mask
-from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import Settings, replay, seen
-from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise
+from vehicle.measured.replay.course import Course, Stretch
+from vehicle.measured.replay.replaying import FORWARD, Rig, replay, seen
+from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise, step_times
+from vehicle.measured.thresholds import LEAST_ALONG, LEAST_SOIL, MOST_SOIL
 
-SPANS_S = (1.0, 2.0, 4.0)
-LEAST_SOIL, MOST_SOIL = 2e-4, 0.05
-LEAST_ALONG = 0.003
-SAMPLES = 30
+SPANS_S = (1.0, 2.0, 4.0)  # longer than the soil's memory, shorter than any cause that acts evenly
+SAMPLES = 30  # second differences: the median deviation of fewer is off by a fifth and more
 
 
-def tuned(bench: Bench, settings: Settings) -> Noise:
+def first_noise(course: Course) -> Noise:
+    """White noise of positions and headings; the soil as an ordinary field has it."""
+    position, heading = [], []
+    for one in course.stretches:
+        position += [white_noise(one.time, one.east), white_noise(one.time, one.north)]
+        if one.heading_seen:
+            heading.append(white_noise(one.time, one.heading))
+    p = max(float(np.median(position)), 2e-4)
+    h = max(float(np.median(heading)), 2e-4) if heading else 1e3
+    return Noise(p, 1.5 * p, h, min(1.0 * h, 0.1), 0.0025, 0.01)
+
+
+def white_noise(time: Array, values: Array) -> float:
+    """Standard deviation of white noise on a smooth signal (k,), robustly: what four rows are off a parabola.
+
+    Third divided differences, which no parabola changes however uneven the times are.
+    """
+    t = np.lib.stride_tricks.sliding_window_view(time, 4)
+    apart = t[:, :, None] - t[:, None, :] + np.eye(4)
+    weights = 1.0 / apart.prod(axis=2)
+    left = (weights * np.lib.stride_tricks.sliding_window_view(values, 4)).sum(axis=1)
+    scaled = left / np.sqrt((weights * weights).sum(axis=1))
+    return float(1.4826 * np.median(np.abs(scaled - np.median(scaled))))
+
+
+def tuned(course: Course, rig: Rig, noise: Noise, settings: Settings) -> Noise:
     """Noise with soil and speed scatter as the second differences give them; as it was where nothing can be told.
 
     The least of three spans counts: what comes and goes at the beat of one span drops out of another.
     """
-    found = [one for span in SPANS_S if (one := _at_span(bench, settings, span)) is not None]
-    if not found:
-        return bench.noise
-    return replace(bench.noise, soil=min(one[0] for one in found), along=min(one[1] for one in found))
+    told = [one for span in SPANS_S if (one := _at_span(course, rig, noise, settings, span)) is not None]
+    if not told:
+        return noise
+    return replace(noise, soil=min(one[0] for one in told), along=min(one[1] for one in told))
 
 
-def _at_span(bench: Bench, settings: Settings, span: float) -> tuple[float, float] | None:
+def _at_span(
+    course: Course, rig: Rig, noise: Noise, settings: Settings, span: float
+) -> tuple[float, float] | None:
+    """Soil (rad per metre) and scatter of the way that one span tells; None with too few second differences."""
     turns, ways, speeds = [], [], []
-    for stretch in bench.course.stretches:
+    for stretch in course.stretches:
         if stretch.time[-1] < 4.0 * span:
             continue
-        states = replay(bench.rig, stretch, settings, from_sensor=True, from_speed=True)
-        antenna, heading, _, _ = seen(bench.rig, stretch, states, settings)
-        pace = np.interp(stretch.time, np.arange(len(states)) / 60.0, np.abs(states[:, 4]))
+        states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
+        antenna, heading, _, _ = seen(rig, stretch, states, settings)
+        pace = np.interp(stretch.time, step_times(len(states)), np.abs(states[:, FORWARD]))
         moving = pace > 0.3 * max(float(np.median(pace)), 0.05)
         turn, keep = _second(stretch, stretch.heading - heading, moving, span)
         turns.append(turn[keep])
@@ -50,8 +77,8 @@ def _at_span(bench: Bench, settings: Settings, span: float) -> tuple[float, floa
         ways.append(_second(stretch, _along(stretch, antenna, heading), moving, span)[0][keep])
     if not turns or sum(map(len, turns)) < SAMPLES:
         return None
-    soil = _soil(np.concatenate(turns), np.concatenate(speeds), bench.noise.heading, span)
-    return soil, _way(np.concatenate(ways), bench.noise.position, span)
+    soil = _soil(np.concatenate(turns), np.concatenate(speeds), noise.heading, span)
+    return soil, _way(np.concatenate(ways), noise.position, span)
 
 
 def _second(stretch: Stretch, values: Array, moving: Mask, span: float) -> tuple[Array, Mask]:
@@ -82,8 +109,8 @@ def _soil(turn: Array, pace: Array, heading_noise: float, span: float) -> float:
     one, two = _integrated(span), _integrated(2.0 * span)
     # Var(second difference) = 2 V(T) - 2 C with C = (V(2 T) - 2 V(T)) / 2 the covariance of neighbouring spans.
     unit = 2.0 * one - (two - 2.0 * one)
-    found = math.sqrt(max(spread, 0.0) / (unit * float(np.mean(pace**2)) + 1e-12))
-    return min(max(found, LEAST_SOIL), MOST_SOIL)
+    soil = math.sqrt(max(spread, 0.0) / (unit * float(np.mean(pace**2)) + 1e-12))
+    return min(max(soil, LEAST_SOIL), MOST_SOIL)
 
 
 def _integrated(span: float) -> float:

@@ -17,11 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.effects import STEP_HZ, effect_fields
+from vehicle.instruments import LATE_ANGLE, LATE_X, LATE_Y, lever
 from vehicle.jit import compiled
+from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.replaying import Rig, replay, shown_poses
 
-SIZE, SEEN = 7, 3
-SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
+SIZE, SEEN = 7, 3  # numbers of the state and of a measurement
+SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # a rut or a clod at walking pace; what satellites and fixing let wander
 
 
 @dataclass(frozen=True)
@@ -61,8 +66,8 @@ def make_gains(  # type: ignore[no-untyped-def]
         cosine, sine = math.cos(reference[k]), math.sin(reference[k])
         h[:] = 0.0
         h[0, 0] = h[0, 5] = h[1, 1] = h[1, 6] = h[2, 2] = h[2, 4] = 1.0
-        h[0, 2] = -lever_ahead * sine + lever_aside * cosine
-        h[1, 2] = lever_ahead * cosine + lever_aside * sine
+        lever_east, lever_north = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
+        h[0, 2], h[1, 2] = -lever_north, lever_east
         cross = cov @ h.T
         s = h @ cross
         s[0, 0] += noise[0] ** 2
@@ -115,7 +120,7 @@ def innovations(  # type: ignore[no-untyped-def]
     v = np.zeros(SEEN)
     for k in range(len(time)):
         cosine, sine = math.cos(reference[k]), math.sin(reference[k])
-        lever_east, lever_north = lever_ahead * cosine + lever_aside * sine, lever_ahead * sine - lever_aside * cosine
+        lever_east, lever_north = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
         slope_east, slope_north = -lever_north, lever_east
         if k == 0:
             state[0], state[1] = east[0] - lever_east, north[0] - lever_north
@@ -156,3 +161,21 @@ def increments(x: Array, y: Array, angle: Array) -> Increments:
     dx, dy = np.diff(x), np.diff(y)
     cosine, sine = np.cos(angle[:-1]), np.sin(angle[:-1])
     return Increments(dx * cosine + dy * sine, dx * sine - dy * cosine, np.diff(angle))
+
+
+def step_times(steps: int) -> Array:
+    """Times (s) of the steps of a stretch.
+
+    Over 60, not times DT_S: the last bit differs, and the last digits of a diagnosis with it.
+    """
+    return np.arange(steps, dtype=np.float64) / STEP_HZ
+
+
+def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Increments:
+    """Increments between the rows of a stretch, replayed from measured wheel angle and speed and seen as late as the
+    settings say."""
+    states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
+    rows = shown_poses(
+        rig, stretch, states, settings, step_times(len(states)), effect_fields(settings)["latency"] / STEP_HZ
+    )
+    return increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])

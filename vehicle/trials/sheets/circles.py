@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vehicle.calibration import drive_circle
 from vehicle.ground import tyres_on
 from vehicle.tractor import Tractor, load_tractor
 from vehicle.trials.drive import Trace
@@ -24,7 +25,6 @@ from vehicle.trials.fixed import (
 )
 from vehicle.trials.sheets.sheet import Comparison, Line, Panel, Sheet, TextTable
 from vehicle.trials.thesis import TABLE_4_1
-from vehicle.world import drive_circle
 
 CIRCLES = (("2.9", "eg105", "asphalt"), ("2.10", "eg105", "soil"), ("5.1", "mr1000a", "soil"))
 CIRCLE_ANGLES_DEG = (5, 10, 15, 20, 25, 30, 35)

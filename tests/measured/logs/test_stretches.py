@@ -1,0 +1,47 @@
+"""Which rows of a log are driven forward without a gap, row by row."""
+
+import numpy as np
+import pytest
+
+from tests.measured.drawn import circle, log
+from vehicle.measured.logs.record import COLUMNS, Log
+from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
+
+
+def rows_of(one: Log) -> tuple[list[list[int]], list[list[int]]]:
+    long, short = forward_stretches(one)
+    ends = lambda parts: [[int(part[0]), int(part[-1]), len(part)] for part in parts]  # noqa: E731
+    return ends(long), ends(short)
+
+
+def test_a_drive_without_a_gap_is_one_stretch() -> None:
+    assert rows_of(log(circle(0.1))) == ([[0, 199, 200]], [])
+
+
+@pytest.mark.parametrize(("rows", "long"), [(51, True), (50, False)])
+def test_the_shortest_stretch_lasts_five_seconds(rows: int, long: bool) -> None:
+    assert SHORTEST_S == 5.0
+    result = rows_of(log(circle(0.1).iloc[:rows]))
+    assert result == (([[0, rows - 1, rows]], []) if long else ([], [[0, rows - 1, rows]]))
+
+
+def test_few_rows_left_out_are_no_gap_and_many_are() -> None:
+    east = circle(0.0).easting_m.to_numpy(copy=True)
+    east[60:63] = np.nan
+    assert rows_of(log(circle(0.0), easting_m=east)) == ([[0, 199, 197]], [])
+    east[60:80] = np.nan
+    assert rows_of(log(circle(0.0), easting_m=east)) == ([[0, 59, 60], [80, 199, 120]], [])
+
+
+def test_a_change_of_gear_ends_a_stretch_and_reverse_is_none() -> None:
+    gear = np.ones(200)
+    gear[100:120], gear[160] = -1.0, 0.0
+    assert rows_of(log(circle(0.0), shuttle=gear)) == ([[0, 99, 100]], [[120, 159, 40], [161, 199, 39]])
+
+
+def test_a_log_has_every_column_of_the_contract_or_none() -> None:
+    one = log(circle(0.0))
+    absent = {name for name in COLUMNS if getattr(one, name) is None}
+    assert absent == {"speed_command_mps", "steering_command_deg", "roll_deg", "pitch_deg"}
+    assert (one.shuttle == 1.0).all() and (one.implement == 0.0).all()
+    assert one.step_s == pytest.approx(0.1) and one.segments == 1 and one.rows_gated == 0

@@ -1,0 +1,109 @@
+"""Replayed states and what instruments show of them, for motions that can be written down."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.measured.drawn import SPEED_MPS, circle, course, rig
+from vehicle.effects import effect_fields
+from vehicle.errors import VehicleError
+from vehicle.layout import DT_S
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.drives import blank
+from vehicle.measured.replay.replaying import (
+    ANGLE,
+    FORWARD,
+    STEERING,
+    X,
+    Y,
+    antenna_lever,
+    make_rig,
+    own_rig,
+    replay,
+    seen,
+)
+from vehicle.tractor import EffectSetting, load_tractor
+
+EG105 = load_tractor("eg105")
+LEVER = EG105.antenna_forward_m - EG105.rear_axle_m
+
+
+def straight(seconds: float = 10.0) -> Stretch:
+    """Due east with the wheels straight."""
+    return course(circle(0.0, seconds, bearing_deg=90.0)).stretches[0]
+
+
+def test_measured_speed_and_straight_wheels_give_a_straight_line() -> None:
+    one = straight()
+    states = replay(rig(), one, {}, from_sensor=True, from_speed=True)
+    grid = DT_S * np.arange(len(states))
+    assert states[:, X] - states[0, X] == pytest.approx(SPEED_MPS * grid, abs=1e-9)
+    assert np.abs(states[:, [ANGLE, STEERING]]).max() < 1e-9 and np.ptp(states[:, Y]) < 1e-9
+    assert (states[:, FORWARD] == SPEED_MPS).all()
+
+
+def test_a_measured_wheel_angle_gives_the_measured_radius() -> None:
+    radius = EG105.power_law("soil").radius_m(12.0)
+    frame = circle(1.0 / radius, 30.0).assign(steering_deg=12.0)
+    one = course(frame).stretches[0]
+    states = replay(rig(), one, {}, from_sensor=True, from_speed=True)
+    antenna = seen(rig(), one, states, {})[0][100:]
+    way = float(np.hypot(*np.diff(antenna, axis=0).T).sum())
+    turned = abs(float(np.interp(one.time[-1], DT_S * np.arange(len(states)), states[:, ANGLE])) - float(
+        np.interp(one.time[100], DT_S * np.arange(len(states)), states[:, ANGLE])))
+    assert way / turned == pytest.approx(radius, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("settings", "ahead", "aside", "bias_deg"),
+    [
+        ({}, 0.0, 0.0, 0.0),
+        ({"antenna_forward": {"distance_m": 0.4}}, 0.4, 0.0, 0.0),
+        ({"antenna_right": {"distance_m": 0.2}}, 0.0, -0.2, 0.0),
+        ({"gnss_latency": {"time_s": 0.3}}, -0.3 * SPEED_MPS, 0.0, 0.0),
+        ({"heading_bias": {"angle_deg": 5.0}}, 0.0, 0.0, -5.0),
+    ],
+)
+def test_instruments_on_a_straight_line_by_hand(settings: Any, ahead: float, aside: float, bias_deg: float) -> None:
+    """Heading east: ahead is east, to the right is south; a clockwise bias is a negative mathematical angle."""
+    one = straight()
+    states = replay(rig(), one, {}, from_sensor=True, from_speed=True)
+    antenna, heading, wheel, speed = seen(rig(), one, states, settings)
+    rows = one.time > 0.5
+    assert antenna[rows, 0] - states[0, X] == pytest.approx(SPEED_MPS * one.time[rows] + LEVER + ahead, abs=1e-9)
+    assert antenna[rows, 1] - states[0, Y] == pytest.approx(np.full(rows.sum(), aside), abs=1e-9)
+    assert np.degrees(heading) == pytest.approx(np.full(one.rows, bias_deg), abs=1e-9)
+    assert np.abs(wheel).max() < 1e-9 and speed == pytest.approx(np.full(one.rows, SPEED_MPS))
+
+
+def test_the_lever_counts_from_the_centre_of_mass() -> None:
+    fields = effect_fields({"antenna_forward": {"distance_m": 0.3}, "antenna_right": {"distance_m": -0.1}})
+    assert antenna_lever(rig(), fields) == pytest.approx((LEVER + 0.3, EG105.antenna_right_m - 0.1))
+
+
+def test_a_rig_is_bare_and_its_own_settings_are_those_of_the_file() -> None:
+    taught = EG105.model_copy(update={"effects": {"wheel_slip": EffectSetting(value={"ratio": 0.1})}})
+    own, settings = own_rig(taught, "soil", (3.0, 4.0))
+    assert settings == {"wheel_slip": {"ratio": 0.1}} and own.tractor == EG105 and own.origin == (3.0, 4.0)
+    assert own.model == make_rig(EG105, "soil", (3.0, 4.0)).model
+    assert own.with_effects(settings)[0]["slip"] == pytest.approx(0.1)
+    with pytest.raises(VehicleError, match="moon"):
+        make_rig(EG105, "moon", (0.0, 0.0))
+
+
+def test_places_in_the_field_are_moved_to_the_origin_of_the_course() -> None:
+    patch = {"grip_patch": {"ratio": 0.5, "east_m": 10.0, "north_m": 20.0, "radius_m": 5.0}}
+    model = make_rig(EG105, "soil", (4.0, 15.0)).with_effects(patch)
+    assert (model[0]["patch_east"], model[0]["patch_north"]) == (6.0, 5.0)
+
+
+def test_commands_drive_where_sensors_are_left_out() -> None:
+    """A commanded speed is reached with the acceleration of the file, a wheel angle at the rate of Eq. 2.8."""
+    drive = blank(0, 0.0, ((2.0, 0.0, 1.0, 0.0), (10.0, 20.0, 1.0, 0.0)), SPEED_MPS)
+    states = replay(rig(), drive, {}, from_sensor=False, from_speed=False)
+    assert states[-1, FORWARD] == pytest.approx(SPEED_MPS, abs=0.02)
+    moving = math.degrees(states[150, STEERING])
+    assert moving == pytest.approx(EG105.steering.rate_deg_per_s * (150 - 120) * DT_S, abs=0.3)
+    assert math.degrees(states[-1, STEERING]) == pytest.approx(20.0, abs=0.11)

@@ -1,0 +1,119 @@
+"""Open-loop error over horizons: one replay per run, anchored again for every stretch by a rigid fit in closed form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from vehicle.learnt import Settings
+from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.anchoring import anchor_pieces
+from vehicle.measured.replay.course import Course, Stretch
+from vehicle.measured.replay.replaying import Rig, replay, seen
+from vehicle.measured.replay.windows import half_of
+
+HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # from a moment to a short swath at 5 km/h
+FEWEST_ROWS = 4  # three numbers of the rigid fit and one that can be wrong
+Seen = tuple[Array, Array, Array, Array]
+Squares = dict[float, Array]
+Halves = tuple[Settings, Settings]
+EDGE_S = 0.5  # a piece begins at a row, up to half a second (at 1 Hz) off its time
+
+
+@dataclass(frozen=True)
+class Error:
+    """Root mean square of the error across and along the way (cm) and of the heading (deg; nan without one)."""
+
+    cross_cm: float
+    along_cm: float
+    heading_deg: float
+
+
+def anchored(stretch: Stretch, antenna: Array, heading: Array, rows: slice) -> Array:
+    """Cross, along (m) and heading (rad) errors per row (k, 3) after the best turn and shift of the simulated piece."""
+    return anchored_pieces(stretch, antenna, heading, [rows])[rows]
+
+
+def anchored_pieces(stretch: Stretch, antenna: Array, heading: Array, parts: list[slice]) -> Array:
+    """The errors of all pieces, in the rows of the stretch (k, 3); headings are nan where none was measured."""
+    starts, ends = (np.array([getattr(one, edge) for one in parts], dtype=np.int64) for edge in ("start", "stop"))
+    out = np.zeros((stretch.rows, 3))
+    x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
+    anchor_pieces(starts, ends, stretch.east, stretch.north, stretch.heading, x, y, heading, out)
+    if not stretch.heading_seen:
+        out[:, 2] = np.nan
+    return out
+
+
+def pieces(time: Array, horizon: float) -> list[slice]:
+    """Whole pieces of a horizon, one after another."""
+    starts = np.arange(0.0, time[-1] - horizon + 1e-6, horizon)
+    edges = np.searchsorted(time, np.append(starts, starts[-1] + horizon if len(starts) else 0.0) - 1e-9)
+    return [slice(int(i), int(j)) for i, j in pairwise(edges) if j - i >= FEWEST_ROWS]
+
+
+def chain(rig: Rig, stretch: Stretch, settings: Settings) -> Seen:
+    """What the instruments would have shown had the commands been driven with these effects."""
+    return seen(rig, stretch, replay(rig, stretch, settings, from_sensor=False, from_speed=False), settings)
+
+
+def squares(stretch: Stretch, antenna: Array, heading: Array, half: int | None = None) -> Squares:
+    """Sums of squares (cross, along, heading) and rows per horizon: (4,) each, of all pieces or of those of a half."""
+    sums = {}
+    for horizon in HORIZONS_S:
+        parts = pieces(stretch.time, horizon)
+        if half is not None:
+            starts = np.array([stretch.time[part.start] for part in parts])
+            parts = [part for part, mine in zip(parts, half_of(starts + EDGE_S) == half, strict=True) if mine]
+        errors = anchored_pieces(stretch, antenna, heading, parts)
+        rows = sum(part.stop - part.start for part in parts)
+        sums[horizon] = np.array([*(errors * errors).sum(axis=0), rows]) if rows else np.zeros(4)
+    return sums
+
+
+def no_squares(runs: int) -> list[Squares]:
+    """Sums of squares of runs, before any stretch is added."""
+    return [{horizon: np.zeros(4) for horizon in HORIZONS_S} for _ in range(runs)]
+
+
+def run_squares(course: Course, rig: Rig, settings: Mapping[int, Settings | Halves]) -> list[Squares]:
+    """Sums of squares of every run; `settings` may differ from run to run, and between the halves of a run."""
+    totals = no_squares(len(course.names))
+    for stretch in course.stretches:
+        mine = settings[stretch.run]
+        for half, one in enumerate(mine) if isinstance(mine, tuple) else ((None, mine),):
+            antenna, heading, _, _ = chain(rig, stretch, one)
+            for horizon, part in squares(stretch, antenna, heading, half).items():
+                totals[stretch.run][horizon] += part
+    return totals
+
+
+def errors_of(totals: list[Squares]) -> dict[float, Error]:
+    """Errors of all runs together; horizons that no run is long enough for are left out."""
+    errors = {}
+    for horizon in HORIZONS_S:
+        whole = np.sum([one[horizon] for one in totals], axis=0)
+        if whole[3] > 0:
+            cross, along, heading = np.sqrt(whole[:3] / whole[3])
+            errors[horizon] = Error(100.0 * float(cross), 100.0 * float(along), math.degrees(float(heading)))
+    return errors
+
+
+def total_error(totals: list[Squares], floor: list[Squares], along: bool = True, horizon: float = 5.0) -> Array:
+    """Error of every run as one number: squares over those of noise alone, averaged over the three kinds (runs,).
+
+    Without `along` the error along the way has no part in it, as where speeds were only derived from positions.
+    """
+    scale = np.sum([one[horizon] for one in floor], axis=0)
+    unit = scale[:3] / max(scale[3], 1.0)
+    out = []
+    for one in totals:
+        rows = max(one[horizon][3], 1.0)
+        shares = one[horizon][:3] / rows / np.maximum(unit, 1e-12)
+        shares = shares if along else np.delete(shares, 1)
+        out.append(float(np.nanmean(shares)) if np.isfinite(shares).any() else 0.0)
+    return np.array(out)
