@@ -193,5 +193,6 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         reversals=reversals(run),
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
+        order_gap_pct=run.plan.notes.get("order_gap_pct"),
         remark=tried.remark,
     )

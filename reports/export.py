@@ -30,6 +30,7 @@ PLAN_KEYS = (
     "reversals",
     "min_clearance_m",
     "collisions",
+    "order_gap_pct",
     "reason",
     "on_pareto_front",
     "remark",

@@ -19,6 +19,8 @@ class PlanResult:
 
     `rank` counts feasible plans from 1 by time, then tractors; infeasible ones have none. `worked_pct` and
     `overlap_pct` are shares of the field, `outside_m` the path length outside its boundary, `excursion_m` how far.
+    `order_gap_pct` is by how much less any other order of tracks could take between them, at most; None where the
+    order is not searched but given by the strategy.
     """
 
     strategy: str
@@ -40,6 +42,7 @@ class PlanResult:
     reversals: int | None = None
     min_clearance_m: float | None = None
     collisions: int | None = None
+    order_gap_pct: float | None = None
     on_pareto_front: bool = False
     remark: str | None = None
 

@@ -17,6 +17,7 @@ import pytest
 CONTRACT = [
     "rank", "strategy", "tractors", "turn", "time_s", "tractor_time_s", "cost", "meets_deadline", "feasible",
     "worked_pct", "overlap_pct", "outside_m", "turning_s", "waiting_s", "reversals", "min_clearance_m", "collisions",
+    "order_gap_pct",
 ]  # fmt: skip
 QUICK = ("--tractors", "1-2", "--strategies", "split-field,interleaved", "--processes", "1")
 

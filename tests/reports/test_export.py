@@ -36,6 +36,7 @@ CONTRACT = [
     "reversals",
     "min_clearance_m",
     "collisions",
+    "order_gap_pct",
     "reason",
     "on_pareto_front",
     "remark",

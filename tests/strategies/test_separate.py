@@ -52,7 +52,7 @@ class TestPlans:
         plan = STRATEGIES[name].build(job)
         check_plan(plan)
         assert plan.tractors == tractors
-        assert plan.notes == {"strategy": name, "tractors": tractors}
+        assert (plan.notes["strategy"], plan.notes["tractors"]) == (name, tractors)
         jobs.assert_all_once(job, plan)
 
     @pytest.mark.parametrize("name", ["split-field", "interleaved"])
