@@ -3,7 +3,7 @@
 from fields.errors import FieldError
 from fields.field import Field, GroundZone
 from fields.layout import Layout, Track, lay_tracks
-from fields.read import read_field
+from fields.read import Listed, list_fields, read_field
 from fields.samples_index import sample_names
 from fields.write import write_field
 
@@ -12,8 +12,10 @@ __all__ = [
     "FieldError",
     "GroundZone",
     "Layout",
+    "Listed",
     "Track",
     "lay_tracks",
+    "list_fields",
     "read_field",
     "sample_names",
     "write_field",

@@ -15,6 +15,8 @@ MERGE_RAD = math.radians(1.0)
 PARALLEL_RAD = 1e-6
 TIE = 1e-9
 """Lengths and areas this close, relatively, count as equal."""
+AT_ONCE = 1000
+"""Edges compared with all others at a time, which bounds the memory."""
 MOST = 24
 """Directions tried, or twice as many when their edges are equally long; a curve has one per vertex."""
 
@@ -56,8 +58,9 @@ def _edge_directions(boundary: shapely.Polygon) -> tuple[FloatArray, FloatArray]
     angle, length = np.concatenate(angles), np.concatenate(lengths)
     keep = length > 1e-9
     angle, length = angle[keep], length[keep]
-    parallel = _turn(angle[:, None], angle[None, :]) < PARALLEL_RAD
-    return angle, parallel @ length
+    rows = (angle[start : start + AT_ONCE, None] for start in range(0, len(angle), AT_ONCE))
+    together = [(_turn(some, angle[None, :]) < PARALLEL_RAD) @ length for some in rows]
+    return angle, np.concatenate(together)
 
 
 def _rectangle_directions(boundary: shapely.Polygon) -> list[float]:

@@ -8,10 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from fields.errors import FieldError
+from fields.reading import parse_fault
 
 HEADER = "headland"
 """Foreign member (RFC 7946, section 6.1) with the frame of the file; written by ``write_field``."""
 LOCAL, WGS84 = "local_metres", "wgs84"
+BOUNDARY, ZONE, ENTRANCE = "boundary", "ground zone", "entrance"
+NO_BOUNDARY = ("obstacle", ENTRANCE)
+"""Roles of polygons that are certainly no field."""
+KINDS_SHOWN, ROLE_SHOWN = 6, 30
 GEOMETRIES = (
     "Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection",
 )  # fmt: skip
@@ -40,6 +45,7 @@ class Document:
         crs: coordinate system named by an old-style ``crs`` member, or None.
         frame: ``"local_metres"``, ``"wgs84"`` or None when the file does not say.
         header: the foreign member of this program, possibly empty.
+        unused: what no part of a field is read from: kind of feature in words, and how many.
     """
 
     polygons: tuple[RawPolygon, ...]
@@ -49,6 +55,7 @@ class Document:
     frame: str | None
     header: dict[str, Any]
     source: str
+    unused: tuple[tuple[str, int], ...] = ()
 
 
 def parse(text: str, label: str) -> Document:
@@ -64,7 +71,7 @@ def parse(text: str, label: str) -> Document:
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise FieldError(f"{label} is not JSON ({error}); give a GeoJSON file.") from error
+        raise FieldError(f"{label} is not JSON ({parse_fault(error)}); give a GeoJSON file.") from error
     if not isinstance(root, dict) or not isinstance(root.get("type"), str):
         raise FieldError(
             f"{label} is JSON without a 'type', so not GeoJSON; give a FeatureCollection or Polygon."
@@ -79,15 +86,13 @@ def parse(text: str, label: str) -> Document:
         polygons=polygons,
         zones=zones,
         entrances=tuple(
-            _member(feature, "geometry").get("coordinates")
-            for feature in features
-            if _member(feature, "geometry").get("type") == "Point"
-            and _member(feature, "properties").get("role") == "entrance"
+            _member(feature, "geometry").get("coordinates") for feature in features if _use(feature) == ENTRANCE
         ),
         crs=_crs(root, label),
         frame=_frame(header, label),
         header=header,
         source=_text(root.get("source")),
+        unused=_unused(features),
     )
 
 
@@ -119,17 +124,43 @@ def _polygons(
     for feature in features:
         geometry, properties = _member(feature, "geometry"), _member(feature, "properties")
         kind, coordinates = geometry.get("type"), geometry.get("coordinates")
+        use = _use(feature)
+        if use not in (BOUNDARY, ZONE):
+            continue
         if kind == "Polygon":
             parts = [coordinates]
-        elif kind == "MultiPolygon" and isinstance(coordinates, list):
+        elif isinstance(coordinates, list):
             parts = coordinates
-        elif kind == "MultiPolygon":
-            raise FieldError(f"A MultiPolygon of {label} has no coordinates; give it a list of polygons.")
         else:
-            continue
-        target = zones if _text(properties.get("ground")) else polygons
+            raise FieldError(f"A MultiPolygon of {label} has no coordinates; give it a list of polygons.")
+        target = zones if use == ZONE else polygons
         target.extend(RawPolygon(part, _keys(feature, properties), properties) for part in parts)
     return tuple(polygons), tuple(zones)
+
+
+def _use(feature: dict[str, Any]) -> str:
+    """What a feature is read as, "" for nothing. A polygon with a role of something else is no boundary."""
+    kind, properties = _member(feature, "geometry").get("type"), _member(feature, "properties")
+    role = properties.get("role")
+    if kind == "Point" and role == ENTRANCE:
+        return ENTRANCE
+    if kind not in ("Polygon", "MultiPolygon") or role in NO_BOUNDARY:
+        return ""
+    return ZONE if _text(properties.get("ground")) else BOUNDARY
+
+
+def _unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
+    """Features that are read as nothing, counted by geometry and role."""
+    counts: Counter[str] = Counter()
+    for feature in features:
+        if not _use(feature):
+            kind = _member(feature, "geometry").get("type")
+            role = _text(_member(feature, "properties").get("role"))[:ROLE_SHOWN]
+            shape = kind if kind in GEOMETRIES else "feature without a known geometry"
+            counts[f"{shape} with role '{role}'" if role else f"{shape}"] += 1
+    most = counts.most_common(KINDS_SHOWN)
+    rest = counts.total() - sum(count for _, count in most)
+    return (*most, *([("of other kinds", rest)] if rest else []))
 
 
 def _nothing(features: list[dict[str, Any]], zones: tuple[RawPolygon, ...], label: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as member
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,10 @@ from fields.errors import FieldError
 from fields.projection import project
 
 FloatArray = npt.NDArray[np.float64]
+
+USUAL_POINTS, MOST_POINTS = 2_000, 5_000
+FINEST_M, COARSEST_M = 0.01, 0.16
+"""A centimetre is less than any receiver tells; at 16 cm an outline still is that of the same field."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +51,13 @@ class Field:
         grounds: ground zones; where they overlap the first one counts.
         default_ground: ground wherever no zone lies.
         source: where the boundary comes from, in words.
+        remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
+
+    A boundary of more than USUAL_POINTS points is simplified to FINEST_M, one of more than MOST_POINTS further, up to
+    COARSEST_M; a remark says so.
 
     Raises:
-        FieldError: the boundary is empty, not a polygon or crosses itself.
+        FieldError: the boundary is empty, not a polygon, crosses itself or has too many points even so.
     """
 
     name: str
@@ -59,9 +68,13 @@ class Field:
     grounds: tuple[GroundZone, ...] = ()
     default_ground: str = "soil"
     source: str = ""
+    remarks: tuple[str, ...] = member(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "boundary", _sound(self.boundary, f"field '{self.name}'"))
+        label = f"field '{self.name}'"
+        boundary, remark = _plain(_sound(self.boundary, label), label)
+        object.__setattr__(self, "boundary", boundary)
+        object.__setattr__(self, "remarks", (*self.remarks, *remark))
 
     @property
     def area_m2(self) -> float:
@@ -95,6 +108,27 @@ class Field:
         if points.ndim != 2 or points.shape[1] != 2:
             raise FieldError(f"Points of shape {points.shape} are not pairs; pass an array of shape (n, 2).")
         return project(points + np.asarray(self.origin_m), self.crs, "EPSG:4326")
+
+
+def _plain(polygon: shapely.Polygon, label: str) -> tuple[shapely.Polygon, tuple[str, ...]]:
+    """An outline that can be worked with in reasonable time, and what there is to say about it."""
+    points = shapely.get_num_coordinates(polygon)
+    if points <= USUAL_POINTS:
+        return polygon, ()
+    tolerance, plain = FINEST_M, polygon.simplify(FINEST_M)
+    while shapely.get_num_coordinates(plain) > MOST_POINTS and tolerance < COARSEST_M:
+        tolerance *= 2.0
+        plain = polygon.simplify(tolerance)
+    left = shapely.get_num_coordinates(plain)
+    if left > MOST_POINTS:
+        raise FieldError(
+            f"The outline of {label} has {left} points even when it is simplified to {100 * tolerance:.0f} cm; a field "
+            f"may have {MOST_POINTS}, so simplify it first."
+        )
+    if left == points:
+        return polygon, ()
+    told = f"The outline of {label} was simplified to {100 * tolerance:.0f} cm: {left} of its {points} points are left."
+    return orient(plain, 1.0), (told,)
 
 
 def _sound(polygon: shapely.Polygon, label: str) -> shapely.Polygon:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.document import LOCAL, WGS84, Document
-from fields.errors import FieldError
+from fields.errors import FieldError, named
 from fields.projection import is_longitude_latitude, project, utm_crs
 
 FloatArray = npt.NDArray[np.float64]
@@ -58,9 +58,9 @@ def frame_of(document: Document, rings: list[FloatArray], local: bool, label: st
             system contradict each other, or the header is damaged.
     """
     if local and document.crs is not None:
-        raise FieldError(f"{label} is in the system {document.crs}, not in local metres; leave out --local.")
+        raise FieldError(f"{label} is in the system {document.crs}, not in local metres; leave out {named('local')}.")
     if local and document.frame == WGS84:
-        raise FieldError(f"{label} says that it is in longitude and latitude; leave out --local.")
+        raise FieldError(f"{label} says that it is in longitude and latitude; leave out {named('local')}.")
     if document.crs is None and (local or document.frame == LOCAL):
         return _local_frame(document, rings[0], label)
     given = document.crs or "EPSG:4326"
@@ -76,7 +76,7 @@ def _local_frame(document: Document, outer: FloatArray, label: str) -> Frame:
     if small and (np.abs(outer) <= (180.0, 90.0)).all():
         x, y = outer[0]
         raise FieldError(
-            f"Coordinates of {label} such as ({x:g}, {y:g}) look like degrees; leave out --local."
+            f"Coordinates of {label} such as ({x:g}, {y:g}) look like degrees; leave out {named('local')}."
         )
     origin = _stored_origin(document, label)
     if origin is None:
@@ -105,13 +105,13 @@ def _check_degrees(outer: FloatArray, label: str) -> None:
     span = np.ptp(outer, axis=0)
     if np.abs(outer[:, 0]).max() > 180.0 or np.abs(outer[:, 1]).max() > 90.0:
         swapped = (np.abs(outer) <= (90.0, 180.0)).all() and span.max() < WIDEST_DEG
-        fix = "look like latitude before longitude; swap them" if swapped else "look like metres; add --local"
+        fix = "look like latitude before longitude; swap them" if swapped else f"look like metres; add {named('local')}"
         raise FieldError(f"Coordinates of {label} such as ({x:g}, {y:g}) {fix}.")
     wide = min(span[0], 360.0 - span[0]) if span[0] > 180.0 else span[0]
     if max(wide, span[1]) > WIDEST_DEG:
         raise FieldError(
             f"The boundary of {label} spans {wide:g} by {span[1]:g} degrees, too much for a field; "
-            "if these are metres add --local."
+            f"if these are metres add {named('local')}."
         )
 
 

@@ -20,6 +20,7 @@ EDGE_SLACK_M = 1e-6
 """The region is eroded this much less, so that a line exactly on its edge counts as inside."""
 MITRE_LIMIT = 2.0
 MOST_LINES = 20_000
+DEEPEST_M = 1e5
 GRID_M = 1e-6
 SLIVER_M = 1e-5
 """Parts of the inner region thinner than this are rounding."""
@@ -144,8 +145,8 @@ def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_len
     """Refuse numbers that mean nothing."""
     if not (math.isfinite(width_m) and width_m > 0.0):
         raise FieldError(f"Working width {width_m} m is not usable; give a width above 0 m.")
-    if not (math.isfinite(headland_m) and headland_m >= 0.0):
-        raise FieldError(f"Headland {headland_m} m is not usable; give 0 m or more.")
+    if not 0.0 <= headland_m <= DEEPEST_M:
+        raise FieldError(f"Headland {headland_m:g} m is not usable; give 0 to {DEEPEST_M:g} m.")
     if bearing_deg is not None and not math.isfinite(bearing_deg):
         raise FieldError(f"Bearing {bearing_deg} is not usable; give degrees clockwise from north, or none.")
     if not (math.isfinite(min_length_m) and min_length_m > 0.0):

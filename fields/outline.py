@@ -12,6 +12,7 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError
+from fields.reading import brief
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,7 +27,7 @@ def ring(raw: Any, label: str) -> FloatArray:
         FieldError: a position is not two finite numbers, or fewer than 3 distinct points remain.
     """
     if not isinstance(raw, list):
-        raise FieldError(f"A ring of {label} is {_brief(raw)}; it must be a list of [x, y] positions.")
+        raise FieldError(f"A ring of {label} is {brief(raw)}; it must be a list of [x, y] positions.")
     points = np.array([position(entry, label) for entry in raw], dtype=np.float64).reshape(-1, 2)
     keep = [i for i in range(len(points)) if i == 0 or (points[i] != points[i - 1]).any()]
     points = points[keep]
@@ -45,7 +46,7 @@ def position(raw: Any, label: str) -> tuple[float, float]:
         FieldError: it is not a list of two or more finite numbers.
     """
     if not isinstance(raw, list) or len(raw) < 2:
-        raise FieldError(f"Position {_brief(raw)} of {label} is not a pair; write it as [x, y].")
+        raise FieldError(f"Position {brief(raw)} of {label} is not a pair; write it as [x, y].")
     return _number(raw[0], label), _number(raw[1], label)
 
 
@@ -56,7 +57,7 @@ def rings(raw: Any, label: str) -> list[FloatArray]:
         FieldError: there is no ring, or a ring is not usable.
     """
     if not isinstance(raw, list) or not raw:
-        raise FieldError(f"The coordinates of {label} are {_brief(raw)}; a Polygon needs at least one ring.")
+        raise FieldError(f"The coordinates of {label} are {brief(raw)}; a Polygon needs at least one ring.")
     return [ring(entry, label) for entry in raw]
 
 
@@ -90,15 +91,15 @@ def check_area(shape: shapely.Polygon, label: str) -> None:
 def _number(raw: Any, label: str) -> float:
     """One finite coordinate."""
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise FieldError(f"Coordinate {_brief(raw)} of {label} is not a number; write plain numbers.")
+        raise FieldError(f"Coordinate {brief(raw)} of {label} is not a number; write plain numbers.")
     try:
         value = float(raw)
     except OverflowError:
         value = math.inf
     if not math.isfinite(value):
-        raise FieldError(f"Coordinate {_brief(raw)} of {label} is not finite; write a measured value.")
+        raise FieldError(f"Coordinate {brief(raw)} of {label} is not finite; write a measured value.")
     if abs(value) > FARTHEST_M:
-        raise FieldError(f"Coordinate {_brief(raw)} of {label} lies beyond {FARTHEST_M:g}; no map reaches so far.")
+        raise FieldError(f"Coordinate {brief(raw)} of {label} lies beyond {FARTHEST_M:g}; no map reaches so far.")
     return value
 
 
@@ -116,9 +117,3 @@ def _fault(reason: str) -> tuple[str, str]:
     }
     what = words.get(match[1], match[1].lower())
     return what, f"({float(match[2]):.9g}, {float(match[3]):.9g})"
-
-
-def _brief(raw: Any) -> str:
-    """A value as short text for a message."""
-    text = repr(raw)
-    return text if len(text) <= 40 else text[:37] + "..."

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from fields.errors import FieldError
+from fields.errors import FieldError, named
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -33,7 +33,7 @@ def utm_crs(longitude_deg: float, latitude_deg: float) -> str:
     if not UTM_SOUTH_DEG <= latitude_deg <= UTM_NORTH_DEG:
         raise FieldError(
             f"Latitude {latitude_deg:g} is outside the UTM range of {UTM_SOUTH_DEG:g} to {UTM_NORTH_DEG:g} "
-            "degrees; give the field in local metres with --local."
+            f"degrees; give the field in local metres with {named('local')}."
         )
     wrapped = (longitude_deg + 180.0) % 360.0
     zone = min(math.floor(wrapped / 6.0) + 1, 60)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +10,15 @@ import numpy as np
 import shapely
 
 from fields.document import Document, RawPolygon, parse
-from fields.errors import FieldError
+from fields.errors import FieldError, named
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
 from fields.outline import check_area, polygon, position, rings
-from fields.samples_index import sample_names, sample_text
+from fields.samples_index import sample_names
+from fields.source import field_file, source_of
 from fields.write import write_field
 
-__all__ = ["read_field", "sample_names", "write_field"]
+__all__ = ["Listed", "field_file", "list_fields", "read_field", "sample_names", "write_field"]
 
 NEAR_M = 50.0
 """In a file of several fields, ground zones and entrances this near belong to the chosen one."""
@@ -41,15 +42,15 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.
     """
-    text, stem, key = _open(str(where))
-    label = f"'{stem}'"
-    document = parse(text, label)
-    chosen = _choose(document, key, local, label)
+    source = source_of(str(where))
+    label = f"'{source.name}'"
+    document = parse(source.text(), label)
+    chosen = _choose(document, source.key, local, label)
     shape, frame = _outline(document, chosen, local, label)
     check_area(shape, label)
     several = len(document.polygons) > 1
     return Field(
-        name=name or _name(chosen, stem),
+        name=name or _name(chosen, source.name),
         boundary=shape,
         crs=frame.crs,
         origin_m=frame.origin_m,
@@ -57,32 +58,54 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
         grounds=_grounds(document, frame, shape, several, label),
         default_ground=str(chosen.properties.get("default_ground") or "soil"),
         source=str(chosen.properties.get("source") or document.source),
+        remarks=_remarks(document),
     )
 
 
-def _open(where: str) -> tuple[str, str, str | None]:
-    """Text, short name and chosen key of what the caller names."""
-    place, mark, key = where.rpartition("#") if "#" in where and not Path(where).exists() else (where, "", "")
-    if place in sample_names():
-        return sample_text(place), place, key if mark else None
-    path = Path(place)
-    if not path.is_file():
-        raise FieldError(_missing(place))
+def _remarks(document: Document) -> tuple[str, ...]:
+    """A sentence on what the file holds and no plan uses."""
+    if not document.unused:
+        return ()
+    told = ", ".join(f"{count} {what}" for what, count in document.unused)
+    return (
+        f"Not used of the field file: {told}; obstacles are holes of the boundary, an entrance is a Point with role "
+        "'entrance', a ground zone a Polygon with a 'ground'.",
+    )
+
+
+@dataclass(frozen=True)
+class Listed:
+    """One of the fields of a file: how to choose it (`file#key`, or `file#position`), and how large it is.
+
+    `area_ha` is without its `holes`; both are None where `fault` says in a sentence why the field cannot be used.
+    """
+
+    position: int
+    key: str
+    area_ha: float | None = None
+    holes: int | None = None
+    fault: str = ""
+
+
+def list_fields(where: str | Path, *, local: bool = False) -> tuple[Listed, ...]:
+    """Every field of a file or sample, in the order of the file; arguments as of `read_field`.
+
+    Raises:
+        FieldError: the file cannot be read or holds no field.
+    """
+    source = source_of(str(where))
+    document = parse(source.text(), f"'{source.name}'")
+    return tuple(_listed(document, position, local) for position in range(len(document.polygons)))
+
+
+def _listed(document: Document, position: int, local: bool) -> Listed:
+    raw = document.polygons[position]
+    key = raw.keys[0] if raw.keys else str(position)
     try:
-        return path.read_bytes().decode("utf-8-sig"), path.stem, key if mark else None
-    except UnicodeDecodeError as error:
-        raise FieldError(f"'{place}' is not text in UTF-8; give a GeoJSON file.") from error
-    except OSError as error:
-        raise FieldError(f"'{place}' cannot be read ({error.strerror}); check its permissions.") from error
-
-
-def _missing(place: str) -> str:
-    """What to say about a name that is neither a sample nor a file."""
-    if Path(place).is_dir():
-        return f"'{place}' is a folder; name one GeoJSON file in it."
-    names = sample_names()
-    near = difflib.get_close_matches(Path(place).stem.lower(), names, n=1, cutoff=0.0)[0]
-    return f"There is no field file '{place}'; the nearest of the samples {', '.join(names)} is '{near}'."
+        shape = _outline(document, raw, local, key)[0]
+    except FieldError as fault:
+        return Listed(position, key, fault=str(fault))
+    return Listed(position, key, float(shape.area) / 1e4, len(shape.interiors))
 
 
 def _choose(document: Document, key: str | None, local: bool, label: str) -> RawPolygon:
@@ -98,23 +121,19 @@ def _choose(document: Document, key: str | None, local: bool, label: str) -> Raw
         raise FieldError(f"'{key}' names {len(matches)} polygons of {label}; choose by position: {places}.")
     if matches:
         return found[matches[0]]
-    if key.isdecimal() and int(key) < len(found):
+    if key.isdecimal() and len(key) < 10 and int(key) < len(found):
         return found[int(key)]
     raise FieldError(f"{label} has no field '{key}'; {_how_to_choose(document, local)}.")
 
 
 def _how_to_choose(document: Document, local: bool) -> str:
     """Names and areas of the fields in a file, and how to pick one."""
+    most = range(min(len(document.polygons), LISTED))
     rows = []
-    for i, raw in enumerate(document.polygons[:LISTED]):
-        title = raw.keys[0] if raw.keys else str(i)
-        try:
-            area = f"{_outline(document, raw, local, title)[0].area / 1e4:.2f} ha"
-        except FieldError:
-            area = "not usable"
-        rows.append(f"{title} ({area})")
+    for one in (_listed(document, number, local) for number in most):
+        rows.append(f"{one.key} ({'not usable' if one.area_ha is None else f'{one.area_ha:.2f} ha'})")
     rest = len(document.polygons) - len(rows)
-    more = f" and {rest} more" if rest else ""
+    more = f" and {rest} more ({named('list_fields')} lists all)" if rest else ""
     return f"choose one by adding #ID or #position (from 0) to the file name: {', '.join(rows)}{more}"
 
 

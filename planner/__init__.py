@@ -1,1 +1,69 @@
-"""From a scenario to ranked plans: candidates, simulation on all cores, ranking; and the command line."""
+"""From a scenario to ranked plans, from measured logs to a diagnosis; and the command line on top.
+
+    from planner import Scenario, plan, study, diagnose, replay, HeadlandError
+
+scenario       what is asked for, checked; counts, clocks and names from text
+site           what all candidates share: field, tracks, tractor, turns timed, headland sized
+evaluate       one candidate: built, simulated, repaired, measured (deconflict, steady, measure)
+tasks, pool    candidates as tasks for any executor; processes of this machine
+rank           which candidates to try; their results in order
+planning       plan: all of it, with the best plan's run and pictures (drive)
+fleet_study    study: the tables of the thesis
+diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
+describe       a field in figures
+errors         the base of all refusals
+commands, main  the command line; known by nothing else
+
+What is named below is loaded when it is first used, so that `import planner` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from planner.diagnosis import diagnose
+    from planner.errors import HeadlandError
+    from planner.fleet_study import study
+    from planner.planning import Planned, plan
+    from planner.pool import LocalPool, SerialExecutor, local_pool
+    from planner.replaying import Replay, replay
+    from planner.scenario import Scenario
+
+__all__ = [
+    "HeadlandError",
+    "LocalPool",
+    "Planned",
+    "Replay",
+    "Scenario",
+    "SerialExecutor",
+    "diagnose",
+    "local_pool",
+    "plan",
+    "replay",
+    "study",
+]
+
+_HOMES = {
+    "diagnosis": ("diagnose",),
+    "errors": ("HeadlandError",),
+    "fleet_study": ("study",),
+    "planning": ("Planned", "plan"),
+    "pool": ("SerialExecutor", "LocalPool", "local_pool"),
+    "replaying": ("Replay", "replay"),
+    "scenario": ("Scenario",),
+}
+
+
+def __getattr__(name: str) -> Any:
+    for home, names in _HOMES.items():
+        if name in names:
+            value = getattr(import_module(f"planner.{home}"), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

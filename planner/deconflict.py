@@ -1,25 +1,23 @@
 """Make tractors give way: simulate, and where two come too close let one wait before it enters the headland.
 
-Every plan has, on every pass, a last stretch as a leg of its own; a tractor that gives way waits before it, inside
-its own track. The tractor that came later gives way, at first until the other is clear of the place, then until the
-other has finished its turn; if neither helps, the other one gives way instead.
+Every plan marks the legs before which a tractor may wait: the last stretch of every pass, inside its own track, and
+the start. The tractor that came later gives way, at first until the other is clear of the place, then until the other
+has finished its turn; if neither helps, the other one gives way instead.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.missions import Gate, Plan
+from strategies.record import MOST_REPAIRS, Simulate
+from vehicle.missions import DRIVE_IN, Gate, Leg, Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 ARRIVED_M = 0.2  # a leg counts as driven this far before its end
-MOST_REPAIRS = 40
 
-Simulate = Callable[[Plan], Run]
 Key = tuple[int, int, int]
 """(tractor that waits, leg it waits before, tractor it waits for)."""
 
@@ -88,7 +86,7 @@ def _mend(plan: Plan, run: Run, clash: Conflict, repairs: Repairs) -> bool:
     """Add, strengthen or swap one order to give way; False when nothing is left to try."""
     sides = [(clash.first, clash.first_leg, clash.first_m), (clash.second, clash.second_leg, clash.second_m)]
     holds = [hold_leg(plan, tractor, leg) for tractor, leg, _ in sides]
-    entered = [float(np.argmax(run.record[:, side[0], 5] >= hold)) for side, hold in zip(sides, holds, strict=True)]
+    entered = [float(np.argmax(run.leg(side[0]) >= hold)) for side, hold in zip(sides, holds, strict=True)]
     later = 0 if entered[0] > entered[1] else 1
     order = [later, 1 - later]
     keys: list[Key] = [(sides[i][0], holds[i], sides[1 - i][0]) for i in (0, 1)]
@@ -111,36 +109,32 @@ def _mend(plan: Plan, run: Run, clash: Conflict, repairs: Repairs) -> bool:
 
 
 def hold_leg(plan: Plan, tractor: int, leg: int) -> int:
-    """The leg before which a tractor should have waited: the last stretch of its pass, or its very first leg."""
+    """The leg before which a tractor should have waited: the last where it may, or its very first leg."""
     legs = plan.missions[tractor].legs
-    while leg > 0:
-        last_stretch = legs[leg].kind == "work" and (leg + 1 == len(legs) or legs[leg + 1].kind != "work")
-        if last_stretch and legs[leg - 1].kind == "work":
-            return leg
-        leg -= 1
-    return 0
+    return next((index for index in range(leg, 0, -1) if legs[index].may_wait), 0)
 
 
 def _past(plan: Plan, tractor: int, leg: int, metres: float, more: float) -> Gate:
-    """Gate that opens when the tractor has driven `metres` + `more` from the start of a leg, or is through its turn.
+    """Gate that opens when the tractor has driven `metres` + `more` from the start of a leg, or has driven in.
 
     It never lies on the track after a turn: there the tractor may itself wait for others.
     """
     legs = plan.missions[tractor].legs
     metres += more
-    turning = legs[leg].kind != "work"
-    while leg < len(legs) - 1 and metres > legs[leg].length_m and not (turning and legs[leg + 1].kind == "work"):
+    while metres > legs[leg].length_m and not _ends_turn(legs, leg):
         metres -= legs[leg].length_m
         leg += 1
-        turning = turning or legs[leg].kind != "work"
     return Gate(tractor, leg, max(0.0, min(metres, legs[leg].length_m - ARRIVED_M)))
 
 
 def _turned(plan: Plan, tractor: int, leg: int) -> Gate:
     """Gate that opens when the tractor has driven in on its next track, or has finished."""
     legs = plan.missions[tractor].legs
-    while leg < len(legs) - 1 and legs[leg].kind == "work":
-        leg += 1
-    while leg < len(legs) - 1 and legs[leg + 1].kind != "work":
+    while not _ends_turn(legs, leg):
         leg += 1
     return Gate(tractor, leg, max(0.0, legs[leg].length_m - ARRIVED_M))
+
+
+def _ends_turn(legs: tuple[Leg, ...], leg: int) -> bool:
+    """Whether a leg drives in on a track, or is the last of all."""
+    return leg == len(legs) - 1 or legs[leg].task.kind == DRIVE_IN

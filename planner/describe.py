@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from planner.site import Site
 from reports.results import Drive
-from strategies.turns import turn_depth
+from strategies.connect import Connector
+from strategies.job import Pass
+from strategies.paths import Pose
+
+MOST_ENDS = 60
 
 
 def describe(site: Site) -> dict[str, Any]:
     """Facts in the order a person would ask for them, units in the keys."""
     layout, field, manner = site.layout, site.layout.field, site.manner
     lengths = [track.length for track in layout.tracks]
-    room = layout.headland_m - manner.tool_m - 0.5 * max(layout.width_m, site.tractor.width_m)
     return {
         "name": field.name,
         "source": field.source,
@@ -31,23 +35,49 @@ def describe(site: Site) -> dict[str, Any]:
         "track_length_m": round(sum(lengths), 1),
         "turning_radius_m": round(manner.radius_m, 2),
         "most_tractors": min(50, len({track.line for track in layout.tracks})),
-        "turns": _turns(site, room),
+        "turns": _turns(site),
     }
 
 
-def _turns(site: Site, room_m: float) -> dict[str, Any]:
-    """Whether an omega between neighbours fits; and per number of tracks a turn leads over, its simulated seconds.
+def _turns(site: Site) -> dict[str, Any]:
+    """Which turns fit and how long they take, per number of tracks they lead over.
 
-    Where no turn fits the headland there is nothing to simulate; the estimate that orders of tracks are compared by
-    stands apart.
+    A kind fits where it can be driven between the ends of tracks of this field without leaving it; given is the share
+    of the ends, up to `MOST_ENDS` spread over the field. The seconds are simulated in a headland met squarely. Where
+    no turn fits that, there is nothing to simulate; the estimate that orders of tracks are compared by stands apart.
     """
-    radius, width = site.manner.radius_m, site.layout.width_m
-    omega_fits = width >= 2 * radius or turn_depth("omega", width, radius) <= room_m
+    fitting = {str(lines): _fitting(site, lines) for lines in range(1, len(site.manner.turn_s))}
     return {
-        "omega_fits": bool(omega_fits),
+        "omega_fits": any("omega" in kinds for kinds in fitting.values()),
+        "fits_percent_of_ends_over_tracks": fitting,
         "seconds_over_tracks": _seconds(site, fits=True),
         "estimated_seconds_where_no_turn_fits": _seconds(site, fits=False),
     }
+
+
+def _fitting(site: Site, lines: int) -> dict[str, float]:
+    """Percent of the ends of tracks from which a turn of a kind leads over so many lines; only kinds that ever do."""
+    ends = _ends(site, lines)
+    shares = {}
+    for kind in site.kinds:
+        connector = Connector(site.free, site.manner.radius_m, site.costs, (kind,))
+        ways = [connector.direct(a, b) for a, b in ends]
+        shares[kind] = 100.0 * sum(way is not None and way.kind == kind for way in ways) / max(len(ends), 1)
+    return {kind: round(share, 1) for kind, share in shares.items() if share}
+
+
+def _ends(site: Site, lines: int) -> list[tuple[Pose, Pose]]:
+    """From where to where a turn leads over so many lines, to either side at both ends of every piece."""
+    job = site.job(1)
+    by_place = {(track.line, track.piece): track for track in site.layout.tracks}
+    ends = [
+        (job.exit(Pass(track, way)), job.entry(Pass(other, -way)))
+        for track in site.layout.tracks
+        for step in (lines, -lines)
+        for way in (1, -1)
+        if (other := by_place.get((track.line + step, track.piece)))
+    ]
+    return ends[:: max(1, math.ceil(len(ends) / MOST_ENDS))]
 
 
 def _seconds(site: Site, *, fits: bool) -> dict[str, float]:

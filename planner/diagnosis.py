@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from planner.errors import HeadlandError, ScenarioError
-from planner.evaluate import Candidate, drive
+from planner.errors import HeadlandError, ScenarioError, named
+from planner.evaluate import Candidate, run_candidate
+from planner.measure import guided_point
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from vehicle.layout import WORKING
 from vehicle.measured.answer.demo import Hidden, demo_logs, draw_hidden
-from vehicle.measured.answer.diagnose import Progress, diagnose
+from vehicle.measured.answer.diagnose import Progress
+from vehicle.measured.answer.diagnose import diagnose as find_causes
 from vehicle.measured.answer.verdict import Diagnosis, PlanGain
 from vehicle.measured.logs.reading import read_logs
 from vehicle.measured.logs.record import Log
 from vehicle.run import DONE, Run
-from vehicle.tractor import Tractor, load_tractor
+from vehicle.tractor import Tractor, as_tractor
 from vehicle.world import World
 
 PLAN_FIELD = "iwamizawa"
@@ -27,46 +30,64 @@ SMALLEST_M = 1.0
 PATIENCE = 3.0  # times as long as the plan takes by the file: whoever is not done by then never will be
 
 
-@dataclass(frozen=True)
-class Order:
-    """What to diagnose: log files or, with none, a demonstration drawn from `seed`."""
-
-    files: tuple[str, ...]
-    tractor: str = "eg105"
-    ground: str = "soil"
-    fixes: tuple[str, ...] = ()
-    demo: bool = False
-    seed: int = 1
-    hide: str | None = None
+Logs = Sequence[Log | str | Path]
 
 
-def diagnosed(order: Order, progress: Progress | None = None) -> tuple[Diagnosis, Hidden | None]:
-    """The diagnosis of an order, and what the demonstration had hidden.
+def diagnose(
+    logs: Logs,
+    *,
+    tractor: Tractor | str | Path = "eg105",
+    ground: str = "soil",
+    fixes: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """What the simulation of a tractor gets wrong in measured logs, why, and what mending it gains.
 
-    Raises ScenarioError for an order that asks for both or neither, LogError and VehicleError for its parts.
+    `logs` are Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object, a name or
+    a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
     """
-    if order.demo == bool(order.files):
-        raise ScenarioError("Give log files, or --demo for a demonstration; not both and not neither.")
-    tractor = load_tractor(order.tractor)
-    hidden = draw_hidden(order.seed, tractor, order.hide) if order.demo else None
-    logs = _logs(order, tractor, hidden)
-    found = diagnose(logs, tractor, order.ground, progress)
-    gain, why_not = plan_gain(order.tractor, tractor, found.tractor)
-    return replace(found, plan=gain, notes=(*found.notes, *([why_not] if why_not else []))), hidden
+    machine = as_tractor(tractor)
+    return _with_gain(find_causes(logs_of(logs, fixes, machine), machine, ground, progress), machine)
 
 
-def _logs(order: Order, tractor: Tractor, hidden: Hidden | None) -> list[Log]:
-    if order.demo:
-        return demo_logs(hidden, tractor, order.ground, order.seed)
-    return read_logs(
-        [Path(name) if Path(name).exists() else name for name in order.files], order.fixes, tractor.wheelbase_m
-    )
+def demonstrate(
+    *,
+    tractor: Tractor | str | Path = "eg105",
+    ground: str = "soil",
+    seed: int = 1,
+    hide: str | None = None,
+    progress: Progress | None = None,
+) -> tuple[Diagnosis, Hidden]:
+    """The diagnosis of made logs with an effect hidden in them, drawn from `seed` or named by `hide`; and the effect.
+
+    Raises ScenarioError for a seed below 0 and VehicleError for an effect that cannot be hidden.
+    """
+    if seed < 0:
+        raise ScenarioError(f"{named('seed')} {seed} is negative; use 0 or more.")
+    machine = as_tractor(tractor)
+    hidden = draw_hidden(seed, machine, hide)
+    return _with_gain(find_causes(demo_logs(hidden, machine, ground, seed), machine, ground, progress), machine), hidden
 
 
-def plan_gain(where: str, before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
-    """A small plan made for a tractor (`where` is its name or file), driven by it and by the extended one.
+def logs_of(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:
+    """Logs as objects: those that are, then those read from files, together, as they share an origin."""
+    if not logs:
+        raise ScenarioError(f"No log is given; name one file or more in {named('logs')}.")
+    made = [log for log in logs if isinstance(log, Log)]
+    files = [Path(log) if Path(log).exists() else log for log in logs if not isinstance(log, Log)]
+    return [*made, *(read_logs(files, fixes, machine.wheelbase_m) if files else ())]
 
-    Turning radius, headland and legs are those of the tractor of the file; the extended one drives the same plan as
+
+def _with_gain(answer: Diagnosis, machine: Tractor) -> Diagnosis:
+    """The answer with what the extended tractor makes of a small plan, or the reason why there is none."""
+    gain, why_not = plan_gain(machine, answer.tractor)
+    return replace(answer, plan=gain, notes=(*answer.notes, *([why_not] if why_not else [])))
+
+
+def plan_gain(before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
+    """A small plan made for a tractor, driven by it and by the extended one.
+
+    Turning radius, headland and legs are those of the tractor as it was; the extended one drives the same plan as
     the logs say the real one would. Without a plan the second value says why, in a sentence, if there is more to say
     than that nothing was added.
     """
@@ -79,8 +100,8 @@ def plan_gain(where: str, before: Tractor, after: Tractor) -> tuple[PlanGain | N
             f"of {SMALLEST_M:g} m or more."
         )
     try:
-        site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where))
-        first = drive(site, Candidate("row-by-row", 1))[0]
+        site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M), tractor=before)
+        first = run_candidate(site, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
     world = World(first.plan, after, site.implement, seed=site.scenario.seed)
@@ -92,9 +113,7 @@ def plan_gain(where: str, before: Tractor, after: Tractor) -> tuple[PlanGain | N
 
 def _lateral_cm(site: Site, run: Run) -> float:
     """Root mean square distance (cm) of the guided point from the track nearest to it, while working."""
-    from planner.measure import guided_point
-
-    points = guided_point(run, site, 0)[run.record[:, 0, 6] == WORKING]
+    points = guided_point(run, site, 0)[run.status(0) == WORKING]
     starts = np.array([track.start for track in site.layout.tracks])
     ends = np.array([track.end for track in site.layout.tracks])
     along = (ends - starts) / np.linalg.norm(ends - starts, axis=1, keepdims=True)

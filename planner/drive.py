@@ -1,40 +1,30 @@
-"""The best plan once more, with everything a picture needs."""
+"""What a picture of a run needs, as plain arrays."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from planner.evaluate import Candidate, drive
 from planner.measure import guided_point
 from planner.site import Site
-from reports.results import Drive, Ranking
+from reports.results import Drive, PlanResult
 from vehicle.run import Run
 
 
-def best_drive(site: Site, ranking: Ranking) -> tuple[Run | None, Drive | None]:
-    """Run and picture data of the best plan; (None, None) when there is none."""
-    best = ranking.best
-    if best is None:
-        return None, None
-    run, _, turn = drive(site, Candidate(best.strategy, best.tractors))
-    plural = "s" if best.tractors > 1 else ""
-    return run, picture(site, run, f"{best.strategy}, {best.tractors} tractor{plural}, turns: {turn}")
-
-
-def picture(site: Site, run: Run, title: str) -> Drive:
-    """Plain arrays of a run on its field."""
+def picture(site: Site, run: Run, result: PlanResult) -> Drive:
+    """Plain arrays of the run of a plan on its field."""
+    plural = "s" if result.tractors > 1 else ""
     boundary, layout = site.layout.field.boundary, site.layout
     step = float(run.time_s[1] - run.time_s[0])
     shares = run.time_shares()
     return Drive(
-        title=title,
+        title=f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}",
         boundary=np.asarray(boundary.exterior.coords)[:, :2],
         holes=tuple(np.asarray(hole.coords)[:, :2] for hole in boundary.interiors),
         tracks=np.array([[track.start, track.end] for track in layout.tracks]),
         width_m=layout.width_m,
         step_s=step,
         xy=tuple(guided_point(run, site, tractor) for tractor in range(run.plan.tractors)),
-        status=tuple(run.record[:, tractor, 6].astype(np.int64) for tractor in range(run.plan.tractors)),
+        status=tuple(run.status(tractor) for tractor in range(run.plan.tractors)),
         finish_s=tuple(float(t) for t in run.finish_s),
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         entrance=layout.field.entrance,

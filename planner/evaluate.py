@@ -6,114 +6,134 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.deconflict import MOST_REPAIRS, Simulate, without_conflicts
+from planner.deconflict import without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
-from planner.site import Site, gnss_errors
+from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
-from planner.waiting import optimised
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
 from strategies.job import Job
-from strategies.registry import FORMATIONS, ROW_BY_ROW_OPTIMISED, build
+from strategies.record import Refined, Simulate, Strategy
+from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
 SAFE_M = 0.05
 FARTHEST_OUTSIDE_M = 0.5
-FORMATION_REPAIRS = 8  # a formation has its own queue: where that needs more mending, the field does not suit it
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
-ALONE = "one tractor waits for nobody, so it is driven as row-by-row"
-NOT_QUICKER = "no optimised queue proved quicker, so it is driven as row-by-row"
-Driven = tuple[Run, str | None, str]
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination to try; `jump` fixes the pattern of tracks of a split field."""
+    """A combination to try; `jump` fixes the pattern of tracks for a strategy that takes one."""
 
     strategy: str
     tractors: int
     jump: int | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The figures of a candidate, and the run they were measured on; None where its strategy refused the field."""
+
+    result: PlanResult
+    run: Run | None
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateRun:
+    """The last run of a candidate, why it is not feasible (None when it is), the turns it uses, its remark."""
+
+    run: Run
+    reason: str | None
+    turns: str
+    remark: str | None
+
+
 def evaluate(site: Site, candidate: Candidate) -> PlanResult:
+    """The figures of `simulated` alone."""
+    return simulated(site, candidate).result
+
+
+def simulated(site: Site, candidate: Candidate) -> Evaluation:
     """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason."""
     try:
-        run, reason, turn = drive(site, candidate)
+        tried = run_candidate(site, candidate)
     except StrategyError as refusal:
-        return PlanResult(candidate.strategy, candidate.tractors, site.scenario.turn, False, str(refusal))
-    return _measured(site, candidate, run, reason, turn)
+        turn = site.scenario.turn
+        return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
+    return Evaluation(_measured(site, candidate, tried), tried.run)
 
 
-def drive(site: Site, candidate: Candidate) -> Driven:
-    """The run of a candidate, why it is not feasible (None when it is), and the turns it uses."""
-    job = site.job(candidate.tractors)
-    if job.corner is not None or candidate.strategy not in FORMATIONS:
-        return _drive(site, candidate, job)
-    return _from_some_corner(site, candidate, job)
+def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
+    """Build, simulate and repair one candidate; raises StrategyError where its strategy cannot work the field."""
+    strategy = STRATEGIES[candidate.strategy]
+    if candidate.jump is not None and not strategy.takes_jump:
+        raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
+    job = replace(site.job(candidate.tractors), jump=candidate.jump)
+    if job.corner is not None or not strategy.abreast:
+        return _run_job(site, strategy, job)
+    return _from_some_corner(site, strategy, job)
 
 
-def _from_some_corner(site: Site, candidate: Candidate, job: Job) -> Driven:
+def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     """A formation on a field without an entrance: from the corner that promises most and can be driven."""
-    driven: Driven | None = None
+    first: CandidateRun | None = None
     refusal: StrategyError | None = None
     for corner in corners_by_promise(job):
         try:
-            latest = _drive(site, candidate, replace(job, corner=corner, used={}))
+            latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
             refusal = refusal or error
             continue
-        if latest[1] is None:
+        if latest.reason is None:
             return latest
-        driven = driven or latest
-    if driven is None:
+        first = first or latest
+    if first is None:
         raise refusal or StrategyError("No corner to begin at; the field has no tracks.")
-    return driven
+    return first
 
 
-def _drive(site: Site, candidate: Candidate, job: Job) -> Driven:
-    fixes = gnss_errors(site.scenario)
-
+def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
-        world = World(plan, site.tractor, site.implement, fixes=fixes, seed=site.scenario.seed)
+        world = World(plan, site.tractor, site.implement, fixes=site.fixes, seed=site.scenario.seed)
         return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
 
-    most = FORMATION_REPAIRS if candidate.strategy in FORMATIONS else MOST_REPAIRS
-    run, reason = _first_run(site, candidate, job, simulate, most)
-    if reason:
-        return run, reason, _turns(job)
-    found = slips(run, site)
+    refine = strategy.refine
+    refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+    run, reason = _driven(refined, simulate, strategy.most_repairs)
+    if reason is None:
+        run, aside = _steadied(site, run, simulate, strategy.most_repairs)
+        reason = _fault(site, run, aside)
+    return CandidateRun(run, reason, _turns(job), refined.remark)
+
+
+def _driven(refined: Refined, simulate: Simulate, most_repairs: int) -> tuple[Run, str | None]:
+    """The run of a plan with tractors giving way, and why it is not feasible when it is not."""
+    if refined.run is not None and refined.run.outcome == DONE:
+        return refined.run, None
+    return without_conflicts(refined.plan, simulate, most_repairs)
+
+
+def _steadied(site: Site, run: Run, simulate: Simulate, most_repairs: int) -> tuple[Run, float]:
+    """The run with turns that it followed badly driven more slowly where that helps, and what is left aside (m)."""
+    turns = slips(run, site)
     for _ in range(MOST_SLOWED):
-        bad = [slip for slip in found if slip.metres > ASIDE_M]
+        bad = [slip for slip in turns if slip.metres > ASIDE_M]
         if not bad:
             break
-        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most)
+        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs)
         if fault:
             break
         left = slips(again, site)
-        if worst_aside(left) > worst_aside(found) - SMALLEST_GAIN_M:
+        if worst_aside(left) > worst_aside(turns) - SMALLEST_GAIN_M:
             break
-        run, found = again, left
-    return run, _fault(site, run, worst_aside(found)), _turns(job)
-
-
-def _first_run(
-    site: Site, candidate: Candidate, job: Job, simulate: Simulate, most: int
-) -> tuple[Run, str | None]:
-    """The candidate as its strategy writes it, with tractors giving way."""
-    if candidate.strategy == ROW_BY_ROW_OPTIMISED and candidate.tractors > 1:
-        plan, run = optimised(job, simulate, site.tractor, site.implement)
-        if run.outcome == DONE:
-            return run, None
-    elif candidate.strategy == ROW_BY_ROW_OPTIMISED:
-        plan = build("row-by-row", job)
-    else:
-        plan = build(candidate.strategy, job, candidate.jump)
-    return without_conflicts(plan, simulate, most)
+        run, turns = again, left
+    return run, worst_aside(turns)
 
 
 def _fault(site: Site, run: Run, aside: float) -> str | None:
@@ -143,7 +163,8 @@ def _turns(job: Job) -> str:
     return "+".join(sorted(job.used, key=lambda kind: (-job.used[kind], kind))[:2]) or "none"
 
 
-def _measured(site: Site, candidate: Candidate, run: Run, reason: str | None, turn: str) -> PlanResult:
+def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResult:
+    run, reason, turn = tried.run, tried.reason, tried.turns
     outside = excursion(run, site)
     if run.outcome != DONE:
         return PlanResult(
@@ -172,12 +193,5 @@ def _measured(site: Site, candidate: Candidate, run: Run, reason: str | None, tu
         reversals=reversals(run),
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
-        remark=_remark(candidate, run),
+        remark=tried.remark,
     )
-
-
-def _remark(candidate: Candidate, run: Run) -> str | None:
-    """What a reader would not expect of a plan by this name, or None."""
-    if candidate.strategy != ROW_BY_ROW_OPTIMISED or run.plan.notes.get("strategy") == ROW_BY_ROW_OPTIMISED:
-        return None
-    return ALONE if candidate.tractors == 1 else NOT_QUICKER

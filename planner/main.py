@@ -1,12 +1,18 @@
 """The `headland` command: gathers the commands and turns refusals into one sentence and an exit status.
 
-Exit status: 0 done, 1 a fault of Headland itself, 2 bad input or usage, 3 no plan is feasible, 130 interrupted.
+Exit status: 0 done, 1 no room on the disk, no memory or a fault of Headland itself, 2 bad input or usage, 3 no plan is
+feasible, 130 interrupted.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import io
 import os
 import sys
+import traceback
+from typing import NoReturn
 
 import typer
 
@@ -20,8 +26,8 @@ from planner.commands.replay import replay
 from planner.commands.study import study
 from planner.commands.validate import validate
 
-INTERRUPTED = "Interrupted; nothing was written."
-BAD_INPUT_STATUS, INTERRUPTED_STATUS = 2, 130
+FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
+DEBUG = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints where it happened
 
 app = typer.Typer(
     name="headland",
@@ -45,28 +51,88 @@ app.add_typer(gnss, name="gnss")
 
 def main() -> None:
     """Run the command line; the only place where errors become exit statuses."""
+    _print_any_character()
     try:
         app()
-    except KeyboardInterrupt:
-        _fail(INTERRUPTED, INTERRUPTED_STATUS)
+    except KeyboardInterrupt as interrupt:
+        _interrupted(interrupt)
     except SystemExit as end:
         # typer answers Ctrl-C and a closed pipe itself: without a word, and as a fault.
         if end.code == INTERRUPTED_STATUS:
-            _fail(INTERRUPTED, INTERRUPTED_STATUS)
+            _interrupted(end)
         if not isinstance(end.__context__, BrokenPipeError):
             raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         sys.exit(0)
-    except ValueError as error:
-        from planner.errors import HeadlandError
+    except Exception as error:
+        _fail(*_told(error))
 
-        if not isinstance(error, HeadlandError):
-            raise
+
+def _told(error: Exception) -> tuple[str, int]:
+    """The sentence and the exit status of an error. Imports nothing heavy: that may be what failed."""
+    refusals = sys.modules.get("fields.errors")
+    if refusals is not None and isinstance(error, refusals.HeadlandError):
         from planner.commands.options import option_of
 
-        _fail(error.spoken(option_of), BAD_INPUT_STATUS)
+        return error.spoken(option_of), getattr(error, "status", BAD_INPUT_STATUS)
+    debug, done = os.environ.get(DEBUG) == "1", _written_before(error)
+    if debug:
+        traceback.print_exception(error)
+    if _lacks_memory(error):
+        return (
+            f"There is not enough memory; {done}, try one process (--processes 1), fewer tractors or a smaller field, "
+            "or allow more memory."
+        ), FAULT_STATUS
+    if isinstance(error, OSError) and isinstance(error.filename, str | bytes):
+        return f"'{os.fsdecode(error.filename)[-80:]}' cannot be used: {error.strerror}; {done}.", BAD_INPUT_STATUS
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO, errno.EBADF):
+        return f"Standard output cannot be used: {error.strerror}; {done}, print to another place.", FAULT_STATUS
+    words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    again = "" if debug else f"; {DEBUG}=1 shows where it happened, please report it"
+    return f"A fault of Headland ({words}); {done}{again}.", FAULT_STATUS
 
 
-def _fail(sentence: str, status: int) -> None:
+def _lacks_memory(error: BaseException) -> bool:
+    """Whether memory ran out, which a library that cannot be loaded and a process that is lost say their way."""
+    if type(error).__name__ == "BrokenProcessPool":
+        return True
+    if isinstance(error, ImportError):
+        return any(words in str(error) for words in ("failed to map segment", "allocate memory"))
+    return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+
+
+def _interrupted(error: BaseException) -> None:
+    _fail(f"Interrupted; {_written_before(error)}.", INTERRUPTED_STATUS)
+
+
+def _written_before(error: BaseException | None) -> str:
+    """What was written before an error, in words: the note of planner.commands.outputs on it or on what led to it."""
+    while error is not None:
+        for note in getattr(error, "__notes__", ()):
+            if str(note).endswith(" written"):
+                return str(note)
+        error = error.__cause__ or error.__context__
+    return "nothing was written"
+
+
+def _print_any_character() -> None:
+    """A terminal that lacks a character shows a question mark for it."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="replace")
+
+
+def _drop_output() -> None:
+    """Let what is still to be printed go nowhere, so that nothing complains at the end of the process."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _fail(sentence: str, status: int) -> NoReturn:
     print(f"Error: {sentence}", file=sys.stderr)
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except (OSError, ValueError):
+        _drop_output()
     sys.exit(status)

@@ -33,7 +33,7 @@ def guided_point(run: Run, site: Site, tractor: int) -> Points:
 
 
 def _ahead(run: Run, tractor: int, reach: float) -> Points:
-    x, y, angle = run.record[:, tractor, :3].T
+    x, y, angle = run.poses(tractor).T
     return np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
 
 
@@ -52,13 +52,12 @@ def coverage(run: Run, site: Site) -> Coverage:
 def _strips(run: Run, site: Site, tractor: int) -> list[shapely.Geometry]:
     """One polygon per uninterrupted stretch of work."""
     working = np.array([leg.implement for leg in run.plan.missions[tractor].legs])
-    legs = run.record[:, tractor, 5].astype(int)
-    down = working[legs]
+    down = working[run.leg(tractor)]
     edges = np.flatnonzero(np.diff(np.concatenate(([0], down.astype(np.int8), [0]))))
     strips = []
     for first, last in edges.reshape(-1, 2):
         rows = np.append(np.arange(first, min(last, len(down) - 1), EVERY), min(last, len(down) - 1))
-        strip = _strip(run.record[rows, tractor, :3], site)
+        strip = _strip(run.poses(tractor)[rows], site)
         if strip is not None:
             strips.append(strip)
     return strips

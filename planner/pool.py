@@ -1,35 +1,112 @@
-"""Evaluate candidates on all cores; the results come in the order asked for, whatever the number of processes."""
+"""Executors that plan on this machine, and how any executor is asked.
+
+The pool is the standard library's, with processes that are started afresh (`spawn`) and never forked: the caller may
+have threads. A script that uses it keeps what it does under `if __name__ == "__main__":`, as any that starts processes.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, TypeVar
 
-from planner.evaluate import Candidate, evaluate
-from planner.site import Site
-from reports.results import PlanResult
+T = TypeVar("T")
+AHEAD = 2  # tasks handed to each process at a time: one to do and one to go on with
 
 
-def evaluated(work: Sequence[tuple[Site, Candidate]], processes: int | None = None) -> Iterator[PlanResult]:
-    """Results of (site, candidate) pairs, in order.
+class SerialExecutor(Executor):
+    """Does every task where it is submitted, before `submit` returns."""
 
-    Processes are forked where that exists, so that they share the compiled loop; elsewhere each loads it from disk.
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """A future that is done."""
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class LocalPool(ProcessPoolExecutor):
+    """Fresh processes that end when the one that started them does, however that one ends.
+
+    `completed` makes the caller one more hand: it does tasks itself where all processes have enough. Leaving the
+    `with` block by an exception, such as Ctrl-C, ends what is under way.
     """
-    count = min(processes or os.cpu_count() or 1, len(work))
-    if count <= 1:
-        yield from (evaluate(site, candidate) for site, candidate in work)
-        return
-    method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
-    with multiprocessing.get_context(method).Pool(count, _leave_interrupts) as pool:
-        yield from pool.imap(_evaluate, work)
+
+    def __init__(self, processes: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        listen, self._lifeline = context.Pipe(duplex=False)
+        super().__init__(processes, context, _begin, (listen,))
+        self.window = AHEAD * processes
+        for _ in range(processes):
+            self.submit(_load)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        if kind is not None:
+            self._lifeline.close()
+        return super().__exit__(kind, error, trace)
 
 
-def _leave_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the one that collects the results answers it."""
+def _begin(lifeline: Connection) -> None:
+    """In a new process: leave Ctrl-C to the one that collects the results, and end as soon as the lifeline does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_outlive_nobody, args=(lifeline,), daemon=True).start()
 
 
-def _evaluate(pair: tuple[Site, Candidate]) -> PlanResult:
-    return evaluate(*pair)
+def _outlive_nobody(lifeline: Connection) -> None:
+    try:
+        lifeline.recv_bytes()
+    except (EOFError, OSError):
+        os._exit(0)
+
+
+def _load() -> None:
+    """Bring in what every candidate needs while the caller still prepares them."""
+    import planner.evaluate  # noqa: F401
+
+
+def local_pool(tasks: int, processes: int | None = None) -> Executor:
+    """The executor for so many tasks on so many processes of this machine; by default one per core.
+
+    The calling process counts as one: a single task or a single process needs no other.
+    """
+    count = min(processes or os.cpu_count() or 1, tasks)
+    return SerialExecutor() if count <= 1 else LocalPool(count - 1)
+
+
+def completed(executor: Executor, fn: Callable[..., T], work: list[tuple[Any, ...]]) -> Iterator[tuple[int, T]]:
+    """(index, result) of fn(*work[index]) as they are done; what is not begun is cancelled if the caller leaves."""
+    window = executor.window if isinstance(executor, LocalPool) else len(work)
+    waiting: dict[Future[T], int] = {}
+    left = list(enumerate(work))[::-1]
+    try:
+        while left or waiting:
+            while left and len(waiting) < window:
+                index, arguments = left.pop()
+                waiting[executor.submit(fn, *arguments)] = index
+                yield from _finished(waiting)
+            if left:
+                index, arguments = left.pop()
+                yield index, fn(*arguments)
+            elif waiting:
+                wait(waiting, return_when=FIRST_COMPLETED)
+            yield from _finished(waiting)
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _finished(waiting: dict[Future[T], int]) -> Iterator[tuple[int, T]]:
+    """Take out what is done."""
+    for future in [future for future in waiting if future.done()]:
+        index = waiting.pop(future)
+        yield index, future.result()

@@ -6,21 +6,29 @@ import math
 import re
 from dataclasses import dataclass
 
-from planner.errors import ScenarioError, nearest
+from planner.errors import ScenarioError, named, nearest
 from strategies.registry import STRATEGIES
 from strategies.turns import TURN_KINDS
 
 MOST_TRACTORS = 50
 KMH = 1.0 / 3.6
-SLOWEST_KMH = 0.5
+SLOWEST_KMH, FASTEST_KMH = 0.5, 30.0
 DEFAULT_SPEED_MPS = 5.0 * KMH  # thesis, section 6.3.1
+TURNING_MPS = 5.0 * KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
+DAY_S = 24 * 3600
+MOST_DIGITS = 40  # more are no number that anyone typed
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day."""
+    """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day.
 
-    field: str
+    `field` and `tractor` are names or files. What is None is decided by planning: the headland by the turn that must
+    fit it, the bearing by the least driving, the radius by full lock, the speed of turns by `turning_mps`. A deadline
+    `before_s` that is earlier than `start_s` is on the next day. Raises ScenarioError.
+    """
+
+    field: str = "iwamizawa"
     local: bool = False
     width_m: float = 3.0
     headland_m: float | None = None
@@ -31,7 +39,7 @@ class Scenario:
     strategies: tuple[str, ...] = tuple(STRATEGIES)
     turn: str = "auto"
     speed_mps: float = DEFAULT_SPEED_MPS
-    turn_speed_mps: float = DEFAULT_SPEED_MPS
+    turn_speed_mps: float | None = None
     price_per_hour: float = 40.0
     price_per_tractor: float = 0.0
     start_s: int | None = None
@@ -43,70 +51,107 @@ class Scenario:
     def __post_init__(self) -> None:
         _check_fleet(self)
         _check_names(self)
-        _check_numbers(self)
+        _check_lengths(self)
+        _check_speeds(self)
+        _check_prices(self)
+        _check_times(self)
+
+    @property
+    def turning_mps(self) -> float:
+        """Speed in turns: as asked for, else that of work, at most what the wheels can be turned over for."""
+        return min(self.speed_mps, TURNING_MPS) if self.turn_speed_mps is None else self.turn_speed_mps
 
     @property
     def allowed_s(self) -> float | None:
-        """Seconds from start to deadline, None without a deadline."""
-        return None if self.before_s is None else float(self.before_s - (self.start_s or 0))
+        """Seconds from start to deadline, None without a deadline; a clock that runs past midnight goes on."""
+        if self.before_s is None or self.start_s is None:
+            return None
+        return float((self.before_s - self.start_s) % DAY_S)
 
 
 def _check_fleet(scenario: Scenario) -> None:
     if not scenario.tractors:
-        raise ScenarioError("No tractor count is given; use for instance --tractors 1-6.")
+        raise ScenarioError(f"No tractor count is given in {named('tractors')}; use for instance 1 to 6.")
     for count in scenario.tractors:
-        if not 1 <= count <= MOST_TRACTORS:
-            raise ScenarioError(f"{count} tractors cannot be planned; use 1 to {MOST_TRACTORS}.")
+        if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_TRACTORS:
+            raise ScenarioError(f"{count} tractors cannot be planned; use 1 to {MOST_TRACTORS}.", parameter="tractors")
 
 
 def _check_names(scenario: Scenario) -> None:
+    known = ", ".join(STRATEGIES)
     if not scenario.strategies:
-        raise ScenarioError(f"No strategy is given; use one or more of: {', '.join(STRATEGIES)}.")
+        raise ScenarioError(f"No strategy is given; use one or more of: {known}.", parameter="strategies")
     for name in scenario.strategies:
         if name not in STRATEGIES:
-            raise ScenarioError(f"Strategy {name!r} is unknown{nearest(name, STRATEGIES)}; use one of: "
-                                f"{', '.join(STRATEGIES)}.")  # fmt: skip
-    if scenario.turn not in ("auto", *TURN_KINDS):
-        raise ScenarioError(f"Turn {scenario.turn!r} is unknown{nearest(scenario.turn, ('auto', *TURN_KINDS))}; "
-                            f"use auto, {', '.join(TURN_KINDS)}.")  # fmt: skip
+            raise ScenarioError(
+                f"Strategy {name!r} is unknown{nearest(name, STRATEGIES)}; use one of: {known}.", parameter="strategies"
+            )
+    turns = ("auto", *TURN_KINDS)
+    if scenario.turn not in turns:
+        raise ScenarioError(
+            f"Turn {scenario.turn!r} is unknown{nearest(scenario.turn, turns)}; use {', '.join(turns)}.",
+            parameter="turn",
+        )
 
 
-def _check_numbers(scenario: Scenario) -> None:
+def _check_lengths(scenario: Scenario) -> None:
     positive = {
-        "working width (--width)": scenario.width_m,
-        "speed (--speed-kmh)": scenario.speed_mps / KMH,
-        "turn speed (--turn-speed-kmh)": scenario.turn_speed_mps / KMH,
-        "headland (--headland)": scenario.headland_m,
-        "turning radius (--radius)": scenario.radius_m,
+        f"working width ({named('width_m')})": scenario.width_m,
+        f"headland ({named('headland_m')})": scenario.headland_m,
+        f"turning radius ({named('radius_m')})": scenario.radius_m,
     }
     for name, value in positive.items():
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
-    if min(scenario.speed_mps, scenario.turn_speed_mps) < SLOWEST_KMH * KMH * (1 - 1e-9):
-        raise ScenarioError(
-            f"A speed of {min(scenario.speed_mps, scenario.turn_speed_mps) / KMH:g} km/h is slower than a tractor "
-            f"creeps; use {SLOWEST_KMH:g} km/h or more."
-        )
-    if scenario.seed < 0:
-        raise ScenarioError(f"The seed is {scenario.seed}; use 0 or more.")
-    if max(scenario.speed_mps, scenario.turn_speed_mps) > 30 * KMH:
-        raise ScenarioError(
-            f"A speed of {max(scenario.speed_mps, scenario.turn_speed_mps) / KMH:g} km/h is beyond field work; "
-            "use 30 km/h or less."
-        )
     if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
-        raise ScenarioError(f"The bearing is {scenario.bearing_deg}; give degrees clockwise from north.")
-    prices = {"--price-per-hour": scenario.price_per_hour, "--price-per-tractor": scenario.price_per_tractor}
-    for name, price in prices.items():
-        if not (math.isfinite(price) and price >= 0):
-            raise ScenarioError(f"{name} is {price:g}; a price must be 0 or more.")
-    if scenario.before_s is not None and scenario.start_s is None:
-        raise ScenarioError("A deadline (--before) needs a start; add --start, for instance --start 13:00.")
-    allowed = scenario.allowed_s
-    if allowed is not None and allowed <= 0:
         raise ScenarioError(
-            f"The deadline {clock(scenario.before_s or 0)} is not after the start {clock(scenario.start_s or 0)}; "
-            "give a later --before."
+            f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg}; give degrees clockwise from north."
+        )
+
+
+def _check_speeds(scenario: Scenario) -> None:
+    speeds = {
+        f"speed ({named('speed_mps')})": scenario.speed_mps,
+        f"turn speed ({named('turn_speed_mps')})": scenario.turn_speed_mps,
+    }
+    for name, speed in speeds.items():
+        if speed is None:
+            continue
+        kmh = speed / KMH
+        if not (math.isfinite(speed) and speed > 0):
+            raise ScenarioError(f"The {name} is {kmh:g} km/h; it must be above 0.")
+        if kmh < SLOWEST_KMH * (1 - 1e-9):
+            raise ScenarioError(
+                f"The {name} of {kmh:g} km/h is slower than a tractor creeps; use {SLOWEST_KMH:g} km/h or more."
+            )
+        if kmh > FASTEST_KMH * (1 + 1e-9):
+            raise ScenarioError(f"The {name} of {kmh:g} km/h is beyond field work; use {FASTEST_KMH:g} km/h or less.")
+
+
+def _check_prices(scenario: Scenario) -> None:
+    for name in ("price_per_hour", "price_per_tractor"):
+        price = getattr(scenario, name)
+        if not (math.isfinite(price) and price >= 0):
+            raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more.")
+
+
+def _check_times(scenario: Scenario) -> None:
+    """The seed and the clock."""
+    if scenario.seed < 0:
+        raise ScenarioError(f"The seed ({named('seed')}) is {scenario.seed}; use 0 or more.")
+    for name in ("start_s", "before_s"):
+        time = getattr(scenario, name)
+        if time is not None and not 0 <= time < DAY_S:
+            raise ScenarioError(f"{named(name)} is {time:g}; give seconds of the day, from 0 to {DAY_S - 1}.")
+    if scenario.before_s is None:
+        return
+    if scenario.start_s is None:
+        raise ScenarioError(
+            f"The deadline {named('before_s')} needs a start; give {named('start_s')} as well.", parameter="start_s"
+        )
+    if scenario.before_s == scenario.start_s:
+        raise ScenarioError(
+            f"The deadline {clock(scenario.before_s)} is the start itself; give another {named('before_s')}."
         )
 
 
@@ -115,11 +160,11 @@ def clock(seconds: float) -> str:
     return f"{int(seconds) // 3600 % 24:02d}:{int(seconds) % 3600 // 60:02d}"
 
 
-def parse_clock(text: str, option: str) -> int:
-    """ "13:00" as seconds of the day; raises ScenarioError."""
+def parse_clock(text: str, parameter: str) -> int:
+    """ "13:00" as seconds of the day; raises ScenarioError about the parameter it is meant for."""
     match = re.fullmatch(r"(\d{1,2}):(\d{2})", text.strip())
     if not match or int(match[1]) > 23 or int(match[2]) > 59:
-        raise ScenarioError(f"{option} {text!r} is not a time of day; write hh:mm, for instance 13:00.")
+        raise ScenarioError(f"{named(parameter)} {text!r} is not a time of day; write hh:mm, for instance 13:00.")
     return int(match[1]) * 3600 + int(match[2]) * 60
 
 
@@ -127,13 +172,21 @@ def parse_counts(text: str) -> tuple[int, ...]:
     """ "1-6", "3" or "1,3,5-7" as sorted counts; raises ScenarioError."""
     counts: set[int] = set()
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
+        match = re.fullmatch(rf"\s*(\d{{1,{MOST_DIGITS}}})\s*(?:-\s*(\d{{1,{MOST_DIGITS}}})\s*)?", part)
         if not match:
-            raise ScenarioError(f"--tractors {text!r} is not a count; write for instance 3, 1-6 or 1,3,5.")
+            text = text if len(text) <= MOST_DIGITS else text[:MOST_DIGITS] + "..."
+            raise ScenarioError(f"{named('tractors')} {text!r} is not a count; write for instance 3, 1-6 or 1,3,5.")
         low, high = int(match[1]), int(match[2] or match[1])
         if low > high:
-            raise ScenarioError(f"--tractors {part.strip()!r} runs backwards; write {high}-{low}.")
+            raise ScenarioError(f"{named('tractors')} {part.strip()!r} runs backwards; write {high}-{low}.")
         if high > MOST_TRACTORS:
-            raise ScenarioError(f"{high} tractors cannot be planned; use 1 to {MOST_TRACTORS}.")
+            raise ScenarioError(f"{high} tractors cannot be planned; use 1 to {MOST_TRACTORS}.", parameter="tractors")
         counts.update(range(low, high + 1))
     return tuple(sorted(counts))
+
+
+def parse_strategies(text: str) -> tuple[str, ...]:
+    """ "all", or names separated by commas, each once and in the order given; Scenario refuses unknown ones."""
+    if text.strip() == "all":
+        return tuple(STRATEGIES)
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))

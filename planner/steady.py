@@ -1,4 +1,4 @@
-"""Turns that a tractor cannot follow well: find them in a run, and drive them more slowly."""
+"""Turns that a tractor cannot follow well: recognised in a run, and driven more slowly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import shapely
 
 from planner.measure import guided_point
 from planner.site import Site
-from vehicle.missions import Mission, Plan
+from vehicle.missions import DRIVE_IN, Mission, Plan
 from vehicle.run import Run
 
 ASIDE_M = 0.4  # a track begun farther beside its line than this calls for a slower turn
@@ -30,9 +30,9 @@ class Slip:
 def slips(run: Run, site: Site) -> list[Slip]:
     """Every turn of a run: how far aside its track was begun, or how far its path left the field if that is worse."""
     boundary = site.layout.field.boundary
-    found = []
+    turns = []
     for tractor, mission in enumerate(run.plan.missions):
-        path, at_leg = guided_point(run, site, tractor), run.record[:, tractor, 5]
+        path, at_leg = guided_point(run, site, tractor), run.leg(tractor)
         for leg in _tracks_begun(mission):
             begun = int(np.argmax(at_leg >= leg))
             line = mission.legs[leg].points
@@ -41,24 +41,25 @@ def slips(run: Run, site: Site) -> list[Slip]:
             aside = abs(float(along[0] * off[1] - along[1] * off[0]))
             turn = path[int(np.argmax(at_leg >= _turn_start(mission, leg))) : begun + 1]
             outside = float(shapely.distance(shapely.points(turn), boundary).max())
-            found.append(Slip(tractor, leg, aside if outside <= OUTSIDE_M else max(aside, outside + ASIDE_M)))
-    return found
+            turns.append(Slip(tractor, leg, aside if outside <= OUTSIDE_M else max(aside, outside + ASIDE_M)))
+    return turns
 
 
-def worst_aside(found: list[Slip]) -> float:
+def worst_aside(turns: list[Slip]) -> float:
     """The farthest any track of a run was begun beside its line (m), from all its turns."""
-    return max((slip.metres for slip in found), default=0.0)
+    return max((slip.metres for slip in turns), default=0.0)
 
 
 def _tracks_begun(mission: Mission) -> list[int]:
-    """Working legs that follow a turn."""
+    """First working leg of every track: the one after driving in."""
     legs = mission.legs
-    return [k for k in range(1, len(legs)) if legs[k].kind == "work" and legs[k - 1].kind != "work"]
+    return [k for k in range(1, len(legs)) if legs[k - 1].task.kind == DRIVE_IN]
 
 
 def _turn_start(mission: Mission, leg: int) -> int:
-    """First leg of the turn before a working leg."""
-    while leg > 0 and mission.legs[leg - 1].kind != "work":
+    """First of the legs that lead to the track of a working leg."""
+    goal = mission.legs[leg].task
+    while leg > 0 and mission.legs[leg - 1].task.same_goal(goal):
         leg -= 1
     return leg
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
 from reports.diagnosis_words import is_calibration
+from reports.plain import finite
 from vehicle.measured.answer.verdict import Diagnosis, Errors, Finding
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ def diagnosis_json(diagnosis: Diagnosis, hidden: Hidden | None = None) -> str:
 
     `hidden` is what a demonstration had hidden.
     """
-    return json.dumps(_clean(diagnosis_dict(diagnosis, hidden)), indent=2, allow_nan=False) + "\n"
+    return json.dumps(finite(diagnosis_dict(diagnosis, hidden)), indent=2, allow_nan=False) + "\n"
 
 
 def diagnosis_dict(diagnosis: Diagnosis, hidden: Hidden | None = None) -> dict[str, Any]:
@@ -61,14 +61,3 @@ def _effect(one: Finding) -> dict[str, Any]:
         "gain_pct": one.gain_pct, "gain_interval": one.gain_interval, "smallest_visible": one.smallest_visible,
         "unit": one.unit, "block": one.block, "equivalent_to": list(one.equivalent_to), "exchange": one.exchange,
     }  # fmt: skip
-
-
-def _clean(value: Any) -> Any:
-    """Values with infinities and NaN as None, and tuples as lists."""
-    if isinstance(value, dict):
-        return {str(key): _clean(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_clean(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

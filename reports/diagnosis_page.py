@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -27,9 +26,11 @@ from reports.diagnosis_words import (
     value_text,
     visible_text,
 )
-from reports.wording import number
+from reports.effect_words import capital, label, spelled
+from reports.template import rendered
+from reports.wording import listed, number
 from vehicle.effects import effect
-from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Curve, Diagnosis, Finding
+from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding, ResidualPlot
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720.0, 300.0, 64.0, 44.0, 12.0
 SHOWN_S = 5.0
@@ -38,17 +39,13 @@ KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Head
 
 def diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
     """The page as HTML text; `hidden` is what a demonstration had hidden, in words."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("reports").joinpath("diagnosis.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(source).render(_content(diagnosis, hidden)).rstrip() + "\n"
+    return rendered("diagnosis.html.j2", _content(diagnosis, hidden))
 
 
 def _content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
     rest = diagnosis.tractor.rest
     return {
-        "headline": diagnosis.headline,
+        "headline": spelled(diagnosis.headline),
         "grounds": ground_words(diagnosis),
         "tractor": diagnosis.tractor.name,
         "ground": diagnosis.ground,
@@ -67,10 +64,11 @@ def _content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
         "fitted": FITTED if any(is_calibration(one) for one in diagnosis.findings) else None,
         "rest": None if rest is None else {"terms": rest_terms(rest), "words": rest_words(rest)},
         "drive": diagnosis.next_drive,
+        "rivals": listed(map(label, diagnosis.next_drive.separates)) if diagnosis.next_drive else "",
         "exchanges": exchange_words(diagnosis),
         "unexplained": unexplained_words(diagnosis),
         "plan": plan_words(diagnosis),
-        "notes": diagnosis.notes,
+        "notes": [spelled(note) for note in diagnosis.notes],
         "before_colour": palette.TRACTORS[1],
         "after_colour": palette.TRACTORS[0],
     }
@@ -138,9 +136,10 @@ def _effect(one: Finding) -> dict[str, Any]:
         gain += f" ({low} to {high})"
     unseen = one.status == NOT_VISIBLE and not is_calibration(one)
     return {
-        "id": one.id, "kind": "fitted" if is_calibration(one) else one.status, "status": status_words(one),
+        "id": one.id, "label": label(one.id),
+        "kind": "fitted" if is_calibration(one) else one.status, "status": status_words(one),
         "block": one.block, "value": value_text(one), "gain": gain, "visible": visible_text(one),
-        "same": ", ".join(one.equivalent_to), "regressor": effect(one.id).regressor,
+        "same": ", ".join(map(label, one.equivalent_to)), "regressor": effect(one.id).regressor,
         "drive": effect(one.id).drive if unseen else None,
     }  # fmt: skip
 
@@ -150,11 +149,11 @@ def _shown_by(diagnosis: Diagnosis) -> str:
     alike = [one.id for one in diagnosis.findings if one.status == EQUIVALENT and one.interval]
     names = list(diagnosis.named[:1]) or (alike if len(alike) == 1 else [])
     if names:
-        return f"{names[0]} shows with: {effect(names[0]).regressor}."
+        return f"{capital(label(names[0]))} shows with: {effect(names[0]).regressor}."
     return "" if alike or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
 
 
-def _curve(curve: Curve) -> dict[str, Any]:
+def _curve(curve: ResidualPlot) -> dict[str, Any]:
     """Points, error bars and axes of the curve in drawing coordinates."""
     lows = np.concatenate([curve.before - 2 * curve.before_error, curve.after - 2 * curve.after_error, [0.0]])
     highs = np.concatenate([curve.before + 2 * curve.before_error, curve.after + 2 * curve.after_error, [0.0]])

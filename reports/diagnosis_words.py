@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from reports.effect_words import both, capital, label, spelled
 from reports.wording import listed, number
-from vehicle.effects import LIMIT, effect
+from vehicle.effects import effect
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, PlanGain
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Rest
@@ -60,8 +61,7 @@ def visible_text(one: Finding) -> str:
     """Smallest visible size."""
     if one.smallest_visible is None:
         return "none"
-    limit = "limit " if effect(one.id).kind == LIMIT else ""
-    return f"{limit}{one.smallest_visible:.2g} {one.unit}".strip()
+    return f"{effect(one.id).kind.size_word}{one.smallest_visible:.2g} {one.unit}".strip()
 
 
 def gain_text(one: Finding) -> str:
@@ -88,7 +88,7 @@ def ground_words(diagnosis: Diagnosis) -> list[str]:
     for name in dict.fromkeys(one.id for one in diagnosis.grounds):
         levels = [one for one in diagnosis.grounds if one.id == name]
         told = {run for one in levels for run in one.runs}
-        parts = [f"These runs were made on two grounds ({name})."]
+        parts = [f"These runs were made on two grounds ({label(name)})."]
         elsewhere = "Elsewhere" if told else "On some runs"
         parts += [f"{f'On {listed(one.runs)}' if one.runs else elsewhere}: {one.words}" for one in levels]
         if told and told < set(diagnosis.names):
@@ -130,7 +130,8 @@ def rest_words(rest: Rest) -> str:
 
 def exchange_words(diagnosis: Diagnosis) -> list[str]:
     """What looks alike in these logs, a sentence per effect of the model."""
-    return [f"{one.id}: {one.exchange}." for one in diagnosis.findings if one.exchange and one.interval]
+    alike = [one for one in diagnosis.findings if one.exchange and one.interval]
+    return [f"{capital(label(one.id))}: {spelled(one.exchange)}." for one in alike]
 
 
 def unexplained_words(diagnosis: Diagnosis) -> str:
@@ -155,13 +156,13 @@ def saved_words(diagnosis: Diagnosis) -> str:
     for name, setting in diagnosis.tractor.effects.items():
         one = told.get(name)
         if one is None or one.value is None:
-            parts.append(f"{name} (kept as it was)")
+            parts.append(f"{both(name)}, kept as it was")
         elif setting.equivalent_to:
-            parts.append(f"{name} (or {listed(setting.equivalent_to, 'or')})")
+            parts.append(f"{both(name)}, or {listed(map(label, setting.equivalent_to), 'or')} in its place")
         else:
-            parts.append(name if setting.named else f"{name} ({FITTED})")
+            parts.append(both(name) if setting.named else f"{both(name)}, {FITTED}")
     parts += ["a rest"] if diagnosis.tractor.rest else []
-    return f"The tractor file gets: {listed(parts)}." if parts else ""
+    return f"The tractor file gets: {'; '.join(parts)}." if parts else ""
 
 
 def plan_words(diagnosis: Diagnosis) -> list[str]:
@@ -173,7 +174,8 @@ def plan_words(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.plan is None:
         return first
     unsure = [name for name, one in diagnosis.tractor.effects.items() if one.equivalent_to]
-    return [*first, *_driven_words(diagnosis.plan), *([f"That holds if it is {listed(unsure)}."] if unsure else [])]
+    doubt = [f"That holds if it is {listed(map(label, unsure))}."] if unsure else []
+    return [*first, *_driven_words(diagnosis.plan), *doubt]
 
 
 def _driven_words(plan: PlanGain) -> list[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from typing import Any
 
+from reports.plain import finite
 from reports.results import PlanResult, Ranking, Study, StudyRow
 from reports.wording import clearance
 
@@ -34,6 +34,7 @@ PLAN_KEYS = (
     "on_pareto_front",
     "remark",
 )
+CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
 _DECIMALS = 6
 
 
@@ -41,8 +42,9 @@ def ranking_json(ranking: Ranking) -> str:
     """The ranking as JSON text with a trailing newline.
 
     Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS`, in the order of the
-    ranking), ``best`` (one of them, or null) and ``tractor_effects`` (values by id of the effects in the tractor file,
-    the amounts of its rest under ``rest``). Figures that are missing or not finite are null.
+    ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
+    the amounts of its rest under ``rest``) and ``scenario`` (what was asked, by parameter). Figures that are missing
+    or not finite are null.
     """
     best = ranking.best
     return _text(
@@ -52,28 +54,37 @@ def ranking_json(ranking: Ranking) -> str:
             "plans": [plan_entry(plan) for plan in ranking.plans],
             "best": None if best is None else plan_entry(best),
             "tractor_effects": ranking.tractor_effects,
+            "scenario": ranking.scenario,
         }
     )
 
 
 def plan_entry(plan: PlanResult) -> dict[str, Any]:
     """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor."""
-    entry = {key: _clean(getattr(plan, key)) for key in PLAN_KEYS}
-    entry["min_clearance_m"] = _clean(clearance(plan))
+    entry = {key: finite(getattr(plan, key), _DECIMALS) for key in PLAN_KEYS}
+    entry["min_clearance_m"] = finite(clearance(plan), _DECIMALS)
     return entry
 
 
 def ranking_csv(ranking: Ranking) -> str:
-    """The plans as CSV text: a header of `PLAN_KEYS`, then one row per plan in the order of the ranking.
+    """The plans as CSV text: a header of `PLAN_KEYS` and `CSV_KEYS`, then one row per plan in the order of the ranking.
 
+    `CSV_KEYS` are what was asked, the same on every row, so that tables of several fields can be put together.
     Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(PLAN_KEYS)
+    writer.writerow((*PLAN_KEYS, *CSV_KEYS))
+    asked = {**ranking.scenario, "field": ranking.field_name}
+    same = [_cell(finite(asked.get(key), _DECIMALS)) for key in CSV_KEYS]
     for plan in ranking.plans:
-        writer.writerow([_cell(value) for value in plan_entry(plan).values()])
+        writer.writerow([*(_cell(value) for value in plan_entry(plan).values()), *same])
     return buffer.getvalue()
+
+
+def facts_json(facts: dict[str, Any]) -> str:
+    """Facts of a field as JSON text with a trailing newline, in the order given."""
+    return _text(facts)
 
 
 def study_json(study: Study) -> str:
@@ -99,20 +110,7 @@ def _row(row: StudyRow) -> dict[str, Any]:
 
 
 def _text(data: dict[str, Any]) -> str:
-    return json.dumps(_clean(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _clean(value: Any) -> Any:
-    """Plain Python values: floats rounded (no -0.0), not finite ones None, numpy scalars unpacked."""
-    if isinstance(value, dict):
-        return {key: _clean(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_clean(item) for item in value]
-    if hasattr(value, "item"):
-        value = value.item()
-    if isinstance(value, float):
-        return round(value, _DECIMALS) + 0.0 if math.isfinite(value) else None
-    return value
+    return json.dumps(finite(data, _DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _cell(value: Any) -> Any:

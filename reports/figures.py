@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import base64
 import io
-from pathlib import Path
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reports import palette
-from reports.errors import ReportError
 from reports.paths import (
     REVERSING,
     STATES,
     WORKING,
     Extent,
+    Piece,
+    arrow,
     check_drive,
     extent,
+    numbered,
     pieces,
     round_length,
+    spread,
     swath,
     waits,
 )
 from reports.results import Drive
+from reports.wording import duration, tractors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,12 +36,17 @@ if TYPE_CHECKING:
 
 _INK = "#2B2B2B"
 _HASH_SALT = "headland"
+_LETTERS_PER_INCH, _LINE_INCHES = 11.0, 0.24  # of a title of 11 points
+# Of the larger side of the map: how far beyond a track its number stands, least distances, length of an arrow's head.
+_BESIDE, _LABELS, _ARROWS, _HEAD = 0.012, 0.022, 0.04, 0.012
 
 
-def map_figure(drive: Drive) -> Figure:
+def map_figure(drive: Drive, field_name: str = "") -> Figure:
     """The field and each tractor's path, to scale, north up, with start, entrance, scale bar and legend.
 
-    A drive without tractors shows the field and its swaths.
+    Tracks have their numbers and worked stretches the direction they were driven in, as many as have room. Above stand
+    the name of the field, what was driven, and width, tracks, tractors and time. A drive without tractors shows the
+    field and its swaths.
 
     Raises:
         ReportError: the drive cannot be drawn.
@@ -44,27 +54,25 @@ def map_figure(drive: Drive) -> Figure:
     check_drive(drive, least=0)
     box = extent(drive)
     figure, axes = _map_canvas(box)
+    title = _title_lines(drive, field_name, figure.get_figwidth())
+    figure.set_figheight(figure.get_figheight() + _LINE_INCHES * len(title))
+    figure.suptitle(_literal("\n".join(title)), x=0.02, ha="left", fontsize=11, color=_INK, linespacing=1.4)
     _draw_field(axes, drive)
     for number in range(len(drive.xy)):
-        _draw_tractor(axes, drive, number)
+        _draw_tractor(axes, drive, number, box.size)
     if drive.entrance is not None:
         axes.plot(*drive.entrance, marker="v", color=_INK, markersize=8, linestyle="none", zorder=6)
+    _draw_numbers(axes, drive, box)
     _draw_scale(axes, box)
-    axes.set_title(_literal(drive.title), loc="left", fontsize=12, color=_INK)
     _map_legend(figure, drive)
     return figure
 
 
-def save_png(figure: Figure, path: str | Path, dpi: int = 150) -> None:
-    """Write a figure as PNG.
-
-    Raises:
-        ReportError: the file cannot be written.
-    """
-    try:
-        figure.savefig(Path(path), dpi=dpi, format="png", facecolor="white", metadata={"Software": None})
-    except OSError as error:
-        raise ReportError(f"The picture {path} cannot be written: {error}; choose a folder you can write to.") from None
+def png_bytes(figure: Figure, dpi: int = 150) -> bytes:
+    """A figure as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=dpi, format="png", facecolor="white", metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def to_svg(figure: Figure) -> str:
@@ -75,6 +83,11 @@ def to_svg(figure: Figure) -> str:
     with mpl.rc_context({"svg.hashsalt": _HASH_SALT, "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
+
+
+def to_data(figure: Figure) -> str:
+    """A figure as SVG for a data address: base64, so that its styles stay its own."""
+    return base64.b64encode(to_svg(figure).encode()).decode("ascii")
 
 
 def _canvas(width: float, height: float) -> tuple[Figure, Axes]:
@@ -119,7 +132,7 @@ def _draw_field(axes: Axes, drive: Drive) -> None:
     axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=palette.EDGE, linewidth=1.2, zorder=3))
 
 
-def _draw_tractor(axes: Axes, drive: Drive, number: int) -> None:
+def _draw_tractor(axes: Axes, drive: Drive, number: int, size: float) -> None:
     from matplotlib.collections import LineCollection
 
     xy, status = drive.xy[number], drive.status[number]
@@ -135,12 +148,44 @@ def _draw_tractor(axes: Axes, drive: Drive, number: int) -> None:
         axes.add_collection(
             LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4), autolim=False
         )
+    _draw_arrows(axes, parts, colour, size)
     for x, y, _ in waits(xy, status, drive.step_s):
         axes.plot(x, y, marker="s", markersize=4, markerfacecolor="white", markeredgecolor=colour, zorder=5)
     axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
     axes.annotate(
         str(number + 1), xy[0], color="white", fontsize=7, fontweight="bold", ha="center", va="center", zorder=8
     )
+
+
+def _draw_numbers(axes: Axes, drive: Drive, box: Extent) -> None:
+    """Numbers of tracks from 1 at both ends, with a pale edge where paths run under them."""
+    from matplotlib.patheffects import withStroke
+
+    for index, place in numbered(drive.tracks, _BESIDE * box.size, _LABELS * box.size):
+        x, y = place
+        text = axes.annotate(str(index + 1), (x, y), fontsize=6.5, color=_INK, ha="center", va="center", zorder=6)
+        text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+
+
+def _draw_arrows(axes: Axes, parts: list[Piece], colour: str, size: float) -> None:
+    """The direction of worked stretches, half way along."""
+    from matplotlib.collections import PolyCollection
+
+    worked = [arrow(part.points, _HEAD * size) for part in parts if part.status == WORKING]
+    heads = [head for head in worked if head is not None]
+    places = np.array([head[0] for head in heads]).reshape(-1, 2)
+    chosen = [heads[index] for index in spread(places, _ARROWS * size)]
+    axes.add_collection(PolyCollection(chosen, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
+
+
+def _title_lines(drive: Drive, field_name: str, width: float) -> list[str]:
+    """Field and plan, and below them the figures of the drive, in lines for a picture of `width` inches."""
+    count = len(drive.xy)
+    first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
+    second = [f"width {drive.width_m:g} m", f"{len(drive.tracks)} tracks"]
+    second += [tractors(count), f"done in {duration(max(drive.finish_s))}"] if count else []
+    room = int(width * _LETTERS_PER_INCH)
+    return [line for text in (first, ", ".join(second)) for line in textwrap.wrap(text, room)]
 
 
 def _draw_scale(axes: Axes, box: Extent) -> None:

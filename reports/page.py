@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
-from reports import palette
-from reports.drawing import bar_rows, front_picture, map_picture
-from reports.paths import STATES, check_drive
+from reports.drawing import bar_rows, map_picture
+from reports.front import front_picture
+from reports.paths import check_drive
 from reports.results import Drive, PlanResult, Ranking
+from reports.template import rendered
 from reports.wording import (
+    bound,
     clearance,
     duration,
     effects_words,
@@ -28,6 +29,7 @@ from reports.wording import (
 )
 
 Value = float | int | str | bool | None
+Plan = tuple[str, int]  # strategy and number of tractors
 
 
 @dataclass(frozen=True)
@@ -62,39 +64,56 @@ _COLUMNS = (
 _DEADLINE = _Column("In time", lambda p: p.meets_deadline, lambda p: yes_no(p.meets_deadline))
 
 
-def plan_page(ranking: Ranking, drive: Drive | None) -> str:
+def plan_page(ranking: Ranking, drive: Drive | None, drives: Mapping[Plan, Drive] | None = None) -> str:
     """The page as HTML text.
 
     Headline in plain words, map with a slider through time (when a drive is given), time per tractor, time
     against number of tractors, every plan in a table that sorts, what was refused and why, and the assumptions.
+    `drive` is that of the best plan; `drives` adds others by strategy and number of tractors, which a reader can
+    choose for the map. Paths are thinned so that the page stays below two megabytes for all but huge tables.
 
     Raises:
-        ReportError: the drive cannot be drawn.
+        ReportError: a drive cannot be drawn.
     """
-    from jinja2 import Environment, StrictUndefined
+    shown = _shown(ranking, drive, drives or {})
+    for one in shown.values():
+        check_drive(one)
+    return rendered("plan.html.j2", _content(ranking, shown))
 
+
+def _shown(ranking: Ranking, drive: Drive | None, drives: Mapping[Plan, Drive]) -> dict[Plan | None, Drive]:
+    """Drives to choose from: the best plan's first, the others as they are ranked."""
+    best = ranking.best
+    shown: dict[Plan | None, Drive] = {}
     if drive is not None:
-        check_drive(drive)
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("reports").joinpath("plan.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(source).render(_content(ranking, drive)).rstrip() + "\n"
+        shown[_key(best) if best else None] = drive
+    for plan in feasible(ranking):
+        if _key(plan) in drives:
+            shown.setdefault(_key(plan), drives[_key(plan)])
+    return shown
 
 
-def _content(ranking: Ranking, drive: Drive | None) -> dict[str, Any]:
+def _key(plan: PlanResult) -> Plan:
+    return plan.strategy, plan.tractors
+
+
+def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, Any]:
     plans, effects = feasible(ranking), effects_words(ranking)
     columns = [*_COLUMNS, _DEADLINE] if any(plan.meets_deadline is not None for plan in plans) else list(_COLUMNS)
+    names = _names(plans, shown)
+    first = next(iter(shown.values()), None)
+    places = {key: number for number, key in enumerate(shown)}
     return {
         "name": ranking.field_name,
         "area": number(ranking.area_ha, 2),
         "seed": ranking.seed,
-        "headline": headline(ranking),
+        "headline": [bound(text) for text in headline(ranking)],
         "facts": _facts(ranking.best),
-        "drive": drive,
-        "map": None if drive is None else map_picture(drive),
-        "bars": [] if drive is None else bar_rows(drive),
+        "map": None if first is None else map_picture(dict(zip(names, shown.values(), strict=True))),
+        "bars": [] if first is None else bar_rows(first),
         "front": front_picture(ranking),
         "columns": columns,
-        "rows": [_row(plan, columns, plan is ranking.best) for plan in plans],
+        "rows": [_row(plan, columns, plan is ranking.best, places.get(_key(plan))) for plan in plans],
         "remarks": remarks(plans),
         "refused": len(refused(ranking)),
         "refusals": [
@@ -102,10 +121,17 @@ def _content(ranking: Ranking, drive: Drive | None) -> dict[str, Any]:
             for group in refusals(refused(ranking))
         ],
         "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
-        "states": list(STATES),
-        "state_colours": palette.STATES,
-        "tractor_colours": list(zip(palette.TRACTORS, palette.TRACTORS_ON_DARK, strict=True)),
     }
+
+
+def _names(plans: Sequence[PlanResult], shown: Mapping[Plan | None, Drive]) -> list[str]:
+    """A line per drive to choose it by: ``6. split-field, 3 tractors, u, 0:25:57``."""
+    by_key = {_key(plan): plan for plan in reversed(plans)}
+    return [
+        f"{plan.rank}. {plan.strategy}, {tractors(plan.tractors)}, {plan.turn}, {duration(plan.time_s)}"
+        if (plan := by_key.get(key) if key else None) else drive.title
+        for key, drive in shown.items()
+    ]  # fmt: skip
 
 
 def _facts(best: PlanResult | None) -> list[tuple[str, str]]:
@@ -128,10 +154,10 @@ def _with_unit(value: float | None, decimals: int, unit: str) -> str:
     return text if text == number(None, 0) else f"{text} {unit}"
 
 
-def _row(plan: PlanResult, columns: list[_Column], best: bool) -> dict[str, Any]:
+def _row(plan: PlanResult, columns: list[_Column], best: bool, place: int | None) -> dict[str, Any]:
     cells = []
     for column in columns:
         value = column.value(plan)
         sort = "" if value is None else str(int(value)) if isinstance(value, bool) else str(value)
         cells.append({"sort": sort, "text": column.text(plan), "words": column.words})
-    return {"best": best, "cells": cells}
+    return {"best": best, "cells": cells, "plan": place}

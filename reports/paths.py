@@ -136,3 +136,43 @@ def round_length(length_m: float) -> float:
     """The largest of 1, 2, 5, 10, 20, 50, ... metres (or 0.1, 0.2, ...) not above a length above 0."""
     power = 10.0 ** math.floor(math.log10(length_m))
     return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= length_m * (1 + 1e-12))
+
+
+def numbered(tracks: Points, beyond_m: float, apart_m: float) -> list[tuple[int, Points]]:
+    """Where numbers of tracks (k, 2, 2) have room: index and place (2,), `beyond_m` outside both ends.
+
+    At either end no two are nearer than `apart_m`.
+    """
+    told = []
+    for end in (0, 1):
+        if len(tracks):
+            along = tracks[:, end] - tracks[:, 1 - end]
+            length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
+            places = tracks[:, end] + along / length[:, None] * beyond_m
+            told += [(index, places[index]) for index in spread(places, apart_m)]
+    return told
+
+
+def spread(places: Points, apart_m: float) -> list[int]:
+    """Indices of places (n, 2), from the first on, of which no two are nearer than `apart_m`."""
+    chosen: list[int] = []
+    for index, place in enumerate(places):
+        near = places[chosen] - place
+        if not chosen or float((near[:, 0] ** 2 + near[:, 1] ** 2).min()) >= apart_m**2:
+            chosen.append(index)
+    return chosen
+
+
+def arrow(line: Points, length_m: float) -> Points | None:
+    """The head of an arrow, (3, 2) from its tip on, half way along a polyline; None on one without length."""
+    steps = np.diff(line, axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    total = float(lengths.sum())
+    if total <= 0.0:
+        return None
+    at = int(np.searchsorted(np.cumsum(lengths), total / 2))
+    ahead = steps[at] / lengths[at]
+    middle = line[at] + ahead * (total / 2 - float(lengths[:at].sum()))
+    side = np.array([-ahead[1], ahead[0]]) * 0.45 * length_m
+    back = middle - ahead * length_m / 2
+    return np.array([middle + ahead * length_m / 2, back + side, back - side])

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import json
-import math
 from collections.abc import Sequence
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reports import palette
+from reports.effect_words import both
+from reports.figures import to_data
+from reports.fitting import Column, FittedTable, sentence
+from reports.plain import finite
+from reports.template import rendered
+from reports.wording import NOTHING, listed, number
 from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
 
 if TYPE_CHECKING:
@@ -19,20 +22,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Group
 
+SHOWN_S = 5.0
 _INK, _MEASURED, _SIMULATED = "#2B2B2B", palette.TRACTORS[0], palette.TRACTORS[1]
 
 
 def replay_json(found: Replayed, remarks: Sequence[str] = ()) -> str:
     """Errors by horizon and remarks on the log as JSON."""
-    errors = {
-        f"{horizon:g}": {key: None if math.isnan(value) else value for key, value in error.__dict__.items()}
-        for horizon, error in found.errors.items()
-    }
+    errors = {f"{horizon:g}": dict(error.__dict__) for horizon, error in found.errors.items()}
     whole = {
         "run": found.name, "tractor": found.tractor, "effects": list(found.effects), "error": errors,
         "rows_gated": found.rows_gated, "notes": [*remarks, *_stand_ins(found)],
     }  # fmt: skip
-    return json.dumps(whole, indent=2) + "\n"
+    return json.dumps(finite(whole), indent=2, allow_nan=False) + "\n"
 
 
 def _stand_ins(found: Replayed) -> list[str]:
@@ -49,20 +50,24 @@ def _stand_ins(found: Replayed) -> list[str]:
 def replay_table(found: Replayed, remarks: Sequence[str] = ()) -> Group:
     """Errors by horizon and remarks on the log for the terminal."""
     from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
 
-    effects = f", with {', '.join(found.effects)}" if found.effects else ""
-    table = Table(title=Text(f"{found.name} against {found.tractor}{effects}"), title_justify="left")
-    for name in ("Over", "Across cm", "Along cm", "Heading deg"):
-        table.add_column(name, justify="right")
-    for horizon, error in found.errors.items():
-        table.add_row(f"{horizon:g} s", f"{error.cross_cm:.1f}", f"{error.along_cm:.1f}", _degrees(error.heading_deg))
-    return Group(table, *(Text(line) for line in (*remarks, *_stand_ins(found))))
+    columns = tuple(map(Column, ("Over", "Across cm", "Along cm", "Heading deg")))
+    return Group(
+        sentence(f"{found.name} against {found.tractor}; effects in the tractor file: {_effects(found)}."),
+        FittedTable(columns, tuple(_rows(found))),
+        *(sentence(line) for line in (*remarks, *_stand_ins(found))),
+    )
 
 
-def _degrees(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.2f}"
+def _effects(found: Replayed) -> str:
+    return listed(map(both, found.effects))
+
+
+def _rows(found: Replayed) -> list[tuple[str, str, str, str]]:
+    return [
+        (f"{horizon:g} s", number(error.cross_cm, 1), number(error.along_cm, 1), number(error.heading_deg, 2))
+        for horizon, error in found.errors.items()
+    ]
 
 
 def replay_figure(found: Replayed) -> Figure:
@@ -137,24 +142,24 @@ def _legend_above(axes: Axes) -> None:
 
 def replay_page(found: Replayed, remarks: Sequence[str] = ()) -> str:
     """The picture, the errors and the remarks on the log as one self-contained page."""
-    picture = io.StringIO()
-    replay_figure(found).savefig(picture, format="svg", metadata={"Date": None})
-    drawing = picture.getvalue()
-    drawing = drawing[drawing.index("<svg") :]
-    rows = "".join(
-        f"<tr><td>{horizon:g} s</td><td>{e.cross_cm:.1f}</td><td>{e.along_cm:.1f}</td>"
-        f"<td>{_degrees(e.heading_deg)}</td></tr>"
-        for horizon, e in found.errors.items()
-    )
-    effects = escape(", ".join(found.effects) or "none")
-    notes = "".join(f"<p>{escape(line)}</p>" for line in (*remarks, *_stand_ins(found)))
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width">'
-        f"<title>{escape(found.name)}: replay</title><style>body{{font-family:system-ui,sans-serif;max-width:68rem;"
-        "margin:2rem auto;padding:0 1rem}svg{width:100%;height:auto}td,th{padding:.2rem .9rem;text-align:right}</style>"
-        f"</head><body><h1>{escape(found.name)} against {escape(found.tractor)}</h1><p>Effects in the tractor file: "
-        f"{effects}. Every piece is laid on the measurement by the best turn and shift; what is left is the error.</p>"
-        "<table><tr><th>Over</th><th>Across, cm</th><th>Along, cm</th><th>Heading, deg</th></tr>"
-        f"{rows}</table>{notes}{drawing}</body></html>\n"
-    )
+    rows = _rows(found)
+    content = {
+        "name": found.name,
+        "tractor": found.tractor,
+        "verdict": _verdict(found, rows),
+        "effects": _effects(found),
+        "notes": [*remarks, *_stand_ins(found)],
+        "picture": to_data(replay_figure(found)),
+        "rows": rows,
+    }
+    return rendered("replay.html.j2", content)
+
+
+def _verdict(found: Replayed, rows: Sequence[tuple[str, str, str, str]]) -> str:
+    """The errors over pieces of `SHOWN_S`, or of the greatest length there is."""
+    if not rows:
+        return "The run is too short for a piece of it to be compared."
+    horizons = list(found.errors)
+    piece, across, along, heading = rows[horizons.index(SHOWN_S) if SHOWN_S in horizons else -1]
+    turned = "" if heading == NOTHING else f", and its heading by {heading} degrees"
+    return f"Over pieces of {piece} the simulation is off by {across} cm across and {along} cm along the way{turned}."

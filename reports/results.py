@@ -44,12 +44,24 @@ class PlanResult:
     remark: str | None = None
 
 
+def quickness(plan: PlanResult) -> tuple[float, int, str]:
+    """What feasible plans are ranked by, smallest first: time to the millisecond, then tractors, then name."""
+    return round(float(plan.time_s or 0.0), 3), plan.tractors, plan.strategy
+
+
+def merit(plan: PlanResult) -> tuple[float, float, float, int, str]:
+    """What the best of feasible plans is chosen by, smallest first: in time by price, else by quickness."""
+    in_time = bool(plan.meets_deadline)
+    return 0.0 if in_time else 1.0, (plan.cost or 0.0) if in_time else 0.0, *quickness(plan)
+
+
 @dataclass(frozen=True)
 class Ranking:
     """All plans of a scenario, best first, infeasible and refused ones last.
 
     `tractor_effects` are the values of the effects of the tractor file by id, and under "rest" the amounts of a rest
-    that is switched on: what logs have shown of the tractor that was simulated.
+    that is switched on: what logs have shown of the tractor that was simulated. `scenario` is what was asked for and,
+    where that was left open, what was planned with: plain values with their units in the keys, clock times as hh:mm.
     """
 
     field_name: str
@@ -61,15 +73,20 @@ class Ranking:
     allowed_s: float | None = None
     assumptions: tuple[str, ...] = ()
     tractor_effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    scenario: dict[str, Any] = field(default_factory=dict)
 
     @property
     def best(self) -> PlanResult | None:
-        """The feasible plan of rank 1; with a deadline, the cheapest plan that meets it, if any does."""
-        feasible = [plan for plan in self.plans if plan.feasible]
-        in_time = [plan for plan in feasible if plan.meets_deadline]
-        if in_time:
-            return min(in_time, key=lambda plan: (plan.cost or 0.0, plan.rank or 0))
-        return feasible[0] if feasible else None
+        """The quickest feasible plan; with a deadline the cheapest that meets it or, if none does, the closest."""
+        return min((plan for plan in self.plans if plan.feasible), key=merit, default=None)
+
+    @property
+    def missed_by_s(self) -> float | None:
+        """Seconds by which the closest plan misses the deadline; None when a plan meets it or none can be judged."""
+        best = self.best
+        if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
+            return None
+        return best.time_s - self.allowed_s
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
-from reports.figures import to_svg
+from reports.agreement import FAR_PCT, agreement, off_pct
+from reports.figures import to_data
+from reports.fitting import Column, FittedTable, sentence
+from reports.plain import finite
+from reports.template import rendered
 from reports.trial_figures import panel_figure
+from reports.wording import NOTHING
 from vehicle.trials.sheets.sheet import Comparison, Driven, HeatMap, Panel, Sheet, TextTable
-
-NOTHING = "-"
-FAR_PCT = 15.0
 
 
 def trials_json(sheets: Sequence[Sheet]) -> str:
@@ -38,7 +37,7 @@ def trials_json(sheets: Sequence[Sheet]) -> str:
         for sheet in sheets
         for row in sheet.comparisons
     ]
-    return json.dumps(rows, indent=2, allow_nan=False) + "\n"
+    return json.dumps(finite(rows), indent=2, allow_nan=False) + "\n"
 
 
 def drive_json(driven: Driven) -> str:
@@ -50,7 +49,7 @@ def drive_json(driven: Driven) -> str:
         "slip_rear_deg": driven.slip_rear_deg,
         "track": [[round(float(value), 6) for value in row] for row in driven.track],
     }
-    return json.dumps(content, allow_nan=False) + "\n"
+    return json.dumps(finite(content), allow_nan=False) + "\n"
 
 
 def sheet_json(sheet: Sheet) -> str:
@@ -61,7 +60,7 @@ def sheet_json(sheet: Sheet) -> str:
         "tables": [{"title": t.title, "header": t.header, "rows": t.rows} for t in sheet.tables],
         "panels": [_panel_numbers(panel) for panel in sheet.panels],
     }
-    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+    return json.dumps(finite(content), indent=2, allow_nan=False) + "\n"
 
 
 def _panel_numbers(panel: Panel | HeatMap) -> dict[str, Any]:
@@ -79,18 +78,12 @@ def _numbers_of(values: np.ndarray) -> list[float | None]:
 
 def trials_page(sheets: Sequence[Sheet]) -> str:
     """One page that asks for nothing outside itself: words, tables and pictures of every experiment given."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("reports").joinpath("trial.html.j2").read_text(encoding="utf-8")
-    comparisons = [row for sheet in sheets for row in _beside(sheet)]
     content = {
         "title": sheets[0].title if len(sheets) == 1 else "The virtual tractor beside the thesis",
         "sheets": [_content(sheet) for sheet in sheets],
-        "count": len(comparisons),
-        "known": sum(row.ours is not None for row in comparisons),
+        "agreement": agreement(sheets),
     }
-    return environment.from_string(source).render(content).rstrip() + "\n"
+    return rendered("trial.html.j2", content)
 
 
 def _beside(sheet: Sheet) -> tuple[Comparison, ...]:
@@ -99,7 +92,7 @@ def _beside(sheet: Sheet) -> tuple[Comparison, ...]:
 
 
 def _content(sheet: Sheet) -> dict[str, Any]:
-    pictures = [{"title": panel.title, "data": _encoded(to_svg(panel_figure(panel)))} for panel in sheet.panels]
+    pictures = [{"title": panel.title, "data": to_data(panel_figure(panel))} for panel in sheet.panels]
     return {
         "title": sheet.title,
         "words": sheet.words,
@@ -107,10 +100,6 @@ def _content(sheet: Sheet) -> dict[str, Any]:
         "pictures": pictures,
         "rows": [_cells(row) for row in _beside(sheet)],
     }
-
-
-def _encoded(svg: str) -> str:
-    return base64.b64encode(svg.encode()).decode("ascii")
 
 
 def _cells(row: Comparison) -> dict[str, Any]:
@@ -121,7 +110,7 @@ def _cells(row: Comparison) -> dict[str, Any]:
         "thesis": _value(row.thesis, row.unit),
         "ours": _value(row.ours, row.unit),
         "difference": NOTHING if apart is None else f"{round(apart, 1) + 0.0:+.1f} %",
-        "off": apart is not None and abs(apart) > FAR_PCT,
+        "off": (off_pct(row) or 0.0) > FAR_PCT,
         "note": row.note,
     }
 
@@ -131,41 +120,43 @@ def _value(value: float | None, unit: str) -> str:
 
 
 def trials_table(sheets: Sequence[Sheet]) -> RenderableType:
-    """Words, small tables and the numbers that have one of ours; what cannot be computed is counted."""
+    """The verdict, words, small tables and the numbers that have one of ours; what cannot be computed is counted."""
+    verdict = agreement(sheets)
     parts: list[RenderableType] = []
+    if verdict:
+        parts += [sentence(verdict.headline, style="bold"), *map(sentence, verdict.sentences)]
+        if len(verdict.rows) > 1:
+            parts.append(Padding(_text_table(verdict.header, verdict.rows), (1, 0, 0, 0)))
+        parts.append(Text(""))
     for sheet in sheets:
-        parts.append(Text(sheet.title, style="bold"))
-        parts += [Padding(Text(text), (0, 0, 0, 2)) for text in sheet.words]
+        parts.append(sentence(sheet.title, style="bold"))
+        parts += [sentence(text, indent=2) for text in sheet.words]
         parts += [_small_table(table) for table in sheet.tables]
         parts += _numbers(_beside(sheet))
         parts.append(Text(""))
     return Group(*parts)
 
 
+def _text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> FittedTable:
+    columns = tuple(Column(name, words=not number) for number, name in enumerate(header))
+    return FittedTable(columns, tuple(tuple(row) for row in rows))
+
+
 def _small_table(table: TextTable) -> RenderableType:
-    shown = Table(title=table.title, title_justify="left", box=None, pad_edge=False, title_style="")
-    for number, header in enumerate(table.header):
-        shown.add_column(Text(header), justify="right" if number else "left", overflow="fold")
-    for row in table.rows:
-        shown.add_row(*(Text(cell) for cell in row))
-    return Padding(shown, (1, 0, 0, 2))
+    return Padding(Group(sentence(table.title), _text_table(table.header, table.rows)), (1, 0, 0, 2))
 
 
 def _numbers(rows: Sequence[Comparison]) -> list[RenderableType]:
     known = [row for row in rows if row.ours is not None]
     if not rows:
         return []
-    table = Table(box=None, pad_edge=False)
-    for header, side in (("Experiment", "left"), ("Quantity", "left"), ("Thesis", "right"), ("Ours", "right"),
-                         ("Difference", "right")):  # fmt: skip
-        table.add_column(header, justify=side, overflow="fold")  # type: ignore[arg-type]
-    for row in known:
-        cells = _cells(row)
-        names = ("experiment", "quantity", "thesis", "ours", "difference")
-        table.add_row(*(Text(str(cells[name])) for name in names))
-    parts: list[RenderableType] = [Padding(table, (1, 0, 0, 2))]
+    figures = map(Column, ("Thesis", "Ours", "Difference"))
+    columns = (Column("Experiment", words=True), Column("Quantity", words=True), *figures)
+    names = ("experiment", "quantity", "thesis", "ours", "difference")
+    cells = tuple(tuple(str(told[name]) for name in names) for told in map(_cells, known))
+    parts: list[RenderableType] = [Padding(FittedTable(columns, cells), (1, 0, 0, 2))] if cells else []
     missing = len(rows) - len(known)
     if missing:
         note = f"{missing} further numbers cannot be computed here; --json gives each with its reason."
-        parts.append(Padding(Text(note, style="dim"), (0, 0, 0, 2)))
+        parts.append(sentence(note, style="dim", indent=2))
     return parts

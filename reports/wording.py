@@ -8,9 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from reports.effect_words import both, value_words
 from reports.results import PlanResult, Ranking
 
 NOTHING = "-"
+NO_BREAK = "\N{NO-BREAK SPACE}"
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -27,13 +29,13 @@ class Refusal:
 
 
 def duration(seconds: float | None) -> str:
-    """Seconds as ``h:mm:ss``, or ``m:ss`` below an hour, to the nearest second; a dash when there is none."""
+    """Seconds as ``h:mm:ss`` to the nearest second, short ones too: 48:53 could be hours; a dash when there is none."""
     if seconds is None or not math.isfinite(seconds):
         return NOTHING
     hours, rest = divmod(_whole(abs(seconds)), 3600)
     minutes, secs = divmod(rest, 60)
     sign = "-" if seconds <= -0.5 else ""
-    return sign + (f"{hours}:{minutes:02d}:{secs:02d}" if hours else f"{minutes}:{secs:02d}")
+    return f"{sign}{hours}:{minutes:02d}:{secs:02d}"
 
 
 def minutes(seconds: float | None) -> str:
@@ -59,6 +61,11 @@ def number(value: float | None, decimals: int) -> str:
 def price(value: float | None) -> str:
     """A cost with as many decimals as keep it short: two, or none from 1000 on."""
     return number(value, 2 if value is None or abs(value) < 999.995 else 0)
+
+
+def bound(text: str) -> str:
+    """The text with spaces that do not break between a word and the value after it."""
+    return re.sub(r"(?<=[a-z:]) (?=\(?\d)", NO_BREAK, text)
 
 
 def yes_no(value: bool | None) -> str:
@@ -130,10 +137,10 @@ def effects_words(ranking: Ranking) -> str | None:
     """What of the tractor file's effects and rest is in use, a sentence; None when it has none."""
     rest = "rest" in ranking.tractor_effects
     parts = [
-        f"{name} ({', '.join(f'{key} {value:.3g}' for key, value in values.items())})"
+        f"{both(name)}: {value_words(name, values)}"
         for name, values in ranking.tractor_effects.items() if name != "rest"
     ] + (["a rest told from data"] if rest else [])
-    return f"Simulated with what the tractor file has from measured logs: {listed(parts)}." if parts else None
+    return f"Simulated with what the tractor file has from measured logs: {'; '.join(parts)}." if parts else None
 
 
 def moment(text: str | None) -> datetime | None:
@@ -163,20 +170,35 @@ def headline(ranking: Ranking) -> list[str]:
     best = ranking.best
     if best is None:
         return [_no_plan(ranking)]
-    sentences = [f"Best plan: {_what(best)}, done in {_when(ranking, best)}{_at_cost(best)}."]
+    is_late = best.meets_deadline is False
     plans = feasible(ranking)
     priced = [plan for plan in plans if plan.cost is not None]
     cheapest = min(priced, key=lambda plan: plan.cost or 0.0, default=None)
     best_is_cheapest = cheapest is not None and cheapest.cost == best.cost
-    sentences += _deadline_words(ranking, best_is_cheapest)
+    if not is_late:
+        sentences = [f"Best plan: {_told(ranking, best)}.", *_remark_words(best)]
+        sentences += _deadline_words(ranking, best_is_cheapest)
+    else:
+        by = "" if ranking.missed_by_s is None else f" misses it by {duration(ranking.missed_by_s)}"
+        sentences = [f"No plan meets {_deadline_name(ranking, 'the')}.", f"The closest{by}: {_told(ranking, best)}."]
+        sentences += _remark_words(best)
     fastest = min(plans, key=lambda plan: math.inf if plan.time_s is None else plan.time_s)
     if fastest is not best and fastest.time_s != best.time_s:
-        sentences.append(f"Fastest: {_what(fastest)}, done in {_when(ranking, fastest)}{_at_cost(fastest)}.")
+        sentences.append(f"Fastest: {_told(ranking, fastest)}.")
     if best_is_cheapest and not best.meets_deadline:
-        sentences.append("The best plan is also the cheapest.")
+        sentences.append(f"{'That' if is_late else 'The best plan'} is also the cheapest.")
     elif cheapest is not None and not best_is_cheapest:
-        sentences.append(f"Cheapest: {_what(cheapest)}, done in {_when(ranking, cheapest)}{_at_cost(cheapest)}.")
+        sentences.append(f"Cheapest: {_told(ranking, cheapest)}.")
     return sentences
+
+
+def _told(ranking: Ranking, plan: PlanResult) -> str:
+    return f"{_what(plan)}, done in {_when(ranking, plan)}{_at_cost(plan)}"
+
+
+def _remark_words(plan: PlanResult) -> list[str]:
+    """What is remarkable about the plan that is told first, such as how little of the field it works."""
+    return [f"Remark on it: {plan.remark}."] if plan.remark else []
 
 
 def _no_plan(ranking: Ranking) -> str:
@@ -208,16 +230,18 @@ def _at_cost(plan: PlanResult) -> str:
     return "" if plan.cost is None else f", cost {price(plan.cost)}"
 
 
+def _deadline_name(ranking: Ranking, article: str) -> str:
+    return f"{article} deadline ({ranking.before})" if ranking.before else f"{article} deadline"
+
+
 def _deadline_words(ranking: Ranking, best_is_cheapest: bool) -> list[str]:
     """Who meets the deadline, and that the best plan is the cheapest of those or of all plans."""
     judged = [plan for plan in feasible(ranking) if plan.meets_deadline is not None]
     if not judged:
         return []
-    name = f"The deadline ({ranking.before})" if ranking.before else "The deadline"
+    name = _deadline_name(ranking, "The")
     meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})
     late = sorted({plan.tractors for plan in judged} - set(meeting))
-    if not meeting:
-        return [f"{name} is met by no plan."]
     missed = f", not with {listed(late, 'or')}" if late else ""
     noun = "tractor" if meeting == [1] else "tractors"
     among = "of all" if best_is_cheapest else "of them"

@@ -170,13 +170,13 @@ class Connector:
     def _words(self, a: Pose, b: Pose, limit_s: float = math.inf) -> list[Path]:
         """Words from a to b of the kinds allowed; those that must take limit_s or longer may be left out."""
         forward = dubins_paths(a, b, self.radius_m)
-        found = [path for path in forward if path.length_m < limit_s * self.costs.speed_mps]
+        words = [path for path in forward if path.length_m < limit_s * self.costs.speed_mps]
         turning = abs(math.remainder(b[2] - a[2], 2.0 * math.pi)) * self.radius_m
         fastest = max(self.costs.speed_mps, self.costs.reverse_speed_mps)
         if self.reversing and turning / fastest + 2.0 * self.costs.cusp_s < limit_s:
-            found += three_arc(a, b, self.radius_m)
-            found += back_straight(a, b, self.radius_m)
-        return [path for path in found if path.kind == "route" or path.kind in self.kinds]
+            words += three_arc(a, b, self.radius_m)
+            words += back_straight(a, b, self.radius_m)
+        return [path for path in words if path.kind == "route" or path.kind in self.kinds]
 
     def cost(self, path: Path) -> float:
         """Seconds to drive the path, and a charge where a tractor cannot be expected to follow it closely."""
@@ -206,15 +206,15 @@ class Connector:
         """The quickest fitting word after driving straight on at either end, if better than `best`."""
         bar = self._rank(best) if best else (True, math.inf)
         limit = math.inf if bar[0] else bar[1]
-        found = []
+        longer_ways = []
         for before, after in self._straights(a, b):
             spare = limit - (before + after) / self.costs.speed_mps
             lead, tail = straight(a, before), straight(ahead(b, -after), after)
             for word in self._words(lead.end, tail.start, spare):
                 longer = join((lead, word, tail), word.kind)
                 if self._rank(longer) < bar:
-                    found.append(longer)
-        return next((path for path in self._ranked(found) if self.fits(path)), best)
+                    longer_ways.append(longer)
+        return next((path for path in self._ranked(longer_ways) if self.fits(path)), best)
 
     def _straights(self, a: Pose, b: Pose) -> list[tuple[float, float]]:
         """Lengths to drive straight on at either end: small steps, and what brings skewed ends level."""
@@ -233,13 +233,13 @@ class Connector:
         """A route by corners, else by rings; first without reversing, then with ever more of it at the ends."""
         ends = [(self._starts(a, effort), self._goals(b, effort)) for effort in ((0, 1) if self.reversing else (0,))]
         for starts, goals in ends:
-            found = self._by_corners(a, b, starts, goals)
-            if found is not None:
-                return found
+            way = self._by_corners(a, b, starts, goals)
+            if way is not None:
+                return way
         if self.reversing:
             ends.append((self._starts(a, 2), self._goals(b, 2)))
-            found = self._by_corners(a, b, *ends[-1])
-        return found or next((path for pair in ends if (path := self._by_rings(*pair))), None)
+            way = self._by_corners(a, b, *ends[-1])
+        return way or next((path for pair in ends if (path := self._by_rings(*pair))), None)
 
     def _starts(self, a: Pose, effort: int) -> list[Path]:
         """What may be driven before the first word of a route.

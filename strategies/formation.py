@@ -1,32 +1,29 @@
 """Triangle formation (thesis, section 6.3): neighbouring tracks are worked abreast, rows 10 m apart.
 
-At the headland the rows queue inside their tracks, a gap apart, and move up. Row by row, a row is released when the
-row before it has reached its place in the next pass; column by column, tractors turn strictly one after another: the
-leader, then the side the turn leads to, then the other side. When all are in place, all start together (Eq. 6.1 keeps
-the distance).
+At the headland the rows queue inside their tracks, a gap apart, and move up. When a tractor may leave the queue is what
+the strategies differ in; they hand it over. When all are in place, all start together (Eq. 6.1 keeps the distance).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from fields.layout import Track
 from strategies.errors import StrategyError
 from strategies.job import Job, Pass
-from strategies.legs import straight_leg, turn_legs
-from vehicle.missions import Follow, Gate, Leg, Mission, Plan
+from strategies.legs import mission_from, straight_leg, task_on, turn_legs
+from vehicle.missions import DRIVE_IN, TRACK, Follow, Gate, Leg, Plan
 
 ARRIVED_M = 0.2  # a tractor counts as in place this far before the end of its leg
 SHORTEST_M = 0.1
 MOVED_ON = 0.8  # share of the gap after which the place in front counts as free
+FORMATION_REPAIRS = 8  # a formation has its own queue: where that needs more mending, the field does not suit it
 Corner = tuple[bool, int]
 """Begin at the last line? and the first direction."""
 CORNERS: tuple[Corner, ...] = tuple((last, way) for last in (False, True) for way in (1, -1))
-Releases = Mapping[tuple[int, int], tuple[tuple[int, float], ...]]
-"""For (round, tractor): it may leave the queue when each named tractor is so many metres past its own release."""
 
 
 @dataclass(frozen=True)
@@ -71,19 +68,60 @@ class Formation:
     marks: Mapping[tuple[int, int], Marks]
 
 
-def row_by_row(job: Job, *, move_up: bool = True) -> Formation:
-    """Rows turn one after another; each waits for the row before it to be in place."""
-    return _form(job, "row-by-row", None, move_up)
+@dataclass(frozen=True)
+class Draft:
+    """A formation plan while it is written: per round the slots, the marks, and per tractor its legs so far."""
+
+    job: Job
+    rounds: list[list[Slot]]
+    marks: dict[tuple[int, int], Marks]
+    legs: list[list[Leg]]
+
+    def in_place(self, number: int, tractor: int) -> Gate:
+        """Gate that opens when a tractor is at its place in formation in a round."""
+        return self._ended(tractor, self.marks[number, tractor].placed)
+
+    def turned(self, number: int, tractor: int) -> Gate:
+        """Gate that opens when a tractor has finished its turn into a round."""
+        return self._ended(tractor, self.marks[number, tractor].turned)
+
+    def past_release(self, number: int, tractor: int, metres: float) -> Gate:
+        """Gate at a distance past the release of a tractor into a round, on whichever of its legs that is."""
+        legs, leg = self.legs[tractor], self.marks[number, tractor].release
+        while leg < len(legs) - 1 and metres > legs[leg].length_m:
+            metres -= legs[leg].length_m
+            leg += 1
+        return Gate(tractor, leg, min(metres, legs[leg].length_m))
+
+    def wait(self, tractor: int, leg: int, gates: list[Gate]) -> None:
+        """Let a tractor wait for gates before one of its legs."""
+        self.legs[tractor][leg] = self.legs[tractor][leg].with_gates(gates)
+
+    def _ended(self, tractor: int, leg: int) -> Gate:
+        return Gate(tractor, leg, max(0.0, self.legs[tractor][leg].length_m - ARRIVED_M))
 
 
-def col_by_col(job: Job) -> Formation:
-    """Tractors turn one after another: the leader, the side the turn leads to, the other side."""
-    return _form(job, "col-by-col", None, True)
+Queue = Callable[[Draft, int, Slot], list[Gate]]
+"""The gates a tractor waits for, in a round and as a slot of it, before it leaves the queue of the round before."""
 
 
-def row_by_row_timed(job: Job, releases: Releases) -> Formation:
-    """Row by row with given releases instead of the queue; nobody moves up before."""
-    return _form(job, "row-by-row-optimised", releases, False)
+def form(job: Job, name: str, queue: Queue, *, move_up: bool = True) -> Formation:
+    """The plan of a formation whose tractors leave the queue as `queue` says; raises StrategyError.
+
+    Without `move_up` each tractor stays at its first place in the queue until it is released.
+    """
+    draft = Draft(job, _rounds(job), {}, [[] for _ in range(job.tractors)])
+    for number, slots in enumerate(draft.rounds):
+        for slot in slots:
+            _lay_round(draft, number, slot, move_up)
+    for number, slots in enumerate(draft.rounds):
+        for slot in slots:
+            _hold(draft, queue, number, slot)
+    if move_up:
+        _move_up(draft)
+    _stay_back(draft)
+    plan = Plan(tuple(mission_from(own) for own in draft.legs), {"strategy": name, "tractors": job.tractors})
+    return Formation(plan, tuple(tuple(slots) for slots in draft.rounds), draft.marks)
 
 
 def corners_by_promise(job: Job) -> list[Corner]:
@@ -99,26 +137,6 @@ def corners_by_promise(job: Job) -> list[Corner]:
         )
 
     return sorted(CORNERS, key=lambda corner: round(seconds(corner), 3))
-
-
-def _form(job: Job, queue: str, releases: Releases | None, move_up: bool) -> Formation:
-    rounds = _rounds(job)
-    legs: list[list[Leg]] = [[] for _ in range(job.tractors)]
-    marks: dict[tuple[int, int], Marks] = {}
-    for number, slots in enumerate(rounds):
-        before = {slot.tractor: slot for slot in rounds[number - 1]} if number else {}
-        for slot in slots:
-            marks[number, slot.tractor] = _lay_round(
-                job, slot, legs[slot.tractor], before.get(slot.tractor), marks.get((number - 1, slot.tractor)), move_up
-            )
-    for number, slots in enumerate(rounds):
-        for slot in slots:
-            _hold(job, queue, releases, number, slot, slots, marks, legs)
-    if move_up:
-        _move_up(job, rounds, marks, legs)
-    _stay_back(rounds, marks, legs)
-    plan = Plan(tuple(Mission(tuple(own)) for own in legs), {"strategy": queue, "tractors": job.tractors})
-    return Formation(plan, tuple(tuple(slots) for slots in rounds), marks)
 
 
 def _rounds(job: Job) -> list[list[Slot]]:
@@ -220,113 +238,60 @@ def _along(job: Job, this: Pass) -> float:
     return x * math.cos(heading) + y * math.sin(heading)
 
 
-def _lay_round(
-    job: Job, slot: Slot, legs: list[Leg], before: Slot | None, marks: Marks | None, move_up: bool
-) -> Marks:
-    """Append the legs of one round: turn, drive in, take place, work in formation, queue."""
-    release = marks.queue[-1] if marks and before and before.row > 1 else len(legs)
+def _lay_round(draft: Draft, number: int, slot: Slot, move_up: bool) -> None:
+    """Append the legs of one tractor in one round: turn, drive in, take place, work in formation, queue; mark them."""
+    job, legs = draft.job, draft.legs[slot.tractor]
+    last = draft.marks.get((number - 1, slot.tractor))
+    before = next((s for s in draft.rounds[number - 1] if s.tractor == slot.tractor), None) if number else None
+    release = last.queue[-1] if last and before and before.row > 1 else len(legs)
     if before:
         legs += turn_legs(job, before.this, slot.this)
     turned = len(legs) - 1 if before else None
-    entry, tool = job.entry(slot.this), job.manner.tool_m
-    legs.append(straight_leg(job, entry, 0.0, tool, implement=False))
+    entry, tool, work_task = job.entry(slot.this), job.manner.tool_m, task_on(TRACK, slot.this.track)
+    legs.append(straight_leg(job, entry, 0.0, tool, task_on(DRIVE_IN, slot.this.track)))
     if slot.place_m > tool + SHORTEST_M:
-        legs.append(straight_leg(job, entry, tool, slot.place_m, implement=True))
+        legs.append(straight_leg(job, entry, tool, slot.place_m, work_task))
     placed = len(legs) - 1
     end, gap = slot.this.track.length + tool, job.manner.gap_m
     stops = [slot.hold_m]
-    legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], implement=True))
+    legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], work_task))
     work = len(legs) - 1
     stops += [slot.queue_m - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
     stops.append(end)
-    legs += [straight_leg(job, entry, a, b, implement=True) for a, b in pairwise(stops)]
+    legs += [straight_leg(job, entry, a, b, work_task, may_wait=b == end) for a, b in pairwise(stops)]
     queue = tuple(range(work + 1, len(legs)))
-    return Marks(release, placed if turned is None else turned, placed, work, queue)
+    draft.marks[number, slot.tractor] = Marks(release, placed if turned is None else turned, placed, work, queue)
 
 
-def _move_up(
-    job: Job, rounds: list[list[Slot]], marks: Mapping[tuple[int, int], Marks], legs: list[list[Leg]]
-) -> None:
+def _move_up(draft: Draft) -> None:
     """In the queue, move up a place when the tractor in front has moved on."""
-    for number, slots in enumerate(rounds):
+    for number, slots in enumerate(draft.rounds):
         for slot in slots:
             if slot.neighbour is None or slot.row == 2:
                 continue
-            front = marks[number, slot.neighbour].queue
-            for mine, other in zip(marks[number, slot.tractor].queue, front, strict=False):
-                gate = Gate(slot.neighbour, other, MOVED_ON * job.manner.gap_m)
-                legs[slot.tractor][mine] = legs[slot.tractor][mine].with_gates([gate])
+            front = draft.marks[number, slot.neighbour].queue
+            for mine, other in zip(draft.marks[number, slot.tractor].queue, front, strict=False):
+                draft.wait(slot.tractor, mine, [Gate(slot.neighbour, other, MOVED_ON * draft.job.manner.gap_m)])
 
 
-def _stay_back(rounds: list[list[Slot]], marks: Mapping[tuple[int, int], Marks], legs: list[list[Leg]]) -> None:
+def _stay_back(draft: Draft) -> None:
     """A tractor without a track in the last round finishes its own only when the others have turned away."""
-    if len(rounds) < 2:
+    if len(draft.rounds) < 2:
         return
-    last = {slot.tractor for slot in rounds[-1]}
-    for slot in rounds[-2]:
-        queue = marks[len(rounds) - 2, slot.tractor].queue
+    number = len(draft.rounds) - 1
+    last = {slot.tractor for slot in draft.rounds[number]}
+    for slot in draft.rounds[number - 1]:
+        queue = draft.marks[number - 1, slot.tractor].queue
         if slot.tractor not in last and queue:
-            gates = [_turned(legs, marks, len(rounds) - 1, other) for other in sorted(last)]
-            legs[slot.tractor][queue[-1]] = legs[slot.tractor][queue[-1]].with_gates(gates)
+            draft.wait(slot.tractor, queue[-1], [draft.turned(number, other) for other in sorted(last)])
 
 
-def _turned(legs: list[list[Leg]], marks: Mapping[tuple[int, int], Marks], number: int, tractor: int) -> Gate:
-    leg = marks[number, tractor].turned
-    return Gate(tractor, leg, max(0.0, legs[tractor][leg].length_m - ARRIVED_M))
-
-
-def _hold(
-    job: Job, queue: str, releases: Releases | None, number: int, slot: Slot, slots: list[Slot],
-    marks: dict[tuple[int, int], Marks], legs: list[list[Leg]],
-) -> None:  # fmt: skip
+def _hold(draft: Draft, queue: Queue, number: int, slot: Slot) -> None:
     """Add the gates of one slot: leave the queue, start together, keep the distance."""
-    own, mine = legs[slot.tractor], marks[number, slot.tractor]
-    if releases is not None:
-        queue_gates = [
-            _metres_past(legs[other], marks[number, other].release, other, metres)
-            for other, metres in releases.get((number, slot.tractor), ())
-        ]
-    elif queue == "row-by-row":
-        queue_gates = [_in_place(legs, marks, number, s.tractor) for s in slots if s.row == slot.row - 1]
-    else:
-        queue_gates = _after_previous(job, number, slot, slots, marks, legs)
-    own[mine.release] = own[mine.release].with_gates(queue_gates)
-    start = [_in_place(legs, marks, number, s.tractor) for s in slots if s.tractor != slot.tractor]
-    work = own[mine.work].with_gates(start)
+    mine, own = draft.marks[number, slot.tractor], draft.legs[slot.tractor]
+    draft.wait(slot.tractor, mine.release, queue(draft, number, slot))
+    others = [s.tractor for s in draft.rounds[number] if s.tractor != slot.tractor]
+    draft.wait(slot.tractor, mine.work, [draft.in_place(number, other) for other in others])
     if slot.neighbour is not None:
-        work = replace(
-            work, follow=Follow(slot.neighbour, marks[number, slot.neighbour].work, job.manner.gap_m)
-        )
-    own[mine.work] = work
-
-
-def _in_place(legs: list[list[Leg]], marks: Mapping[tuple[int, int], Marks], number: int, tractor: int) -> Gate:
-    placed = marks[number, tractor].placed
-    return Gate(tractor, placed, max(0.0, legs[tractor][placed].length_m - ARRIVED_M))
-
-
-def _after_previous(
-    job: Job, number: int, slot: Slot, slots: list[Slot], marks: dict[tuple[int, int], Marks], legs: list[list[Leg]]
-) -> list[Gate]:
-    """Gate of column order: the tractor before this one has finished its turn."""
-    heading_side = -1 if slots[0].this.track.line > slots[-1].this.track.line else 1
-    leader = next(s for s in slots if s.row == 1)
-
-    def order(s: Slot) -> tuple[int, int]:
-        towards = (s.this.track.line - leader.this.track.line) * heading_side > 0
-        return (0 if s.row == 1 else 1 if towards else 2), s.row
-
-    queue = sorted(slots, key=order)
-    place = queue.index(slot)
-    if place == 0:
-        return []
-    return [_turned(legs, marks, number, queue[place - 1].tractor)]
-
-
-def _metres_past(legs: list[Leg], first: int, tractor: int, metres: float) -> Gate:
-    """Gate at a distance past the release of a tractor, on whichever of its legs that is."""
-    leg = first
-    while leg < len(legs) - 1 and metres > legs[leg].length_m:
-        metres -= legs[leg].length_m
-        leg += 1
-    return Gate(tractor, leg, min(metres, legs[leg].length_m))
+        work = draft.marks[number, slot.neighbour].work
+        own[mine.work] = replace(own[mine.work], follow=Follow(slot.neighbour, work, draft.job.manner.gap_m))

@@ -45,8 +45,10 @@ class Pass:
 class Job:
     """A field to be worked by `tractors` tractors.
 
-    `connector` finds ways anywhere in the field, `headland` only beside the tracks. Ways found are kept in `ways`, as
-    strategies ask for the same ones; `used` counts the turns driven by kind.
+    `connector` finds ways anywhere in the field, `headland` only beside the tracks. `corner` is where to begin
+    (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
+    to the strategy. Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the
+    turns driven by kind.
     """
 
     layout: Layout
@@ -55,6 +57,7 @@ class Job:
     tractors: int
     headland: Connector | None = None
     corner: tuple[bool, int] | None = None
+    jump: int | None = None
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 

@@ -3,35 +3,44 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from fields.layout import Track
 from strategies.errors import StrategyError
 from strategies.job import Job, Pass
 from strategies.paths import Path, Pose
-from vehicle.missions import Leg, Mission
+from vehicle.missions import DRIVE_IN, TRACK, TURN, WAY, Leg, Mission, Task
 
 STEP_M = 0.25
 SHORTEST_LEG_M = 0.05
 
 
-def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, *, implement: bool) -> Leg:
-    """A straight leg between two distances ahead of a pose: work at work speed, otherwise driving in."""
+def task_on(kind: str, track: Track) -> Task:
+    """The task of a leg that works a track or leads to it."""
+    return Task(kind, track.line, track.piece)
+
+
+def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, task: Task, *, may_wait: bool = False) -> Leg:
+    """A straight leg between two distances ahead of a pose: work at work speed, anything else at turn speed."""
     ahead = np.array([math.cos(a[2]), math.sin(a[2])])
     points = np.array([a[:2] + start_m * ahead, a[:2] + end_m * ahead])
     return Leg(
         points=points,
-        speed_mps=job.manner.work_speed_mps if implement else job.manner.turn_speed_mps,
-        implement=implement,
+        speed_mps=job.manner.work_speed_mps if task.works else job.manner.turn_speed_mps,
+        implement=task.works,
         ground=_ground(job, points),
-        kind="work" if implement else "turn",
+        task=task,
+        may_wait=may_wait,
     )
 
 
-def way_legs(job: Job, path: Path) -> list[Leg]:
-    """A turn or route as one leg per gear; one with direction changes is driven at manoeuvring speed all along."""
-    manner = job.manner
+def way_legs(job: Job, path: Path, goal: Track) -> list[Leg]:
+    """A turn or route to a track as one leg per gear; one with direction changes is all driven at manoeuvring speed."""
+    manner, task = job.manner, task_on(WAY if path.kind == "route" else TURN, goal)
     speed = manner.reverse_speed_mps if path.reverse_m else manner.turn_speed_mps
     return [
         Leg(
@@ -39,7 +48,7 @@ def way_legs(job: Job, path: Path) -> list[Leg]:
             speed_mps=speed,
             gear=gear,
             ground=_ground(job, points),
-            kind="turn",
+            task=task,
         )
         for gear, points in path.sample(STEP_M)
         if float(np.hypot(*np.diff(points, axis=0).T).sum()) > SHORTEST_LEG_M
@@ -54,14 +63,15 @@ def _ground(job: Job, points: np.ndarray) -> str:
 def pass_legs(job: Job, this: Pass) -> list[Leg]:
     """Drive in until the implement is over the headland line, then work to the far line.
 
-    The last stretch is a leg of its own, so that a tractor can be told to give way before it.
+    The last stretch is a leg of its own, so that a tractor can be told to give way before it, clear of the headland.
     """
     entry, tool, end = job.entry(this), job.manner.tool_m, this.track.length + job.manner.tool_m
     hold = max(end - job.manner.hold_back_m, 0.5 * (tool + end))
+    work = task_on(TRACK, this.track)
     return [
-        straight_leg(job, entry, 0.0, tool, implement=False),
-        straight_leg(job, entry, tool, hold, implement=True),
-        straight_leg(job, entry, hold, end, implement=True),
+        straight_leg(job, entry, 0.0, tool, task_on(DRIVE_IN, this.track)),
+        straight_leg(job, entry, tool, hold, work),
+        straight_leg(job, entry, hold, end, work, may_wait=True),
     ]
 
 
@@ -75,7 +85,7 @@ def turn_legs(job: Job, a: Pass, b: Pass) -> list[Leg]:
             f"{b.track.line} (at {x:.0f}, {y:.0f} m) inside the field; a wider headland or another turn may."
         )
     job.used[path.kind] = job.used.get(path.kind, 0) + 1
-    return way_legs(job, path)
+    return way_legs(job, path, b.track)
 
 
 def mission_of(job: Job, order: list[Pass]) -> Mission:
@@ -83,4 +93,9 @@ def mission_of(job: Job, order: list[Pass]) -> Mission:
     legs = pass_legs(job, order[0])
     for a, b in pairwise(order):
         legs += turn_legs(job, a, b) + pass_legs(job, b)
-    return Mission(tuple(legs))
+    return mission_from(legs)
+
+
+def mission_from(legs: Sequence[Leg]) -> Mission:
+    """These legs as a mission; a tractor may be kept waiting before it starts at all."""
+    return Mission((replace(legs[0], may_wait=True), *legs[1:]))

@@ -202,14 +202,14 @@ def dubins_paths(a: Pose, b: Pose, radius_m: float) -> list[Path]:
     """
     require_radius(radius_m)
     centres = _centres(a, b, radius_m)
-    found = [w for hands in _HANDS if (w := _arc_straight_arc(a, b, radius_m, centres, hands, 1))]
+    words = [w for hands in _HANDS if (w := _arc_straight_arc(a, b, radius_m, centres, hands, 1))]
     for hand in (1, -1):
         for first, second in _middle_headings(a, radius_m, centres, hand):
             turns = (_turn(hand, a[2], first), _turn(-hand, first, second), _turn(hand, second, b[2]))
             signs = (hand, -hand, hand)
             arcs = (Segment(t * radius_m, h / radius_m, 1) for t, h in zip(turns, signs, strict=True))
-            found.append(make_path(a, arcs, "omega"))
-    return sorted(found, key=_by_length)
+            words.append(make_path(a, arcs, "omega"))
+    return sorted(words, key=_by_length)
 
 
 def three_arc(a: Pose, b: Pose, radius_m: float) -> list[Path]:
@@ -220,15 +220,15 @@ def three_arc(a: Pose, b: Pose, radius_m: float) -> list[Path]:
     """
     require_radius(radius_m)
     centres = _centres(a, b, radius_m)
-    found = []
+    words = []
     for hand in (1, -1):
         for first, second in _middle_headings(a, radius_m, centres, hand):
             turns = (_turn(hand, a[2], first), _turn(hand, first, second), _turn(hand, second, b[2]))
             if sum(turns) <= _FULL_TURN:
                 gears = ((hand, 1), (-hand, -1), (hand, 1))
                 arcs = [Segment(t * radius_m, h / radius_m, g) for t, (h, g) in zip(turns, gears, strict=True)]
-                found.append(make_path(a, arcs, "switch-back"))
-    return sorted(found, key=_by_length)
+                words.append(make_path(a, arcs, "switch-back"))
+    return sorted(words, key=_by_length)
 
 
 def back_straight(a: Pose, b: Pose, radius_m: float) -> list[Path]:
@@ -239,8 +239,8 @@ def back_straight(a: Pose, b: Pose, radius_m: float) -> list[Path]:
     """
     require_radius(radius_m)
     centres = _centres(a, b, radius_m)
-    found = [w for hands in _HANDS if (w := _arc_straight_arc(a, b, radius_m, centres, hands, -1))]
-    return sorted(found, key=_by_length)
+    words = [w for hands in _HANDS if (w := _arc_straight_arc(a, b, radius_m, centres, hands, -1))]
+    return sorted(words, key=_by_length)
 
 
 _Centres = dict[int, tuple[float, float, float, float]]
@@ -310,8 +310,10 @@ def _middle_headings(a: Pose, radius_m: float, centres: _Centres, hand: int) -> 
         return []
     rise = math.sqrt(max(square, 0.0))
     ux, uy = (dx / apart, dy / apart) if apart > _SNAP else (math.cos(a[2]), math.sin(a[2]))
-    found = []
+    tangents = []
     for side in (hand, -hand):
         mx, my = 0.5 * (ax + bx) - side * rise * uy, 0.5 * (ay + by) + side * rise * ux
-        found.append((math.atan2(-hand * (ax - mx), hand * (ay - my)), math.atan2(-hand * (bx - mx), hand * (by - my))))
-    return found
+        first = math.atan2(-hand * (ax - mx), hand * (ay - my))
+        second = math.atan2(-hand * (bx - mx), hand * (by - my))
+        tangents.append((first, second))
+    return tangents

@@ -99,11 +99,11 @@ def _corner_points(region: BaseGeometry) -> Floats:
     for clearance in (0.25, 0.5, 1.0):
         inside = region.buffer(-clearance, join_style="mitre").simplify(0.8 * clearance)
         rings = [_bends(ring) for ring in _rings(inside)]
-        found = np.concatenate([np.empty((0, 3)), *rings])
-        if len(found) <= _MOST_CORNERS:
+        corners = np.concatenate([np.empty((0, 3)), *rings])
+        if len(corners) <= _MOST_CORNERS:
             break
-    sharpest = np.argsort(found[:, 2], kind="stable")[:_MOST_CORNERS]
-    return found[np.sort(sharpest), :2]
+    sharpest = np.argsort(corners[:, 2], kind="stable")[:_MOST_CORNERS]
+    return corners[np.sort(sharpest), :2]
 
 
 def _rings(region: BaseGeometry) -> list[Floats]:

@@ -2,6 +2,7 @@
 
     tractor, ground   frozen parameters, read from the files in `data`
     steering, tyres, guidance, speed   scalar formulas of the thesis, one place each
+    plan_file         plans as text: format version, place of the metres, scenario
     chassis           forces on one tractor body
     missions          legs and gates: the program a tractor executes
     effects, rest     what logs can teach about a tractor; terms has their formulas

@@ -159,7 +159,7 @@ def _lay_path(mission: Mission, rows: Array, offset: int) -> tuple[Array, Array]
 def _fill_leg(row: Any, leg: Leg, tractor: Tractor) -> None:
     guidance = tractor.guidance
     row["speed"] = leg.speed_mps
-    row["lookahead"] = guidance.lookahead_m if leg.kind == "work" else guidance.turn_lookahead_m
+    row["lookahead"] = guidance.lookahead_m if leg.task.works else guidance.turn_lookahead_m
     row["gear"], row["implement"], row["ground"] = leg.gear, int(leg.implement), ground_index(leg.ground)
 
 

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from vehicle.errors import VehicleError
+from vehicle.kinds import CIRCLE, LIMIT, SIZE, SLOPE, USUAL_WHEELBASE_M, Kind, Param
 from vehicle.rest import NEUTRAL_REST, rest_fields
 
 STEERING, PATH, SPEED, POSITION = "command to wheel", "wheel to path", "speed", "position to antenna"
 STEP_HZ = 60.0  # steps of the simulation, in which delays are counted
-USUAL_WHEELBASE_M = 2.4
-# How the values of an effect are found: its size; the inverse of a limit, 0 for none; the two components of a slope;
-# the size inside a circle that is searched for.
-SIZE, LIMIT, SLOPE, CIRCLE = "size", "limit", "slope", "circle"
 # What is left over in the plot that shows an effect, and what it is plotted against.
 TURN, CRAB, WHEEL, PACE = "turning rate", "crab angle", "wheel angle", "speed"
 ANGLE, STEERING_SPEED, COMMAND_RATE, SIDE_FORCE = "angle", "steering speed", "rate of command", "side force"
@@ -32,47 +29,14 @@ Fields = dict[str, float]
 
 
 @dataclass(frozen=True)
-class Param:
-    """A number of an effect. `neutral` None stands for the value in the tractor file; `place` says where, not how much.
-
-    `typical` is the size of a usual fault, `finest` the smallest that the base model's own simplifications allow to be
-    claimed, `low` and `high` what a tractor can have.
-    """
-
-    name: str
-    unit: str
-    neutral: float | None
-    typical: float
-    finest: float
-    low: float
-    high: float
-    place: bool = False
-    metres: int = 0
-
-    def for_wheelbase(self, wheelbase_m: float) -> Param:
-        """The same parameter for a vehicle of another size: lengths and curvatures scale with the wheelbase.
-
-        `metres` is the power of metres in the unit that scales so.
-        """
-        factor = (wheelbase_m / USUAL_WHEELBASE_M) ** self.metres
-        wider = max(factor, 1.0)
-        return replace(
-            self,
-            typical=self.typical * factor,
-            finest=self.finest * factor,
-            low=self.low * wider,
-            high=self.high * wider,
-        )
-
-
-@dataclass(frozen=True)
 class Effect:
     """One entry. `fields` turns values into fields of MODEL; `words` is filled with the values for the verdict.
 
     `regressor` is what the error depends on, `drive` what to drive to see it, `plot` the quantity and the regressor of
     the plot that shows it. `of_ground` marks what belongs to the ground too and may differ between runs, `stands_in`
-    what would stand in for whatever differs between them. `starts` are sizes to try first (`start_shares`: shares of
-    the file's value), because a dead band or a limit has no trace where it does not act.
+    what would stand in for whatever differs between them. `kind` says how the values become coordinates of a fit.
+    `starts` are sizes to try first (`start_shares`: shares of the file's value), because a dead band or a limit has no
+    trace where it does not act.
     """
 
     id: str
@@ -86,7 +50,7 @@ class Effect:
     of_ground: bool = False
     stands_in: bool = False
     worse_when_less: bool = False
-    kind: str = SIZE
+    kind: Kind = SIZE
     starts: tuple[float, ...] = ()
     start_shares: tuple[float, ...] = ()
 
@@ -94,6 +58,11 @@ class Effect:
     def size(self) -> Param:
         """The parameter that says how large the effect is."""
         return self.params[0]
+
+    @property
+    def label(self) -> str:
+        """The name of the effect for a reader: its id in words."""
+        return self.id.replace("_", " ").replace("gnss", "GNSS")
 
 
 def _side(value: float) -> str:

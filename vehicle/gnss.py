@@ -20,9 +20,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from fields.reading import read_text
 from vehicle.errors import VehicleError
 from vehicle.jit import compiled
 
+KIND = "a CSV file"
 GRID, CENTRE, FEWEST = 32, 16, 100
 DEFAULT_SEED, DEFAULT_FIXES = 20240, 8000
 Table = npt.NDArray[np.int64]
@@ -143,7 +145,7 @@ def table_text(table: Table) -> str:
 
 def load_table(path: str | Path) -> Table:
     """Read a table written by `table_text`; raises VehicleError naming the line."""
-    return _parse_table(_read(Path(path)), str(path))
+    return _parse_table(read_text(path, KIND, VehicleError), str(path))
 
 
 def _parse_table(text: str, where: str) -> Table:
@@ -164,8 +166,7 @@ def load_fixes(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
 
     Raises VehicleError for unreadable files, missing columns, too few rows and values that are no numbers.
     """
-    text = _read(Path(path))
-    text = text.lstrip("\r\n")
+    text = read_text(path, KIND, VehicleError).lstrip("\r\n")
     header = [name.strip().lower() for name in text.splitlines()[0].split(",")] if text.strip() else []
     if {"x_m", "y_m"} <= set(header):
         values = 1000.0 * _numbers(text, ("x_m", "y_m"), str(path))
@@ -191,15 +192,6 @@ def _local_metres(degrees: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     w = math.sqrt(1.0 - e2 * math.sin(phi) ** 2)
     scale = np.radians([a / w * math.cos(phi), a * (1.0 - e2) / w**3])
     return np.asarray((degrees - degrees[0]) * scale)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise VehicleError(f"{path} cannot be read: {error.strerror}; give a CSV file.") from None
-    except UnicodeDecodeError:
-        raise VehicleError(f"{path} is not a text file; give a CSV file.") from None
 
 
 def _numbers(text: str, columns: tuple[str, ...], where: str) -> npt.NDArray[np.float64]:

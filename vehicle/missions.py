@@ -1,12 +1,11 @@
 """What a tractor can be told to do: legs to drive one after another, and gates that hold it back.
 
 A plan is data. The world executes any plan, so a strategy only writes another one, and a plan can be saved,
-drawn and compared.
+drawn and compared. Every leg says what it is for (`Task`), so that nobody needs to guess it from the legs around it.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -18,7 +17,8 @@ import numpy.typing as npt
 from vehicle.errors import MissionError
 from vehicle.ground import ground_names
 
-KINDS = ("work", "turn", "drive")
+TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE = "track", "round", "turn", "way", "drive-in", "drive"
+TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE)
 JOINT_M = 0.1  # ends of consecutive legs may differ by this much
 Points = npt.NDArray[np.float64]
 
@@ -41,11 +41,36 @@ class Follow:
     gap_m: float = 10.0
 
 
+@dataclass(frozen=True)
+class Task:
+    """What a leg is for.
+
+    `kind` is "track" (working a track), "round" (working a round of the headland), "turn" (to the next track, in one
+    go), "way" (a longer route to it), "drive-in" (from the headland line until the implement is over it) or "drive"
+    (anything else). `number` is the track or round that is worked or led to, None where there is none; `piece` counts
+    the pieces of an interrupted track.
+    """
+
+    kind: str = DRIVE
+    number: int | None = None
+    piece: int = 0
+
+    @property
+    def works(self) -> bool:
+        """Whether the leg lies on what is to be worked: guidance looks ahead as on a track."""
+        return self.kind in (TRACK, ROUND)
+
+    def same_goal(self, other: Task) -> bool:
+        """Whether both work or lead to the same track or round."""
+        return (self.number, self.piece) == (other.number, other.piece)
+
+
 @dataclass(frozen=True, eq=False)
 class Leg:
     """A polyline (n, 2) in metres to be driven in one gear at one target speed.
 
-    `gear` is 1 or -1; `implement` tells whether it works; `kind` is what the time counts as.
+    `gear` is 1 or -1; `implement` tells whether it works. `may_wait` marks a hold point: a tractor that must give way
+    may be told to stand before this leg, where it is in nobody's way.
     """
 
     points: Points
@@ -53,7 +78,8 @@ class Leg:
     gear: int = 1
     implement: bool = False
     ground: str = "soil"
-    kind: str = "drive"
+    task: Task = Task()
+    may_wait: bool = False
     gates: tuple[Gate, ...] = ()
     follow: Follow | None = None
 
@@ -136,8 +162,16 @@ def _check_leg(leg: Leg, where: str) -> None:
         raise MissionError(f"{where}: ground {leg.ground!r} is unknown; use one of: {', '.join(ground_names())}.")
     if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):
         raise MissionError(f"{where}: a follow gap of {leg.follow.gap_m} m is not a distance; use one above 0.")
-    if leg.kind not in KINDS:
-        raise MissionError(f"{where}: kind {leg.kind!r} is unknown; use one of: {', '.join(KINDS)}.")
+    _check_task(leg.task, where)
+
+
+def _check_task(task: Task, where: str) -> None:
+    if task.kind not in TASKS:
+        raise MissionError(f"{where}: task {task.kind!r} is unknown; use one of: {', '.join(TASKS)}.")
+    if (task.number is not None and task.number < 0) or task.piece < 0:
+        raise MissionError(
+            f"{where}: task {task.kind!r} has number {task.number} and piece {task.piece}; both count from 0."
+        )
 
 
 def _check_joint(before: Leg, after: Leg, where: str) -> None:
@@ -162,66 +196,3 @@ def _check_links(plan: Plan, tractor: int, leg: Leg, where: str) -> None:
                 f"{where}: waits for {gate.after_m} m of leg {gate.leg} of tractor {gate.tractor}, "
                 f"which is {length:.2f} m long; use a distance on that leg."
             )
-
-
-def plan_to_json(plan: Plan) -> str:
-    """The plan as JSON text, which `headland plan --save` writes; `plan_from_json` gives it back exactly."""
-    return json.dumps(
-        {
-            "notes": plan.notes,
-            "tractors": [[_leg_to_dict(leg) for leg in mission.legs] for mission in plan.missions],
-        },
-        indent=1,
-    )
-
-
-def _leg_to_dict(leg: Leg) -> dict[str, Any]:
-    entry: dict[str, Any] = {
-        "kind": leg.kind,
-        "gear": leg.gear,
-        "speed_mps": leg.speed_mps,
-        "implement": leg.implement,
-        "ground": leg.ground,
-        "points_m": leg.points.tolist(),
-        "gates": [{"tractor": g.tractor, "leg": g.leg, "after_m": g.after_m} for g in leg.gates],
-    }
-    if leg.follow:
-        entry["follow"] = {"tractor": leg.follow.tractor, "leg": leg.follow.leg, "gap_m": leg.follow.gap_m}
-    return entry
-
-
-def plan_from_json(text: str) -> Plan:
-    """Read a plan; raises MissionError when it is not one or cannot be executed."""
-    try:
-        data = json.loads(text)
-        missions = tuple(Mission(tuple(_leg_from_dict(leg) for leg in legs)) for legs in data["tractors"])
-        plan = Plan(missions, dict(data.get("notes", {})))
-    except json.JSONDecodeError as error:
-        raise MissionError(f"The plan is not JSON: {error}.") from None
-    except MissionError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise MissionError(f"The plan lacks or garbles an entry: {error!r}.") from None
-    check_plan(plan)
-    return plan
-
-
-def _leg_from_dict(entry: dict[str, Any]) -> Leg:
-    follow = entry.get("follow")
-    return Leg(
-        points=np.array(entry["points_m"], dtype=np.float64),
-        speed_mps=float(entry["speed_mps"]),
-        gear=_exactly(entry, "gear", int),
-        implement=_exactly(entry, "implement", bool),
-        ground=str(entry["ground"]),
-        kind=str(entry["kind"]),
-        gates=tuple(Gate(int(g["tractor"]), int(g["leg"]), float(g["after_m"])) for g in entry["gates"]),
-        follow=Follow(int(follow["tractor"]), int(follow["leg"]), float(follow["gap_m"])) if follow else None,
-    )
-
-
-def _exactly(entry: dict[str, Any], key: str, kind: type) -> Any:
-    value = entry[key]
-    if type(value) is not kind:
-        raise TypeError(f"{key} is {value!r}, not of type {kind.__name__}")
-    return value

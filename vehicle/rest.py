@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from vehicle.errors import VehicleError
 
 FADE = 0.1
+MOST = 1e6  # of any unit: more is no amount but a slip
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ def rest_fields(amounts: Mapping[str, float]) -> dict[str, float]:
     for name, amount in amounts.items():
         if name not in BY_NAME:
             raise VehicleError(f"The rest has a term {name!r}; use some of: {', '.join(BY_NAME)}.")
-        if not math.isfinite(amount):
-            raise VehicleError(f"The rest has {name} = {amount:g}; give a finite number.")
+        if not abs(amount) <= MOST:
+            raise VehicleError(f"The rest has {name} = {amount:g}; give a finite number from {-MOST:g} to {MOST:g}.")
         fields[BY_NAME[name].field] = amount * BY_NAME[name].scale
     return fields
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.layout import REVERSING, TURNING, WAITING, WORKING
+from vehicle.layout import REC_LEG, REC_POSE, REC_STATUS, REVERSING, TURNING, WAITING, WORKING
 from vehicle.missions import Plan
 
 DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
@@ -50,10 +50,22 @@ class Run:
         """When the last tractor was done."""
         return float(np.max(self.finish_s))
 
+    def poses(self, tractor: int) -> npt.NDArray[np.float64]:
+        """x, y (m) and angle (rad) of the centre of mass of a tractor, shape (t, 3)."""
+        return self.record[:, tractor, REC_POSE]
+
+    def leg(self, tractor: int) -> npt.NDArray[np.int64]:
+        """Number of the leg a tractor is on, shape (t,)."""
+        return self.record[:, tractor, REC_LEG].astype(np.int64)
+
+    def status(self, tractor: int) -> npt.NDArray[np.int64]:
+        """Status of a tractor as in vehicle.layout, shape (t,)."""
+        return self.record[:, tractor, REC_STATUS].astype(np.int64)
+
     def seconds(self, status: int) -> npt.NDArray[np.float64]:
         """Time per tractor in a status of vehicle.layout (tractors,)."""
         step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
-        return np.asarray((self.record[:, :, 6] == status).sum(axis=0) * step)
+        return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
 
     def time_shares(self) -> dict[str, npt.NDArray[Any]]:
         """Seconds per tractor of working, turning, waiting and reversing."""

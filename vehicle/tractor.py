@@ -3,21 +3,36 @@
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, model_validator
 
+from fields.errors import nearest
+from fields.reading import parse_fault, read_text, shown
 from vehicle.effects import check
 from vehicle.errors import VehicleError
+from vehicle.faults import faults_of
 from vehicle.rest import rest_fields
 
 POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+def _number(low: float, high: float, words: str = "") -> Any:
+    """A number of a parameter file, neither true nor false: its limits, and what it is in a few words with its unit.
+
+    The limits are wide, from a model car of 0.1 m to the largest tractor there is: they keep out slips of the unit
+    and what no arithmetic survives.
+    """
+    return Field(ge=low, le=high, strict=True, allow_inf_nan=False, description=words or None)
+
+
+Metres = Annotated[float, _number(0.01, 30.0, "m")]
 
 
 class _Frozen(BaseModel):
@@ -27,41 +42,45 @@ class _Frozen(BaseModel):
 class Steering(_Frozen):
     """Steering system simulator, Eq. 2.8."""
 
-    dead_band_deg: NotNegative = 0.1
-    switch_deg: Positive = 5.0
-    rate_deg_per_s: Positive = 16.0
-    lag_s: Positive = 0.1
-    gain: Positive = 1.0
-    latch: bool = True
+    dead_band_deg: Annotated[float, _number(0.0, 45.0, "degrees")] = 0.1
+    switch_deg: Annotated[float, _number(0.001, 360.0, "degrees")] = 5.0
+    rate_deg_per_s: Annotated[float, _number(0.1, 10_000.0, "degrees per s")] = 16.0
+    lag_s: Annotated[float, _number(1e-9, 60.0, "s")] = 0.1
+    gain: Annotated[float, _number(0.001, 100.0, "wheel angle per commanded angle, 1 for a true one")] = 1.0
+    latch: StrictBool = True
 
 
 class Guidance(_Frozen):
     """Steering controller, Eq. 2.5, and how far it looks ahead on swaths and in turns."""
 
-    lateral_gain_deg_per_m: NotNegative = 30.0
-    heading_gain: NotNegative = 0.8
-    lateral_limit_m: Positive = 0.7
-    lookahead_m: Positive = 5.0
-    turn_lookahead_m: Positive = 3.0
-    rate_hz: Annotated[float, Field(gt=0, le=60)] = 10.0
+    lateral_gain_deg_per_m: Annotated[float, _number(0.0, 1e5, "degrees per m")] = 30.0
+    heading_gain: Annotated[float, _number(0.0, 1000.0, "degrees per degree")] = 0.8
+    lateral_limit_m: Annotated[float, _number(0.0001, 1000.0, "m")] = 0.7
+    lookahead_m: Annotated[float, _number(0.001, 1000.0, "m")] = 5.0
+    turn_lookahead_m: Annotated[float, _number(0.001, 1000.0, "m")] = 3.0
+    rate_hz: Annotated[float, _number(0.1, 60.0, "Hz")] = 10.0
 
 
 class SpeedControl(_Frozen):
     """Speed controller, Eq. 2.3 with gains in SI units, and what the drive line can do."""
 
-    proportional_n_s_per_m: NotNegative = 8000.0
-    integral_n_per_m: NotNegative = 3000.0
-    derivative_n_s2_per_m: NotNegative = 400.0
-    max_drive_n: Positive = 15000.0
-    max_acceleration_mps2: Positive = 0.7
-    shift_time_s: NotNegative = 1.5
+    proportional_n_s_per_m: Annotated[float, _number(0.0, 1e8, "N s/m")] = 8000.0
+    integral_n_per_m: Annotated[float, _number(0.0, 1e8, "N/m")] = 3000.0
+    derivative_n_s2_per_m: Annotated[float, _number(0.0, 1e8, "N s2/m")] = 400.0
+    max_drive_n: Annotated[float, _number(0.001, 1e7, "N")] = 15000.0
+    max_acceleration_mps2: Annotated[float, _number(0.001, 100.0, "m/s2")] = 0.7
+    shift_time_s: Annotated[float, _number(0.0, 600.0, "s")] = 1.5
+
+
+Factor = Annotated[float, _number(1e-4, 1e4, "factor c")]
+Power = Annotated[float, _number(0.01, 10.0, "exponent p")]
 
 
 class PowerLaw(_Frozen):
     """Measured turning radius r_p = 118.4 / (c |delta|^p) in metres, delta in degrees, for each side."""
 
-    right: tuple[Positive, Positive]
-    left: tuple[Positive, Positive]
+    right: tuple[Factor, Power] = Field(description="factor and exponent to the right")
+    left: tuple[Factor, Power] = Field(description="factor and exponent to the left")
 
     def radius_m(self, steering_deg: float) -> float:
         """Radius of the antenna's circle at a physical steering angle (positive right); infinite at zero."""
@@ -71,6 +90,9 @@ class PowerLaw(_Frozen):
         return float(POWER_LAW_M / (factor * abs(steering_deg) ** power))
 
 
+Given = Annotated[float, Field(strict=True)]  # a limit may be infinite
+
+
 class EffectSetting(_Frozen):
     """An effect of vehicle.effects found in measured logs: its values, their intervals, and the logs they came from.
 
@@ -78,9 +100,9 @@ class EffectSetting(_Frozen):
     not show that it is the cause. The causes that the logs cannot tell it from are in `equivalent_to`.
     """
 
-    value: dict[str, float]
-    interval: dict[str, tuple[float, float]] = {}
-    named: bool = True
+    value: dict[str, Given] = Field(description="value per parameter of the effect")
+    interval: dict[str, tuple[Given, Given]] = {}
+    named: StrictBool = True
     equivalent_to: tuple[str, ...] = ()
     ground: str = ""
     logs: tuple[str, ...] = ()
@@ -95,17 +117,21 @@ def _check_intervals(name: str, setting: EffectSetting) -> None:
             )
 
 
+SeenSpeed = Annotated[float, _number(0.0, 1000.0, "m/s")]
+SeenAngle = Annotated[float, _number(-360.0, 360.0, "degrees")]
+
+
 class Rest(_Frozen):
     """What logs showed and no effect explains (vehicle.rest): amounts per term, and where they were seen.
 
     `on = false` switches it off. Outside the ranges of speed and wheel angle it is not trusted.
     """
 
-    on: bool = True
-    amounts: dict[str, float]
-    speed_mps: tuple[NotNegative, Positive]
-    angle_deg: tuple[float, float]
-    interval: dict[str, tuple[float, float]] = {}
+    on: StrictBool = True
+    amounts: dict[str, Given] = Field(description="amount per term")
+    speed_mps: tuple[SeenSpeed, SeenSpeed] = Field(description="speeds of the logs, from and to, m/s")
+    angle_deg: tuple[SeenAngle, SeenAngle] = Field(description="wheel angles of the logs, from and to, degrees")
+    interval: dict[str, tuple[Given, Given]] = {}
     logs: tuple[str, ...] = ()
 
     @model_validator(mode="after")
@@ -125,17 +151,17 @@ class Tractor(_Frozen):
     it allows for `antenna_right_m`, which matters only where positions are measured.
     """
 
-    name: str
-    mass_kg: Positive
-    front_axle_m: Positive
-    rear_axle_m: Positive
-    track_m: Positive
-    length_m: Positive
-    width_m: Positive
-    rear_overhang_m: NotNegative
-    max_steering_deg: Annotated[float, Field(gt=0, lt=60)]
-    antenna_forward_m: float = 1.1
-    antenna_right_m: float = 0.0
+    name: str = Field(description="in quotes")
+    mass_kg: Annotated[float, _number(0.01, 200_000.0, "kg")]
+    front_axle_m: Annotated[Metres, Field(description="m ahead of the centre of mass")]
+    rear_axle_m: Annotated[Metres, Field(description="m behind it; the two add up to the wheelbase")]
+    track_m: Annotated[Metres, Field(description="m between the wheels")]
+    length_m: Annotated[Metres, Field(description="m over all")]
+    width_m: Annotated[Metres, Field(description="m over all")]
+    rear_overhang_m: Annotated[float, _number(0.0, 30.0, "m behind the rear axle")]
+    max_steering_deg: Annotated[float, Field(gt=0.01, lt=60, strict=True, description="degrees at full lock")]
+    antenna_forward_m: Annotated[float, _number(-30.0, 30.0, "m ahead of the rear axle")] = 1.1
+    antenna_right_m: Annotated[float, _number(-30.0, 30.0, "m")] = 0.0
     steering: Steering = Steering()
     guidance: Guidance = Guidance()
     speed: SpeedControl = SpeedControl()
@@ -183,6 +209,8 @@ class Tractor(_Frozen):
             raise ValueError(f"wheelbase {self.wheelbase_m} m is longer than length_m {self.length_m}")
         if self.track_m > self.width_m + 0.5:
             raise ValueError(f"track_m {self.track_m} is wider than the tractor, width_m {self.width_m}")
+        if self.rear_overhang_m > self.length_m:
+            raise ValueError(f"rear_overhang_m {self.rear_overhang_m} is more than the whole length_m {self.length_m}")
         return self
 
 
@@ -209,34 +237,32 @@ def tractor_names() -> tuple[str, ...]:
 def load_tractor(where: str | Path) -> Tractor:
     """Read a tractor by name ("eg105") or from a TOML file.
 
-    Raises VehicleError naming the wrong key, its value and the rule.
+    Raises VehicleError naming every missing key, and every wrong one with its value and the rule.
     """
-    if str(where) in tractor_names():
+    names = tractor_names()
+    if str(where) in names:
         text = (resources.files("vehicle") / "data" / f"{where}.toml").read_text(encoding="utf-8")
+    elif str(where) and not os.path.lexists(where):
+        close = nearest(str(where), names)
+        raise VehicleError(f"The tractor {shown(where)} is neither a file nor one of: {', '.join(names)}{close}.")
     else:
-        text = _read_text(Path(where))
+        text = read_text(where, "a TOML file", VehicleError)
     try:
         return Tractor(**tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise VehicleError(f"The tractor file {where} is not TOML: {error}.") from None
     except ValidationError as error:
-        raise VehicleError(f"The tractor file {where} cannot be used: {first_fault(error)}.") from None
+        raise VehicleError(f"The tractor file {where} cannot be used: {faults_of(error, Tractor)}.") from None
+    except (ValueError, RecursionError) as error:
+        raise VehicleError(f"The tractor file {where} is not TOML: {parse_fault(error)}.") from None
 
 
-def _read_text(path: Path) -> str:
+def as_tractor(given: Tractor | str | Path) -> Tractor:
+    """A tractor given as an object, or by its name or file.
+
+    Objects are checked once more, as `model_copy` checks nothing. Raises VehicleError.
+    """
+    if not isinstance(given, Tractor):
+        return load_tractor(given)
     try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        known = ", ".join(tractor_names())
-        raise VehicleError(
-            f"The tractor {str(path)!r} is neither a file ({error.strerror}) nor one of: {known}."
-        ) from None
-    except UnicodeDecodeError:
-        raise VehicleError(f"The tractor file {path} is not a text file; give a TOML file.") from None
-
-
-def first_fault(error: ValidationError) -> str:
-    """The first complaint of pydantic as one clause: key, value, rule."""
-    fault: dict[str, Any] = dict(error.errors()[0])
-    key = ".".join(str(part) for part in fault["loc"]) or "the values"
-    return f"{key} = {fault['input']!r}: {fault['msg']}" if fault["loc"] else str(fault["msg"])
+        return Tractor.model_validate(given.model_dump())
+    except ValidationError as error:
+        raise VehicleError(f"The tractor {given.name!r} cannot be used: {faults_of(error, Tractor)}.") from None

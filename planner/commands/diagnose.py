@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.commands.options import AsJson, TractorOption, check_kept, check_output, write_text
+from planner.commands.options import AsJson, TractorOption
 
 if TYPE_CHECKING:
-    from planner.diagnosis import Order
+    from planner.commands.outputs import Content
     from vehicle.measured.answer.demo import Hidden
     from vehicle.measured.answer.verdict import Diagnosis
 
@@ -41,51 +40,57 @@ def diagnose(
     from planner.commands.single import one_thread
 
     one_thread()
-    from planner.diagnosis import Order
+    from planner.commands.outputs import check_outputs, inputs, written
 
-    check_output(html, ".html")
-    check_output(save, ".toml")
-    _check_demo(demo, seed, hide, fix)
-    check_kept(log_inputs(logs or ()), html, save)
-    order = Order(tuple(logs or ()), tractor, ground, tuple(fix or ()), demo, 1 if seed is None else seed, hide)
-    found, hidden = _found(order)
-    _print(found, hidden, json)
+    _check_demo(demo, logs, seed, hide, fix)
+    check_outputs((html, ".html"), (save, ".toml"), reads=inputs(logs=logs or (), tractor=tractor))
+    found, hidden = _answer(logs, tractor, ground, fix, 1 if seed is None else seed, hide)
+    with written(_results(found, hidden, html, save)):
+        _print(found, hidden, json)
+
+
+def _results(
+    found: Diagnosis, hidden: Hidden | None, html: Path | None, save: Path | None
+) -> list[tuple[Path, Content]]:
+    results: list[tuple[Path, Content]] = []
     if html:
         from reports.diagnosis_page import diagnosis_page
 
-        write_text(html, diagnosis_page(found, None if hidden is None else hidden.words))
+        results.append((html, diagnosis_page(found, None if hidden is None else hidden.words)))
     if save:
         from vehicle.measured.answer.save import tractor_toml
 
-        write_text(save, tractor_toml(found.tractor))
+        results.append((save, tractor_toml(found.tractor)))
+    return results
 
 
-def _check_demo(demo: bool, seed: int | None, hide: str | None, fix: list[str] | None) -> None:
-    """Raise ScenarioError for an option that this kind of diagnosis would ignore, and for a seed below 0."""
+def _check_demo(
+    demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, fix: list[str] | None
+) -> None:
+    """Raise ScenarioError for both or neither of logs and demonstration, and for an option that would be ignored."""
     from planner.errors import ScenarioError
 
+    if demo == bool(logs):
+        raise ScenarioError("Give log files, or --demo for a demonstration; not both and not neither.")
     if demo and fix:
         raise ScenarioError("--fix converts log files; leave it out with --demo.")
     for name, value in (("--seed", seed), ("--hide", hide)):
         if value is not None and not demo:
             raise ScenarioError(f"{name} {value} belongs to the demonstration; add --demo or leave {name} out.")
-    if seed is not None and seed < 0:
-        raise ScenarioError(f"--seed {seed} is negative; use 0 or more.")
 
 
-def log_inputs(logs: Sequence[str]) -> dict[Path, str]:
-    """The log files of an order, as check_kept takes them."""
-    from vehicle.measured.logs.reading import log_files
-
-    return {path: f"the log {path}" for path in (log_files(logs) if logs else ())}
-
-
-def _found(order: Order) -> tuple[Diagnosis, Hidden | None]:
+def _answer(
+    logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, seed: int, hide: str | None
+) -> tuple[Diagnosis, Hidden | None]:
+    """The diagnosis; without logs that of the demonstration, and what it had hidden."""
     from planner.commands.show import progress_bar
-    from planner.diagnosis import diagnosed
+    from planner.diagnosis import demonstrate
+    from planner.diagnosis import diagnose as explain
 
     with progress_bar("Diagnosing") as progress:
-        return diagnosed(order, progress)
+        if not logs:
+            return demonstrate(tractor=tractor, ground=ground, seed=seed, hide=hide, progress=progress)
+        return explain(logs, tractor=tractor, ground=ground, fixes=fix or (), progress=progress), None
 
 
 def _print(found: Diagnosis, hidden: Hidden | None, json: bool) -> None:
@@ -99,4 +104,7 @@ def _print(found: Diagnosis, hidden: Hidden | None, json: bool) -> None:
 
     out(diagnosis_table(found))
     if hidden is not None:
-        out(f"Hidden in these logs, which this simulator made itself: {hidden.id}. {hidden.words}")
+        from reports.effect_words import both
+        from reports.fitting import sentence
+
+        out(sentence(f"Hidden in these logs, which this simulator made itself: {both(hidden.id)}. {hidden.words}"))

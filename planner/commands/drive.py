@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from planner.commands.options import AsJson, TractorOption, check_output
+from planner.commands.options import AsJson, Html, Png, TractorOption
 
 Value = Optional[float]  # noqa: UP045 - typer reads this at run time
 
@@ -26,32 +25,32 @@ def drive(
     front_limit: Annotated[Value, typer.Option(help="Slip up to which it grows, degrees.")] = None,
     rear_slope: Annotated[Value, typer.Option(help="As --front-slope, rear tyres.")] = None,
     rear_limit: Annotated[Value, typer.Option(help="As --front-limit, rear tyres.")] = None,
-    html: Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")] = None,  # noqa: UP045
-    png: Annotated[Optional[Path], typer.Option(help="Write the pictures.")] = None,  # noqa: UP045
+    html: Html = None,
+    png: Png = None,
     json: AsJson = False,
 ) -> None:
     """Drive with the wheels at a fixed angle on the tyres of chapter 4: radius, stability, side-slip.
 
     Example: headland drive --steer 25 --ground mud --model nonlinear --png circle.png
     """
+    from planner.commands.outputs import check_outputs, inputs, written
     from planner.commands.show import out, warm_up
-    from planner.commands.validate import write_pictures
+    from planner.commands.validate import pictures
     from vehicle.trials.sheets.steered import Request, sentence, sheet
     from vehicle.trials.sheets.steered import drive as run
 
-    check_output(html, ".html")
-    check_output(png, ".png")
+    check_outputs((html, ".html"), (png, ".png"), reads=inputs(tractor=tractor))
     request = Request(
         steer, ground, model, seconds, speed_kmh, tractor, steering, curve, mass, front_slope, front_limit, rear_slope,
         rear_limit,
     )  # fmt: skip
     warm_up()
     driven, track = run(request)
-    if json:
-        from reports.trials import drive_json
+    sheets = (sheet(request, driven, track),) if html or png else ()
+    with written(pictures(sheets, html, png)):
+        if json:
+            from reports.trials import drive_json
 
-        typer.echo(drive_json(driven), nl=False)
-    else:
-        out(sentence(driven))
-    if html or png:
-        write_pictures((sheet(request, driven, track),), html, png)
+            typer.echo(drive_json(driven), nl=False)
+        else:
+            out(sentence(driven))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
@@ -15,8 +15,10 @@ from planner.commands.options import (
     Local,
     TractorOption,
     Width,
-    check_output,
 )
+
+if TYPE_CHECKING:
+    from planner.site import Site
 
 
 def field(
@@ -27,33 +29,65 @@ def field(
     tractor: TractorOption = "eg105",
     local: Local = False,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with the tracks.")] = None,  # noqa: UP045
+    listed: Annotated[bool, typer.Option("--list", help="List every field of the file, and stop.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Show area, headland and tracks of a field, and which turns fit.
+    """Show area, headland and tracks of a field, and which turns fit; or list the fields of a file.
 
     Example: headland field denmark --width 6 --png denmark.png
     """
-    from planner.commands.show import out, warm_up
-    from planner.describe import describe, outline_picture
+    from planner.commands.outputs import check_outputs, inputs, written
+    from planner.commands.show import remark, warm_up
+    from planner.errors import ScenarioError
     from planner.scenario import Scenario
     from planner.site import prepare
 
-    check_output(png, ".png")
+    check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor))
+    if listed and png:
+        raise ScenarioError("--png draws one field; leave it out with --list.")
+    if listed:
+        _list(field, local, json)
+        return
     scenario = Scenario(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor
     )
     warm_up()
     site = prepare(scenario)
+    remark(site.layout.field.remarks)
+    with written([(png, _picture(site))] if png else []):
+        _print(site, json)
+
+
+def _print(site: Site, json: bool) -> None:
+    from planner.describe import describe
+
     facts = describe(site)
     if json:
-        import json as encoder
+        from reports.export import facts_json
 
-        typer.echo(encoder.dumps(facts, indent=2))
-    else:
-        from reports.table import field_table
+        typer.echo(facts_json(facts), nl=False)
+        return
+    from planner.commands.show import out
+    from reports.table import field_table
 
-        out(field_table(facts))
-    if png:
-        from reports.figures import map_figure, save_png
+    out(field_table(facts))
 
-        save_png(map_figure(outline_picture(site)), png)
+
+def _picture(site: Site) -> bytes:
+    from planner.describe import outline_picture
+    from reports.figures import map_figure, png_bytes
+
+    return png_bytes(map_figure(outline_picture(site)))
+
+
+def _list(field: str, local: bool, json: bool) -> None:
+    from fields.read import list_fields
+    from reports.parcels import parcels_json, parcels_table
+
+    parcels = list_fields(field, local=local)
+    if json:
+        typer.echo(parcels_json(parcels), nl=False)
+        return
+    from planner.commands.show import out
+
+    out(parcels_table(parcels))

@@ -7,8 +7,6 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.commands.options import check_output, write_text
-
 gnss = typer.Typer(help="GNSS errors: make a table from static fixes.", no_args_is_help=True)
 
 
@@ -29,18 +27,16 @@ def fit(
 
     Example: headland gnss fit fixes.csv -o table.csv
     """
-    from planner.errors import ScenarioError
+    from planner.commands.outputs import check_outputs, written
     from vehicle.gnss import load_fixes, make_table, table_text
 
-    check_output(output)
-    if output is not None and output.exists() and fixes.exists() and output.samefile(fixes):
-        raise ScenarioError(f"--output {output} is the file of fixes itself; give another name.")
+    check_outputs((output, ""), reads={fixes: "the fixes"})
     table = make_table(*load_fixes(fixes))
     if output is None:
         typer.echo(table_text(table), nl=False)
         return
-    write_text(output, table_text(table))
-    typer.echo(f"{int(table[-1, 3])} fixes in {len(table)} cells of a millimetre; written to {output}.")
+    with written([(output, table_text(table))]):
+        typer.echo(f"{int(table[-1, 3])} fixes in {len(table)} cells of a millimetre; written to {output}.")
 
 
 @gnss.command()

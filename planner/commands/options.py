@@ -1,9 +1,7 @@
-"""Options that several commands share, and what is checked about them before any work."""
+"""Options that several commands share, and what the parameters of the library are called among them."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -29,11 +27,15 @@ Bearing = Annotated[
 TractorOption = Annotated[
     str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")
 ]
+Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]  # noqa: UP045
+Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]  # noqa: UP045
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
 
 
-_OPTIONS = {"field": "the field", "counts": "--tractors"}
-_UNITS = ("_mps", "_m", "_s", "_deg", "_per_deg")
+_OPTIONS = {
+    "field": "the field", "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
+}  # fmt: skip
+_UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 
 
 def option_of(parameter: str) -> str:
@@ -44,54 +46,3 @@ def option_of(parameter: str) -> str:
     for unit in _UNITS:
         stem = stem.removesuffix(unit)
     return "--" + stem.replace("_", "-")
-
-
-def check_output(path: Path | None, kind: str = "") -> None:
-    """Raise ScenarioError when a result could not be written to `path` later; leaves the file system as it was.
-
-    `kind` is the ending the file must have, as ".png".
-    """
-    from planner.errors import ScenarioError
-
-    if path is None:
-        return
-    parent = path.parent
-    if path.is_dir():
-        raise ScenarioError(f"{path} is a folder; give the name of a file in it.")
-    if kind and path.suffix.lower() != kind:
-        raise ScenarioError(f"{path} does not end in {kind}; name the file {path.with_suffix(kind).name}.")
-    if not parent.is_dir():
-        raise ScenarioError(f"{path} cannot be written: the folder {parent} does not exist; make it first.")
-    if not os.access(path if path.exists() else parent, os.W_OK):
-        raise ScenarioError(f"{path} cannot be written: no permission; choose another place.")
-    probe = parent / f".headland-{os.getpid()}"
-    try:
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise ScenarioError(f"{path} cannot be written: {error.strerror}; choose another place.") from None
-
-
-def check_distinct(field: str, *outputs: Path | None) -> None:
-    """Raise ScenarioError when two results would go to one file, or a result would replace the field file."""
-    check_kept({Path(field.rpartition("#")[0] or field): "the field"}, *outputs)
-
-
-def check_kept(inputs: Mapping[Path, str], *outputs: Path | None) -> None:
-    """Raise ScenarioError when a result would replace an input (path: what it is), or two would go to one file."""
-    from planner.errors import ScenarioError
-
-    taken = {path.resolve(): what for path, what in inputs.items()}
-    for path in outputs:
-        if path is None:
-            continue
-        if path.resolve() in taken:
-            raise ScenarioError(f"{path} would overwrite {taken[path.resolve()]}; choose another file.")
-        taken[path.resolve()] = "another result"
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write whole or not at all: an earlier file is replaced only by a complete one."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)

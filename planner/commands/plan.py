@@ -15,18 +15,17 @@ from planner.commands.options import (
     Local,
     TractorOption,
     Width,
-    check_distinct,
-    check_output,
-    write_text,
 )
 
 if TYPE_CHECKING:
+    from planner.commands.outputs import Content
+    from planner.planning import Planned
     from planner.scenario import Scenario
-    from planner.site import Site
     from reports.results import Ranking
+    from vehicle.run import Run
 
 NO_PLAN_STATUS = 3
-TURN_KMH = 5.0  # faster, the wheels cannot be turned over in time for arcs near full lock
+BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time, else the quickest."
 
 
 def plan(
@@ -42,7 +41,7 @@ def plan(
     ] = "all",
     turn: Annotated[str, typer.Option(help="auto, u, omega or switch-back.")] = "auto",
     start: Annotated[Optional[str], typer.Option(help="Start of work, hh:mm.")] = None,  # noqa: UP045
-    before: Annotated[Optional[str], typer.Option(help="Deadline, hh:mm.")] = None,  # noqa: UP045
+    before: Annotated[Optional[str], typer.Option(help=BEFORE)] = None,  # noqa: UP045
     price_per_hour: Annotated[float, typer.Option(help="Price of one tractor for one hour.")] = 40.0,
     price_per_tractor: Annotated[float, typer.Option(help="Price of bringing one tractor.")] = 0.0,
     speed_kmh: Annotated[float, typer.Option(help="Working speed, km/h.")] = 5.0,
@@ -67,25 +66,25 @@ def plan(
 
     Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --before 17:00
     """
+    from planner.commands.outputs import check_outputs, inputs, written
+    from planner.commands.show import remark
     from planner.errors import ScenarioError
 
     if json and csv:
         raise ScenarioError("--json and --csv both print to standard output; choose one.")
     if processes is not None and processes < 1:
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
-    check_output(png, ".png")
-    check_output(html, ".html")
-    check_output(save)
-    check_distinct(field, html, png, save)
+    reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table)
+    check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, tractor, seed, gnss, gnss_table,
     )  # fmt: skip
-    site, ranking = _rank(scenario, processes)
-    _print(ranking, json, csv, full)
-    if html or png or save:
-        _write(site, ranking, html, png, save)
-    if ranking.best is None:
+    planned = _planned(scenario, processes, pictures=html is not None)
+    remark(planned.site.layout.field.remarks)
+    with written(_results(planned, html, png, save)):
+        _print(planned.ranking, json, csv, full)
+    if planned.ranking.best is None or planned.ranking.missed_by_s is not None:
         raise typer.Exit(NO_PLAN_STATUS)
 
 
@@ -95,11 +94,8 @@ def _scenario(
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None, tractor: str,
     seed: int, gnss: bool, gnss_table: str | None,
 ) -> Scenario:  # fmt: skip
-    from planner.scenario import KMH, Scenario, parse_clock, parse_counts
-    from strategies.registry import STRATEGIES
+    from planner.scenario import KMH, Scenario, parse_clock, parse_counts, parse_strategies
 
-    asked = tuple(dict.fromkeys(name.strip() for name in strategies.split(",")))
-    names = tuple(STRATEGIES) if strategies.strip() == "all" else asked
     return Scenario(
         field=field,
         local=local,
@@ -109,27 +105,29 @@ def _scenario(
         radius_m=radius,
         tractor=tractor,
         tractors=parse_counts(tractors),
-        strategies=names,
+        strategies=parse_strategies(strategies),
         turn=turn,
         speed_mps=speed_kmh * KMH,
-        turn_speed_mps=(min(speed_kmh, TURN_KMH) if turn_speed_kmh is None else turn_speed_kmh) * KMH,
+        turn_speed_mps=None if turn_speed_kmh is None else turn_speed_kmh * KMH,
         price_per_hour=price_per_hour,
         price_per_tractor=price_per_tractor,
-        start_s=None if start is None else parse_clock(start, "--start"),
-        before_s=None if before is None else parse_clock(before, "--before"),
+        start_s=None if start is None else parse_clock(start, "start_s"),
+        before_s=None if before is None else parse_clock(before, "before_s"),
         seed=seed,
         gnss=gnss or gnss_table is not None,
         gnss_table=gnss_table,
     )
 
 
-def _rank(scenario: Scenario, processes: int | None) -> tuple[Site, Ranking]:
+def _planned(scenario: Scenario, processes: int | None, pictures: bool) -> Planned:
     from planner.commands.show import progress_bar, warm_up
-    from planner.plan import plan as simulate_all
+    from planner.planning import plan as simulate_all
+    from planner.pool import local_pool
+    from planner.rank import candidates
 
     warm_up()
-    with progress_bar("Simulating plans") as progress:
-        return simulate_all(scenario, processes=processes, progress=progress)
+    with local_pool(len(candidates(scenario)), processes) as executor, progress_bar("Simulating plans") as progress:
+        return simulate_all(scenario, executor=executor, progress=progress, pictures=pictures)
 
 
 def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
@@ -144,22 +142,36 @@ def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
     out(ranking_table(ranking, most=None if full else 20))
 
 
-def _write(site: Site, ranking: Ranking, html: Path | None, png: Path | None, save: Path | None) -> None:
-    """Pictures and files of the best plan, which is simulated once more for its tracks."""
-    from planner.drive import best_drive
+def _results(planned: Planned, html: Path | None, png: Path | None, save: Path | None) -> list[tuple[Path, Content]]:
+    """Pictures and files of the best plan; says on standard error where it is none or late."""
+    from reports.wording import duration
 
-    run, drive = best_drive(site, ranking)
-    if drive is None:
+    best, late = planned.ranking.best, planned.ranking.missed_by_s
+    drive = None if best is None else planned.drives[best.strategy, best.tractors]
+    results: list[tuple[Path, Content]] = []
+    if late is not None:
+        typer.echo(f"No plan meets the deadline; the closest misses it by {duration(late)}.", err=True)
+    if drive is None and (html or png or save):
         typer.echo("No plan is feasible, so there is no map and no plan to save.", err=True)
     if html:
         from reports.page import plan_page
 
-        write_text(html, plan_page(ranking, drive))
+        results.append((html, plan_page(planned.ranking, drive, planned.drives)))
     if png and drive:
-        from reports.figures import map_figure, save_png
+        from reports.figures import map_figure, png_bytes
 
-        save_png(map_figure(drive), png)
-    if save and run:
-        from vehicle.missions import plan_to_json
+        results.append((png, png_bytes(map_figure(drive, planned.ranking.field_name))))
+    if save and planned.run:
+        results.append((save, _saved(planned, planned.run)))
+    return results
 
-        write_text(save, plan_to_json(run.plan) + "\n")
+
+def _saved(planned: Planned, run: Run) -> str:
+    """The best plan's file."""
+    from dataclasses import asdict
+
+    from vehicle.plan_file import plan_to_json
+
+    field = planned.site.layout.field
+    text = plan_to_json(run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asdict(planned.site.scenario))
+    return text + "\n"

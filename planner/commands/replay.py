@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.commands.diagnose import Fixes, Ground, log_inputs
-from planner.commands.options import AsJson, TractorOption, check_kept, check_output, write_text
+from planner.commands.diagnose import Fixes, Ground
+from planner.commands.options import AsJson, TractorOption
+
+if TYPE_CHECKING:
+    from planner.commands.outputs import Content
 
 
 def replay(
@@ -27,22 +30,23 @@ def replay(
     from planner.commands.single import one_thread
 
     one_thread()
-    from planner.replay import replayed
+    from planner.commands.outputs import check_outputs, inputs, written
+    from planner.replaying import replay as simulate
     from reports.replay_report import replay_figure, replay_json, replay_page, replay_table
 
-    check_output(png, ".png")
-    check_output(html, ".html")
-    check_kept(log_inputs([log]), png, html)
-    found, remarks = replayed(log, tractor, ground, tuple(fix or ()))
-    if json:
-        typer.echo(replay_json(found, remarks), nl=False)
-    else:
-        from planner.commands.show import out
-
-        out(replay_table(found, remarks))
+    check_outputs((png, ".png"), (html, ".html"), reads=inputs(logs=[log], tractor=tractor))
+    answer = simulate(log, tractor=tractor, ground=ground, fixes=fix or ())
+    results: list[tuple[Path, Content]] = []
     if png:
-        from reports.figures import save_png
+        from reports.figures import png_bytes
 
-        save_png(replay_figure(found), png)
+        results.append((png, png_bytes(replay_figure(answer.replayed))))
     if html:
-        write_text(html, replay_page(found, remarks))
+        results.append((html, replay_page(answer.replayed, answer.remarks)))
+    with written(results):
+        if json:
+            typer.echo(replay_json(answer.replayed, answer.remarks), nl=False)
+        else:
+            from planner.commands.show import out
+
+            out(replay_table(answer.replayed, answer.remarks))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 PATIENCE_S = 1.5
+NARROWEST, USUAL_WIDTH, WIDEST = 20, 80, 160
 COMPILING = "Compiling the simulator for this machine: first run only, up to half a minute."
 
 
@@ -37,9 +38,15 @@ def warm_up() -> None:
         notice.cancel()
 
 
+def remark(sentences: Iterable[str]) -> None:
+    """Sentences on standard error about what a person should know of the input."""
+    for sentence in sentences:
+        print(f"Note: {sentence}", file=sys.stderr, flush=True)
+
+
 def out(renderable: object) -> None:
-    """Print for people on standard output, at most 100 columns wide."""
+    """Print for people on standard output, at most 160 columns wide; where no width is known, 80."""
     from rich.console import Console
 
-    console = Console()
-    console.print(renderable, width=min(console.width, 100))
+    width = max(min(Console().width or USUAL_WIDTH, WIDEST), NARROWEST)
+    Console(width=width).print(renderable)

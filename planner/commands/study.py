@@ -13,7 +13,7 @@ def study(json: AsJson = False) -> None:
     Example: headland study --json
     """
     from planner.commands.show import out, progress_bar, warm_up
-    from planner.study import study as simulate
+    from planner.fleet_study import study as simulate
 
     warm_up()
     with progress_bar("Simulating the study") as progress:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.commands.options import AsJson, check_output, write_text
+from planner.commands.options import AsJson, Html
 
 if TYPE_CHECKING:
+    from planner.commands.outputs import Content
     from vehicle.trials.sheets.sheet import Sheet
 
-Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]  # noqa: UP045
 Png = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]  # noqa: UP045
 
 
@@ -30,13 +30,13 @@ def validate(
 
     Example: headland validate zigzag --html zigzag.html
     """
-    from planner.commands.show import progress_bar, warm_up
+    from planner.commands.outputs import check_outputs, written
+    from planner.commands.show import out, progress_bar, warm_up
     from planner.errors import ScenarioError
     from vehicle.trials.sheets.catalogue import EXPERIMENTS, check_name
     from vehicle.trials.sheets.catalogue import validate as run
 
-    check_output(html, ".html")
-    check_output(png, ".png")
+    check_outputs((html, ".html"), (png, ".png"))
     if experiment is not None:
         check_name(experiment, EXPERIMENTS, "experiment")
     elif png is not None:
@@ -47,26 +47,27 @@ def validate(
     with progress_bar("Running the experiments") as progress:
         names = EXPERIMENTS if experiment is None else (experiment,)
         sheets = run(names, seed=seed, progress=progress)
-    if json:
-        from reports.trials import trials_json
+    with written(pictures(sheets, html, png)):
+        if json:
+            from reports.trials import trials_json
 
-        typer.echo(trials_json(sheets), nl=False)
-    else:
-        from planner.commands.show import out
-        from reports.trials import trials_table
+            typer.echo(trials_json(sheets), nl=False)
+        else:
+            from reports.trials import trials_table
 
-        out(trials_table(sheets))
-    write_pictures(sheets, html, png)
+            out(trials_table(sheets))
 
 
-def write_pictures(sheets: tuple[Sheet, ...], html: Path | None, png: Path | None) -> None:
-    """Write the page of some experiments and the picture of the first."""
+def pictures(sheets: tuple[Sheet, ...], html: Path | None, png: Path | None) -> list[tuple[Path, Content]]:
+    """The page of some experiments and the picture of the first, where they were asked for."""
+    results: list[tuple[Path, Content]] = []
     if html:
         from reports.trials import trials_page
 
-        write_text(html, trials_page(sheets))
+        results.append((html, trials_page(sheets)))
     if png:
-        from reports.figures import save_png
+        from reports.figures import png_bytes
         from reports.trial_figures import sheet_figure
 
-        save_png(sheet_figure(sheets[0]), png)
+        results.append((png, png_bytes(sheet_figure(sheets[0]))))
+    return results

@@ -24,7 +24,7 @@ from tests.benchmarks.plain_pymunk import PlainWorld
 from vehicle.gnss import default_table
 from vehicle.ground import tyres_on
 from vehicle.layout import DT_S
-from vehicle.missions import Gate, Leg, Mission, Plan
+from vehicle.missions import TRACK, TURN, Gate, Leg, Mission, Plan, Task
 from vehicle.tractor import Implement, load_tractor
 from vehicle.trials.drive import compile_tyres
 from vehicle.world import World
@@ -74,10 +74,10 @@ def _legs(tractor: int, shift: float, length: float, passes: int) -> tuple[Leg, 
         y, end = (start, length) if number % 2 == 0 else (length, 0.0)
         start = 0.0
         gates = (Gate(tractor - 1, len(legs), 6.0),) if tractor else ()
-        legs.append(Leg(np.array([[x, y], [x, end]]), SPEED_MPS, implement=True, kind="work", gates=gates))
+        legs.append(Leg(np.array([[x, y], [x, end]]), SPEED_MPS, implement=True, task=Task(TRACK), gates=gates))
         if number < passes - 1:
             gates = (Gate(tractor - 1, len(legs), 6.0),) if tractor else ()
-            legs.append(Leg(_u_turn(x, end, shift, up=number % 2 == 0), SPEED_MPS, kind="turn", gates=gates))
+            legs.append(Leg(_u_turn(x, end, shift, up=number % 2 == 0), SPEED_MPS, task=Task(TURN), gates=gates))
     return tuple(legs)
 
 

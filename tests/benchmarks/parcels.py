@@ -16,7 +16,7 @@ from multiprocessing import Pool
 from pathlib import Path
 
 from planner.evaluate import Candidate, evaluate
-from planner.plan import candidates
+from planner.rank import candidates
 from planner.scenario import Scenario, parse_counts
 from planner.site import prepare
 from reports.results import PlanResult

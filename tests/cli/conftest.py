@@ -32,6 +32,14 @@ def polygon(*corners: tuple[float, float]) -> dict[str, Any]:
     return {"type": "Polygon", "coordinates": [[list(c) for c in (*corners, corners[0])]]}
 
 
+@pytest.fixture(scope="session", autouse=True)
+def compiled_simulator() -> None:
+    """Compile before the first test: the notice that this takes a while would stand among the lines on stderr."""
+    from planner.warmup import run_once
+
+    run_once()
+
+
 @pytest.fixture
 def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
     """Run the command in this process, through the same entry as the installed script."""

@@ -42,10 +42,26 @@ def test_samples_are_described(headland: Callable[..., Any], name: str) -> None:
     assert name in outcome.out and "Area (ha)" in outcome.out
 
 
-def test_a_wider_headland_shortens_tracks_and_lets_an_omega_fit(headland: Callable[..., Any], small: Path) -> None:
+def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
+    headland: Callable[..., Any], small: Path, facts: dict[str, Any]
+) -> None:
     wide = json.loads(headland("field", small, "--local", "--json", "--headland", "16").out)
     assert wide["longest_track_m"] == pytest.approx(48, abs=0.1)
-    assert wide["turns"]["omega_fits"] is True
+    over = "fits_percent_of_ends_over_tracks"
+    # 14 pairs of neighbours, two ways, two ends; an omega from an outer track swings out over the side of the field.
+    narrow_pct, wide_pct = (one["turns"][over]["1"]["omega"] for one in (facts, wide))
+    assert narrow_pct < wide_pct == pytest.approx(100 * 52 / 56, abs=0.05)
+    # Neighbouring tracks are nearer than a U-turn is wide; the third is not.
+    assert "u" not in wide["turns"][over]["1"] and wide["turns"][over]["3"]["u"] == 100.0
+
+
+def test_turns_that_a_plan_uses_are_said_to_fit(headland: Callable[..., Any]) -> None:
+    fits = json.loads(headland("field", "netherlands", "--json").out)["turns"]
+    words = ("plan", "netherlands", "--tractors", "2", "--strategies", "split-field", "--processes", "1", "--json")
+    used = {kind for plan in json.loads(headland(*words).out)["plans"] for kind in plan["turn"].split("+")}
+    said = {kind for kinds in fits["fits_percent_of_ends_over_tracks"].values() for kind in kinds}
+    assert used <= said
+    assert fits["omega_fits"] == ("omega" in said)
 
 
 def test_where_no_turn_fits_the_estimate_stands_apart(headland: Callable[..., Any], small: Path) -> None:

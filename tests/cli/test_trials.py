@@ -121,8 +121,9 @@ def test_a_table_of_errors_from_fixes(headland: Run, tmp_path: Path) -> None:
     (("drive", "--steer", "20", "--speed-kmh", "0"), "--speed-kmh is 0"),
     (("drive", "--steer", "20", "--seconds", "1"), "--seconds is 1; use 20 to 3600"),
     (("drive", "--steer", "20", "--front-limit", "0"), "--front-limit is 0; use a value above 0"),
+    (("drive", "--steer", "20", "--front-slope", "1e308"), "--front-slope is 1e+308; use a value above 0"),
     (("drive", "--steer", "20", "--png", "nowhere/x.png"), "the folder nowhere does not exist"),
-    (("gnss", "fit", "nowhere.csv"), "nowhere.csv cannot be read"),
+    (("gnss", "fit", "nowhere.csv"), "There is no file 'nowhere.csv'"),
 ])  # fmt: skip
 def test_bad_input_is_one_sentence(headland: Run, words: tuple[str, ...], sentence: str) -> None:
     outcome = headland(*words)

@@ -16,7 +16,7 @@ from vehicle.effects import CATALOGUE, NEUTRAL_FIELDS, check, effect_fields, neu
 from vehicle.errors import VehicleError
 from vehicle.ground import ground_index
 from vehicle.layout import MODEL, STATE
-from vehicle.missions import Leg, Mission, Plan
+from vehicle.missions import Leg, Mission, Plan, Task
 from vehicle.run import DONE, Run
 from vehicle.tractor import EffectSetting, Implement, Rest, Tractor, load_tractor
 from vehicle.world import simulate
@@ -42,7 +42,7 @@ def tangent(tractor: Tractor, angle_deg: float, speed: float = 1.4, working: flo
 
 
 def drive(tractor: Tractor, length: float = 60.0, implement: bool = False) -> Run:
-    leg = Leg(np.array([[0.0, 0.0], [0.0, length]]), 1.4, implement=implement, kind="work")
+    leg = Leg(np.array([[0.0, 0.0], [0.0, length]]), 1.4, implement=implement, task=Task("track"))
     return simulate(Plan((Mission((leg,)),)), tractor, Implement())
 
 

@@ -25,7 +25,7 @@ from tests.measured.tables import (
 from tests.truth.drives import default_programme, reversing
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
 from tests.truth.model import make_logs
-from vehicle.measured.logs.reading import Fix, Log, conventions, log_from_frame, read_logs
+from vehicle.measured.logs.reading import Fix, Log, LogError, conventions, log_from_frame, read_logs
 from vehicle.measured.logs.record import Suspicion
 
 STRAIGHT = ("straight_090", "straight_270", "implement_straight")
@@ -33,6 +33,10 @@ STRAIGHT = ("straight_090", "straight_270", "implement_straight")
 
 def found(frame: pd.DataFrame, wheelbase_m: float | None = None) -> list[Suspicion]:
     return conventions(log_from_frame(frame, "run", check=False), wheelbase_m)
+
+
+def sentence(one: Suspicion) -> str:
+    return str(LogError(one.sentence()))
 
 
 # --- right logs --------------------------------------------------------------------------------------------------
@@ -85,7 +89,7 @@ def test_swapped_axes_are_told_from_their_two_symptoms() -> None:
     (one,) = found(swapped(runs()["figure_eight"]))
     assert one.fix is Fix.EAST_NORTH_SWAPPED and "easting and northing are swapped" in one.sentence()
     # The mirror image of a swap is a heading from east and steering to the left: both readings are told.
-    assert "--fix heading-ccw-east --fix steering-left-positive" in one.sentence()
+    assert "fixes heading-ccw-east fixes steering-left-positive" in sentence(one)
     for fix in (Fix.HEADING_CCW_EAST, Fix.STEERING_LEFT):
         assert [one.fix for one in found(SPOIL[fix](runs()["figure_eight"]))] == [fix]
 
@@ -96,7 +100,7 @@ def test_utm_coordinates_say_which_axis_is_which(in_order: bool) -> None:
     frame = frame.assign(easting_m=frame.easting_m + 528_000.0, northing_m=frame.northing_m + 4_769_000.0)
     if not in_order:
         (one,) = found(swapped(frame))
-        assert one.fix is Fix.EAST_NORTH_SWAPPED and "--fix heading-ccw-east" not in one.sentence()
+        assert one.fix is Fix.EAST_NORTH_SWAPPED and "fixes heading-ccw-east" not in sentence(one)
         (one,) = found(swapped(frame).drop(columns="heading_deg"))
         assert one.fix is Fix.EAST_NORTH_SWAPPED
         return
@@ -107,7 +111,7 @@ def test_utm_coordinates_say_which_axis_is_which(in_order: bool) -> None:
 def test_a_straight_run_leaves_the_axes_open_and_other_runs_decide(tmp_path: Path) -> None:
     spoiled = {name: swapped(runs()[name]) for name in ("straight_090", "circles_left")}
     (alone,) = found(spoiled["straight_090"])
-    assert alone.fix is Fix.HEADING_CCW_EAST and "--fix east-north-swapped" in alone.sentence()
+    assert alone.fix is Fix.HEADING_CCW_EAST and "fixes east-north-swapped" in sentence(alone)
     paths = [saved(frame, tmp_path / f"{name}.csv") for name, frame in spoiled.items()]
     message = refusal(lambda: read_logs(paths))
     assert message.startswith("straight_090: it seems that easting and northing are swapped")
@@ -139,7 +143,7 @@ def test_latitude_before_longitude(place: tuple[float, float], tmp_path: Path) -
 @pytest.mark.parametrize("degrees", [90.0, -90.0, 40.0, -135.0])
 def test_a_turned_heading_is_told_with_its_angle(name: str, degrees: float) -> None:
     (one,) = found(turned(degrees)(runs()[name]))
-    assert one.fix is None and "give --fix" not in one.sentence()
+    assert one.fix is None and "give fixes" not in sentence(one)
     side = "clockwise" if degrees > 0.0 else "counter-clockwise"
     told = float(one.what.split(" degrees")[0].split()[-1])
     assert f"degrees {side} of the course" in one.what and told == pytest.approx(abs(degrees), abs=12.0)
@@ -155,7 +159,7 @@ def test_a_bias_that_an_effect_can_be_passes(name: str, degrees: float) -> None:
 @pytest.mark.parametrize("name", STRAIGHT)
 def test_a_straight_run_with_a_turned_heading_names_both_readings(name: str) -> None:
     (one,) = found(turned(180.0)(runs()[name]))
-    assert "--fix heading-reversed" in one.sentence()
+    assert "fixes heading-reversed" in sentence(one)
     if one.fix is not Fix.HEADING_REVERSED:
         assert "driven along one line only" in one.sentence()
     (one,) = found(turned(-70.0)(runs()[name]))
@@ -169,8 +173,8 @@ def test_runs_with_turns_decide_for_straight_ones(
     paths = [saved(spoil(runs()[name]), tmp_path / f"{name}.csv") for name in ("straight_090", "circles_right")]
     fix = "heading-reversed" if spoil is not SPOIL[Fix.HEADING_CCW_NORTH] else "heading-ccw-north"
     message = refusal(lambda: read_logs(paths))
-    assert message.startswith("straight_090") and f"give --fix {fix} to convert" in message
-    assert "one line only" not in message and message.count("--fix") == 1
+    assert message.startswith("straight_090") and f"give fixes {fix} to convert" in message
+    assert "one line only" not in message and message.count("fixes ") == 1
     assert len(read_logs(paths, [fix])) == 2
 
 

@@ -281,7 +281,7 @@ def test_motion_needs_a_drive() -> None:
 def test_a_wrong_convention_is_named_and_its_fix_mends_it(fix: Fix, name: str) -> None:
     spoiled_frame = SPOIL[fix](runs()[name])
     message = refusal(lambda: log_from_frame(spoiled_frame, name))
-    assert f"give --fix {fix} to convert" in message and message.count("give --fix") == 1
+    assert f"give fixes {fix} to convert" in message and message.count("give fixes") == 1
     plain, mended = log_from_frame(runs()[name], name), log_from_frame(spoiled_frame, name, [fix])
     for column in ("time_s", "speed_mps", "steering_deg", "steering_command_deg"):
         assert np.allclose(getattr(mended, column), getattr(plain, column), atol=1e-9), column
@@ -325,7 +325,7 @@ def test_several_wrong_conventions_are_all_named() -> None:
     for fix in reversed(wrong):
         frame = SPOIL[fix](frame)
     message = refusal(lambda: log_from_frame(frame, "run"))
-    assert all(f"--fix {fix}" in message for fix in wrong)
+    assert all(f"fixes {fix}" in message for fix in wrong)
     mended = log_from_frame(frame, "run", [str(fix) for fix in wrong])
     assert np.allclose(mended.steering_deg, runs()["figure_eight"].steering_deg)
 

@@ -1,13 +1,44 @@
-"""Same question, same bytes: whatever the processes, the order of words, or the time of day."""
+"""Same question, same bytes: whatever the executor, the order of words, or the time of day."""
 
+import multiprocessing
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from planner.plan import plan
-from planner.scenario import Scenario, parse_counts
+from planner import HeadlandError, LocalPool, Planned, Scenario, SerialExecutor, plan
+from planner.scenario import parse_counts
 from reports.export import ranking_csv, ranking_json
+from reports.results import Ranking
+from vehicle.tractor import load_tractor
+
+
+def spawned() -> Executor:
+    """Two clean processes of the standard library."""
+    return ProcessPoolExecutor(2, multiprocessing.get_context("spawn"))
+
+
+EXECUTORS: dict[str, Callable[[], Executor]] = {
+    "serial": SerialExecutor,
+    "threads": lambda: ThreadPoolExecutor(3),
+    "spawned": spawned,
+    "one worker and the caller": lambda: LocalPool(1),
+    "more workers than cores": lambda: LocalPool(3),
+}
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[LocalPool]:
+    """Processes that several questions share."""
+    with LocalPool(1) as executor:
+        yield executor
+
+
+def serial(scenario: Scenario) -> Ranking:
+    return plan(scenario, executor=SerialExecutor()).ranking
 
 
 @pytest.fixture(scope="module")
@@ -21,45 +52,89 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
 
 
 @pytest.fixture(scope="module")
-def first(scenario: Scenario) -> str:
-    return ranking_json(plan(scenario, processes=1)[1])
+def answer(scenario: Scenario) -> Planned:
+    """By the default executor."""
+    return plan(scenario)
 
 
-@pytest.mark.parametrize("processes", [1, 2, 3])
-def test_same_bytes_for_any_number_of_processes(scenario: Scenario, first: str, processes: int) -> None:
-    assert ranking_json(plan(scenario, processes=processes)[1]) == first
+@pytest.fixture(scope="module")
+def first(answer: Planned) -> str:
+    return ranking_json(answer.ranking)
 
 
-def test_same_bytes_for_another_order_of_counts_and_names(scenario: Scenario, first: str) -> None:
+@pytest.mark.parametrize("name", EXECUTORS)
+def test_same_bytes_from_any_executor(scenario: Scenario, answer: Planned, first: str, name: str) -> None:
+    with EXECUTORS[name]() as executor:
+        other = plan(scenario, executor=executor)
+    assert ranking_json(other.ranking) == first
+    assert other.run is not None and answer.run is not None
+    assert other.run.record.tobytes() == answer.run.record.tobytes()
+
+
+def test_same_bytes_for_another_order_of_counts_and_names(scenario: Scenario, first: str, pool: LocalPool) -> None:
     swapped = replace(scenario, tractors=parse_counts("3,1-2"), strategies=scenario.strategies[::-1])
     assert swapped.tractors == scenario.tractors
-    assert ranking_json(plan(swapped, processes=2)[1]) == first
+    assert ranking_json(plan(swapped, executor=pool).ranking) == first
 
 
-def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: Scenario) -> None:
+def test_objects_and_names_are_the_same_question(scenario: Scenario, first: str, pool: LocalPool) -> None:
+    from fields import read_field
+
+    field, tractor = read_field(scenario.field, local=True), load_tractor("eg105")
+    nameless = replace(scenario, field="no such file", tractor="no such tractor")
+    assert ranking_json(plan(nameless, field=field, tractor=tractor, executor=pool).ranking) == first
+    assert ranking_json(plan(nameless, field=scenario.field, tractor="eg105", executor=pool).ranking) == first
+
+
+def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: Scenario) -> None:
+    broken = load_tractor("eg105").model_copy(update={"mass_kg": -1.0})
+    with pytest.raises(HeadlandError, match="mass_kg"):
+        plan(scenario, tractor=broken, executor=SerialExecutor())
+
+
+def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
+    scenario: Scenario, answer: Planned, pool: LocalPool
+) -> None:
+    best = answer.ranking.best
+    assert best is not None and answer.run is not None
+    assert answer.run.duration_s == best.time_s and answer.run.plan.tractors == best.tractors
+    assert list(answer.drives) == [(best.strategy, best.tractors)]
+    every = plan(scenario, executor=pool, pictures=True)
+    assert every.ranking == answer.ranking
+    assert set(every.drives) == {(p.strategy, p.tractors) for p in every.ranking.plans if p.time_s is not None}
+    for result in every.ranking.plans:
+        if result.time_s is not None:
+            drive = every.drives[result.strategy, result.tractors]
+            assert max(drive.finish_s) == result.time_s and len(drive.xy) == result.tractors
+    ours, theirs = (one.drives[best.strategy, best.tractors] for one in (answer, every))
+    assert all(np.array_equal(a, b) for a, b in zip(ours.xy, theirs.xy, strict=True))
+
+
+def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: Scenario, answer: Planned) -> None:
     def alone(count: int, name: str) -> Any:
         only = replace(scenario, tractors=(count,), strategies=(name,))
-        (result,) = plan(only, processes=1)[1].plans
+        (result,) = serial(only).plans
         return replace(result, rank=None, on_pareto_front=False)
 
-    every = plan(scenario, processes=2)[1].plans
+    every = answer.ranking.plans
     for count, name in ((2, "interleaved"), (3, "row-by-row-optimised")):
         (among,) = [p for p in every if (p.tractors, p.strategy) == (count, name)]
         assert replace(among, rank=None, on_pareto_front=False) == alone(count, name)
 
 
-def test_the_seed_is_echoed_and_changes_nothing_else(scenario: Scenario, first: str) -> None:
+def test_the_seed_is_echoed_and_changes_nothing_else(scenario: Scenario, first: str, pool: LocalPool) -> None:
     import json
 
-    other = json.loads(ranking_json(plan(replace(scenario, seed=8), processes=2)[1]))
+    other = json.loads(ranking_json(plan(replace(scenario, seed=8), executor=pool).ranking))
     before = json.loads(first)
     assert (before.pop("seed"), other.pop("seed")) == (7, 8)
+    assert (before["scenario"].pop("seed"), other["scenario"].pop("seed")) == (7, 8)
     assert before == other
 
 
-def test_progress_counts_up_to_all(scenario: Scenario) -> None:
+def test_progress_counts_up_to_all(scenario: Scenario, pool: LocalPool) -> None:
     seen: list[tuple[int, int]] = []
     small = replace(scenario, tractors=(1, 2), strategies=("split-field", "interleaved"))
-    ranking = plan(small, processes=2, progress=lambda done, total: seen.append((done, total)))[1]
+    ranking = plan(small, executor=pool, progress=lambda done, total: seen.append((done, total))).ranking
     assert seen == [(n, 4) for n in range(1, 5)]
     assert len(ranking_csv(ranking).splitlines()) == 5

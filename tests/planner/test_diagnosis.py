@@ -30,7 +30,7 @@ def wide(tmp_path: Path) -> tuple[str, Tractor]:
 
 def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tractor]) -> None:
     where, machine = wide
-    gain, why_not = plan_gain(where, machine, machine.model_copy(update={"effects": OFFSET}))
+    gain, why_not = plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is not None and why_not == ""
     scenario = Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where)
     alone = evaluate(prepare(scenario), Candidate("row-by-row", 1))
@@ -41,20 +41,20 @@ def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tra
 
 
 def test_a_plan_that_the_real_tractor_would_not_finish_has_no_time() -> None:
-    gain, _ = plan_gain("eg105", like_eg105(), like_eg105(effects=CRAWL))
+    gain, _ = plan_gain(like_eg105(), like_eg105(effects=CRAWL))
     assert gain is not None and gain.time_before_s is not None and gain.time_after_s is None
 
 
 def test_nothing_added_needs_no_words_and_what_was_kept_does() -> None:
-    assert plan_gain("eg105", like_eg105(), like_eg105()) == (None, "")
+    assert plan_gain(like_eg105(), like_eg105()) == (None, "")
     kept = like_eg105(effects=OFFSET)
-    gain, why_not = plan_gain("eg105", kept, kept)
+    gain, why_not = plan_gain(kept, kept)
     assert gain is None and why_not == "The tractor stays as its file has it, so no plan was driven to compare."
 
 
 def test_a_model_car_drives_no_plan() -> None:
     car = like_eg105(name="car", length_m=0.3)
-    gain, why_not = plan_gain("eg105", car, car.model_copy(update={"effects": OFFSET}))
+    gain, why_not = plan_gain(car, car.model_copy(update={"effects": OFFSET}))
     assert gain is None
     assert why_not == (
         f"No plan was driven to compare: car is 0.3 m long, and plans are for tractors of {SMALLEST_M:g} m or more."
@@ -65,7 +65,7 @@ def test_a_tractor_whose_radii_are_not_known_there_is_diagnosed_all_the_same(tmp
     path = tmp_path / "unknown.toml"
     path.write_text(tractor_toml(like_eg105(radius={})), encoding="utf-8")
     machine = load_tractor(path)
-    gain, why_not = plan_gain(str(path), machine, machine.model_copy(update={"effects": OFFSET}))
+    gain, why_not = plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is None
     assert why_not.startswith("No plan was driven to compare: No turning radii of Yanmar EG105 are known on 'soil'")
     assert why_not.endswith(".") and not why_not.endswith("..")

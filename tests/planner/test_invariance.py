@@ -30,12 +30,12 @@ CASES = {
 def times(name: str, field: Field) -> dict[tuple[str, int], float | None]:
     _, strategies, counts = CASES[name]
     site = prepare(Scenario(field=name), field)
-    found = {}
+    taken = {}
     for strategy in strategies:
         for count in counts:
             result = evaluate(site, Candidate(strategy, count))
-            found[strategy, count] = result.time_s if result.feasible else None
-    return found
+            taken[strategy, count] = result.time_s if result.feasible else None
+    return taken
 
 
 @pytest.fixture(scope="module")

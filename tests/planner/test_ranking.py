@@ -1,5 +1,6 @@
 """Order, Pareto front, deadline and cost of plans, by hand."""
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -8,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.evaluate import Candidate
-from planner.plan import candidates, plan, rank
+from planner.planning import plan
+from planner.pool import SerialExecutor
+from planner.rank import candidates, rank
 from planner.scenario import Scenario
 from reports.results import PlanResult, Ranking
 
@@ -90,9 +93,16 @@ class TestBest:
     def test_with_a_deadline_it_is_the_cheapest_that_meets_it(self) -> None:
         assert self.ranking(*self.PLANS).best == self.PLANS[1]
 
-    def test_when_none_meets_it_it_is_the_quickest(self) -> None:
+    def test_when_none_meets_it_it_is_the_quickest_and_late(self) -> None:
         late = [result(2, 500.0 + i, rank=i + 1, cost=9.0 - i, meets_deadline=False) for i in range(3)]
-        assert self.ranking(*late).best == late[0]
+        ranking = replace(self.ranking(*late), allowed_s=420.0)
+        assert ranking.best == late[0]
+        assert ranking.missed_by_s == pytest.approx(80.0)
+
+    def test_nothing_is_late_where_a_plan_is_in_time_or_no_deadline_is(self) -> None:
+        assert replace(self.ranking(*self.PLANS), allowed_s=450.0).missed_by_s is None
+        assert self.ranking(*self.PLANS[3:]).missed_by_s is None
+        assert replace(self.ranking(refused("x", 1)), allowed_s=450.0).missed_by_s is None
 
     def test_without_a_deadline_it_is_the_quickest(self) -> None:
         plain = [result(6, 300.0, rank=1, cost=50.0), result(1, 900.0, rank=2, cost=20.0)]
@@ -102,6 +112,34 @@ class TestBest:
         assert self.ranking(refused("x", 1)).best is None
         touches = result(2, 1.0, feasible=False, cost=0.0, meets_deadline=True)
         assert self.ranking(self.PLANS[3], touches).best == self.PLANS[3]
+
+
+class TestLittleWork:
+    """A plan that works less than half of the field is called so, whatever its strategy says already."""
+
+    @pytest.mark.parametrize(("worked_pct", "remarked"), [(10.2, True), (49.9, True), (50.0, False), (88.0, False)])
+    def test_below_half_of_the_field(self, small_site: Any, worked_pct: float, remarked: bool) -> None:
+        (plan,) = rank(small_site, [result(1, 100.0, worked_pct=worked_pct)]).plans
+        assert (plan.remark is not None) == remarked
+        if remarked:
+            assert f"works only {worked_pct:.0f} % of the field" in (plan.remark or "")
+
+    def test_after_what_is_said_already(self, small_site: Any) -> None:
+        (plan,) = rank(small_site, [result(1, 100.0, worked_pct=30.0, remark="driven alone")]).plans
+        assert plan.remark is not None and plan.remark.startswith("driven alone; works only 30 %")
+
+    def test_not_of_what_cannot_be_driven(self, small_site: Any) -> None:
+        (plan,) = rank(small_site, [refused("x", 1)]).plans
+        assert plan.remark is None
+
+
+def test_what_was_planned_stands_in_the_ranking(small_site: Any) -> None:
+    told = rank(small_site, []).scenario
+    # 36 m in lines of 3 m; 8.5 m is the half metre above 1.1 + 1.2 m to the implement, the turn, and half the width.
+    assert (told["field"], told["width_m"], told["tracks"], told["headland_m"]) == ("drawn", 3.0, 12, 8.5)
+    assert told["bearing_deg"] == pytest.approx(0.0) and told["speed_kmh"] == pytest.approx(5.0)
+    assert told["tractor"] == small_site.tractor.name and told["radius_m"] == small_site.manner.radius_m
+    assert told["start"] is told["before"] is None
 
 
 class TestCandidates:
@@ -130,7 +168,7 @@ class TestMoney:
             str(place), local=True, tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0,
             price_per_tractor=7.0, start_s=36000, before_s=36000 + 600,
         )  # fmt: skip
-        return plan(scenario, processes=1)[1]
+        return plan(scenario, executor=SerialExecutor()).ranking
 
     def test_every_tractor_is_paid_until_the_last_is_done(self, ranking: Ranking) -> None:
         for one in ranking.plans:

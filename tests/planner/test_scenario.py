@@ -1,14 +1,16 @@
 """What a scenario accepts, and how it refuses: value, rule and fix in one sentence."""
 
 import math
+import re
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.errors import ScenarioError
-from planner.scenario import Scenario, clock, nearest, parse_clock, parse_counts
+from planner.commands.options import option_of
+from planner.errors import ScenarioError, named
+from planner.scenario import Scenario, clock, nearest, parse_clock, parse_counts, parse_strategies
 
 QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 
@@ -42,16 +44,20 @@ class TestClock:
     @QUICK
     @given(st.integers(0, 23), st.integers(0, 59))
     def test_round_trip(self, hour: int, minute: int) -> None:
-        assert clock(parse_clock(f"{hour:02d}:{minute:02d}", "--start")) == f"{hour:02d}:{minute:02d}"
+        assert clock(parse_clock(f"{hour:02d}:{minute:02d}", "start_s")) == f"{hour:02d}:{minute:02d}"
 
     @pytest.mark.parametrize("text", ["24:00", "12:60", "noon", "13", "1:2", "-1:00", "13:00:00", "", "13.00"])
     def test_refuses_what_is_no_time(self, text: str) -> None:
-        with pytest.raises(ScenarioError, match=r"--before .* is not a time of day; write hh:mm"):
-            parse_clock(text, "--before")
+        with pytest.raises(ScenarioError, match=r"before_s .* is not a time of day; write hh:mm"):
+            parse_clock(text, "before_s")
 
     def test_allowed_time_by_hand(self) -> None:
         assert Scenario("f", start_s=13 * 3600, before_s=17 * 3600 + 60).allowed_s == 4 * 3600 + 60
         assert Scenario("f", start_s=13 * 3600).allowed_s is None
+
+    def test_a_deadline_past_midnight_is_on_the_next_day(self) -> None:
+        assert Scenario("f", start_s=22 * 3600, before_s=2 * 3600).allowed_s == 4 * 3600
+        assert Scenario("f", start_s=60, before_s=0).allowed_s == 24 * 3600 - 60
 
 
 @pytest.mark.parametrize(
@@ -65,22 +71,24 @@ class TestClock:
         ({"strategies": ("split",)}, "did you mean 'split-field'"),
         ({"strategies": ("columns",)}, "'columns' is unknown"),
         ({"turn": "omga"}, "did you mean 'omega'"),
-        ({"width_m": 0.0}, "--width.* must be above 0"),
-        ({"width_m": -1.0}, "--width.* must be above 0"),
-        ({"width_m": math.nan}, "--width"),
-        ({"width_m": math.inf}, "--width"),
-        ({"speed_mps": 0.0}, "--speed-kmh"),
+        ({"width_m": 0.0}, "width_m.* must be above 0"),
+        ({"width_m": -1.0}, "width_m.* must be above 0"),
+        ({"width_m": math.nan}, "width_m"),
+        ({"width_m": math.inf}, "width_m"),
+        ({"speed_mps": 0.0}, "speed_mps"),
         ({"speed_mps": 100.0}, "360 km/h is beyond field work; use 30 km/h or less"),
-        ({"turn_speed_mps": math.nan}, "--turn-speed-kmh"),
-        ({"headland_m": 0.0}, "--headland"),
-        ({"headland_m": math.inf}, "--headland"),
-        ({"radius_m": -4.0}, "--radius"),
-        ({"bearing_deg": math.nan}, "bearing is nan"),
-        ({"price_per_hour": -1.0}, "--price-per-hour is -1; a price must be 0 or more"),
-        ({"price_per_tractor": math.inf}, "--price-per-tractor"),
+        ({"turn_speed_mps": math.nan}, "turn_speed_mps"),
+        ({"headland_m": 0.0}, "headland_m"),
+        ({"headland_m": math.inf}, "headland_m"),
+        ({"radius_m": -4.0}, "radius_m"),
+        ({"bearing_deg": math.nan}, "bearing_deg. is nan"),
+        ({"price_per_hour": -1.0}, "price_per_hour is -1; a price must be 0 or more"),
+        ({"price_per_tractor": math.inf}, "price_per_tractor"),
         ({"before_s": 3600}, "needs a start"),
-        ({"start_s": 7200, "before_s": 3600}, "01:00 is not after the start 02:00"),
-        ({"start_s": 7200, "before_s": 7200}, "not after the start"),
+        ({"start_s": 7200, "before_s": 7200}, "02:00 is the start itself"),
+        ({"start_s": 7200, "before_s": 90000}, "before_s is 90000; give seconds of the day"),
+        ({"start_s": -1}, "start_s is -1; give seconds of the day"),
+        ({"seed": -1}, "seed. is -1; use 0 or more"),
     ],
 )
 def test_refusals_name_value_rule_and_fix(options: dict[str, Any], words: str) -> None:
@@ -88,6 +96,23 @@ def test_refusals_name_value_rule_and_fix(options: dict[str, Any], words: str) -
         Scenario("f", **options)
     sentence = str(refusal.value)
     assert "\n" not in sentence and sentence.endswith(".") and len(sentence) < 200
+    assert "--" not in sentence, "a library knows no options"
+    assert refusal.value.parameter in Scenario.__dataclass_fields__
+    told = refusal.value.spoken(option_of)
+    assert not re.search(r"\w+_(m|mps|s|deg)\b", told), told
+    if named(refusal.value.parameter) in refusal.value.args[0]:
+        assert option_of(refusal.value.parameter) in told
+
+
+def test_turns_are_as_quick_as_the_work_but_no_quicker_than_the_wheels_turn() -> None:
+    for speed_kmh, turn_kmh in ((3.0, 3.0), (5.0, 5.0), (8.0, 5.0)):
+        assert Scenario(speed_mps=speed_kmh / 3.6).turning_mps == pytest.approx(turn_kmh / 3.6)
+    assert Scenario(speed_mps=1.0, turn_speed_mps=2.0).turning_mps == 2.0
+
+
+def test_all_strategies_or_those_named_once_each() -> None:
+    assert parse_strategies(" all ") == Scenario().strategies
+    assert parse_strategies("split-field, row-by-row,split-field") == ("split-field", "row-by-row")
 
 
 def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
@@ -97,4 +122,4 @@ def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
 def test_defaults_are_those_of_the_thesis() -> None:
     scenario = Scenario("f")
     assert scenario.width_m == 3.0
-    assert scenario.speed_mps == scenario.turn_speed_mps == pytest.approx(5 / 3.6)
+    assert scenario.speed_mps == scenario.turning_mps == pytest.approx(5 / 3.6)

@@ -2,13 +2,15 @@
 
 import pytest
 
-from planner.study import printed, study
+from planner.fleet_study import printed, study
+from planner.pool import SerialExecutor, local_pool
 from reports.results import Study, StudyRow
 
 
 @pytest.fixture(scope="module")
 def result() -> Study:
-    return study(processes=2)
+    with local_pool(2) as executor:
+        return study(executor=executor)
 
 
 def row(result: Study, table: str, label: str) -> StudyRow:
@@ -80,4 +82,4 @@ def test_the_assumptions_are_sentences(result: Study) -> None:
 def test_the_study_is_repeatable(result: Study) -> None:
     from reports.export import study_json
 
-    assert study_json(study(processes=1)) == study_json(result)
+    assert study_json(study(executor=SerialExecutor())) == study_json(result)

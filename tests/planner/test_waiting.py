@@ -1,16 +1,20 @@
 """Optimised waiting and giving way: never slower, no contact, the same every time."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from planner.deconflict import hold_leg, without_conflicts
-from planner.evaluate import Candidate, drive, evaluate
-from planner.waiting import _outline_extents, optimised
-from strategies.formation import row_by_row
-from vehicle.missions import Gate, Leg, Mission, Plan, plan_to_json
+from planner.deconflict import without_conflicts
+from planner.evaluate import Candidate, evaluate, run_candidate
+from strategies.record import Refined
+from strategies.registry import STRATEGIES
+from strategies.row_by_row import row_by_row
+from strategies.row_by_row_optimised import NOT_QUICKER, _outline_extents, optimised
+from vehicle.missions import DRIVE, TRACK, Gate, Leg, Mission, Plan, Task
+from vehicle.plan_file import plan_to_json
 from vehicle.run import CONFLICT, DONE, STALL, Run
 from vehicle.world import World
 
@@ -58,12 +62,13 @@ class TestOptimised:
         assert timed.worked_pct == pytest.approx(plain.worked_pct, abs=0.5)
 
     def test_is_the_same_every_time(self, wide_site: Any) -> None:
-        found = []
+        twice = []
         for _ in range(2):
-            job = wide_site.job(3)
-            plan, run = optimised(job, lambda p: simulate(wide_site, p), wide_site.tractor, wide_site.implement)
-            found.append((plan_to_json(plan), run.duration_s))
-        assert found[0] == found[1]
+            refined = optimised(
+                wide_site.job(3), lambda p: simulate(wide_site, p), wide_site.tractor, wide_site.implement
+            )
+            twice.append((plan_to_json(refined.plan), refined.run and refined.run.duration_s))
+        assert twice[0] == twice[1]
 
     def test_one_tractor_has_nothing_to_optimise(self, wide_site: Any, evaluate_once: Any) -> None:
         times = {evaluate_once(wide_site, n, 1).time_s for n in ("row-by-row", "row-by-row-optimised", "col-by-col")}
@@ -74,39 +79,40 @@ class TestOptimised:
     def test_a_plan_that_fell_back_says_so(
         self, wide_site: Any, evaluate_once: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        def nothing_quicker(job: Any, run: Any, *_: Any) -> tuple[Plan, Run]:
+        def nothing_quicker(job: Any, run: Any, *_: Any) -> Refined:
             plan = row_by_row(job).plan
-            return plan, run(plan)
+            return Refined(plan, run(plan), NOT_QUICKER)
 
         timed = evaluate_once(wide_site, "row-by-row-optimised", 3)
-        monkeypatch.setattr("planner.evaluate.optimised", nothing_quicker)
+        slow = replace(STRATEGIES["row-by-row-optimised"], refine=nothing_quicker)
+        monkeypatch.setitem(STRATEGIES, "row-by-row-optimised", slow)
         fallen = evaluate(wide_site, Candidate("row-by-row-optimised", 3))
         assert timed.remark is None and timed.time_s < fallen.time_s
         assert fallen.time_s == evaluate_once(wide_site, "row-by-row", 3).time_s
         assert fallen.remark == "no optimised queue proved quicker, so it is driven as row-by-row"
 
     def test_a_conflict_on_every_try_falls_back_to_the_plain_queue(self, wide_site: Any) -> None:
-        from dataclasses import replace
-
         def clumsy(plan: Plan) -> Run:
             run = simulate(wide_site, plan)
             timed = plan.notes["strategy"] == "row-by-row-optimised"
             return replace(run, outcome=CONFLICT) if timed else run
 
         job = wide_site.job(3)
-        plan, run = optimised(job, clumsy, wide_site.tractor, wide_site.implement)
-        assert plan.notes["strategy"] == "row-by-row" and run.outcome == DONE
+        refined = optimised(job, clumsy, wide_site.tractor, wide_site.implement)
+        assert refined.plan.notes["strategy"] == "row-by-row" and refined.remark == NOT_QUICKER
+        assert refined.run is not None and refined.run.outcome == DONE
 
 
-def leg(*points: tuple[float, float], work: bool = True, gates: tuple[Gate, ...] = ()) -> Leg:
-    return Leg(np.array(points, float), SPEED, implement=work, kind="work" if work else "turn", gates=gates)
+def leg(*points: tuple[float, float], work: bool = True, hold: bool = False, gates: tuple[Gate, ...] = ()) -> Leg:
+    task = Task(TRACK if work else DRIVE)
+    return Leg(np.array(points, float), SPEED, implement=work, task=task, may_wait=hold, gates=gates)
 
 
 def crossing(second_start: float = -40.0) -> Plan:
     """Two tractors whose paths cross at right angles at (0, 0), the second from `second_start` on the y axis."""
-    along_x = Mission((leg((-40, 0), (-12, 0)), leg((-12, 0), (-9, 0)), leg((-9, 0), (40, 0), work=False)))
+    along_x = Mission((leg((-40, 0), (-12, 0)), leg((-12, 0), (-9, 0), hold=True), leg((-9, 0), (40, 0), work=False)))
     along_y = Mission(
-        (leg((0, second_start), (0, -12)), leg((0, -12), (0, -9)), leg((0, -9), (0, 40), work=False))
+        (leg((0, second_start), (0, -12)), leg((0, -12), (0, -9), hold=True), leg((0, -9), (0, 40), work=False))
     )  # fmt: skip
     return Plan((along_x, along_y))
 
@@ -147,15 +153,6 @@ class TestGivingWay:
         assert run.outcome == STALL
         assert why is not None and "wait for each other" in why
 
-    def test_the_place_to_wait_is_inside_the_track(self, small_site: Any) -> None:
-        job = small_site.job(1)
-        plan = row_by_row(job).plan
-        for number, one in enumerate(plan.missions[0].legs):
-            hold = hold_leg(plan, 0, number)
-            assert hold <= number
-            held = plan.missions[0].legs[hold]
-            assert hold == 0 or (held.implement and one is not None)
-
     def test_repairing_is_repeatable(self, small_site: Any) -> None:
         plans = [without_conflicts(crossing(), lambda p: simulate(small_site, p))[0].plan for _ in range(2)]
         assert plan_to_json(plans[0]) == plan_to_json(plans[1])
@@ -167,5 +164,5 @@ def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
 
     site = prepare(Scenario(field="netherlands"))
     for name in ("interleaved", "split-field"):
-        run, why, _ = drive(site, Candidate(name, 4))
-        assert why is None and run.contacts == () and run.min_clearance_m > 0
+        tried = run_candidate(site, Candidate(name, 4))
+        assert tried.reason is None and tried.run.contacts == () and tried.run.min_clearance_m > 0

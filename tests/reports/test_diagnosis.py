@@ -27,12 +27,12 @@ from vehicle.measured.answer.verdict import (
     NAMED,
     NOT_VISIBLE,
     REFUTED,
-    Curve,
     Diagnosis,
     Finding,
     Grounds,
     NextDrive,
     PlanGain,
+    ResidualPlot,
 )
 from vehicle.measured.replay.horizons import Error
 from vehicle.tractor import EffectSetting, Rest, load_tractor
@@ -74,7 +74,7 @@ def diagnosis(*told: Finding, **more: Any) -> Diagnosis:
         "findings": tuple(by_id.get(entry.id) or finding(entry.id) for entry in CATALOGUE),
         "named": tuple(one.id for one in told if one.status == NAMED), "unexplained_share": 0.0, "depends_on": (),
         "next_drive": None, "tractor": load_tractor("eg105"), "calibration": {},
-        "curve": Curve("wheel angle, deg", "turning rate left over, deg/s", at, at, 0 * at, 0 * at, 0 * at),
+        "curve": ResidualPlot("wheel angle, deg", "turning rate left over, deg/s", at, at, 0 * at, 0 * at, 0 * at),
     }  # fmt: skip
     return Diagnosis(**(values | more))
 
@@ -115,7 +115,7 @@ class TestGrounds:
 
     def test_each_level_with_its_runs_before_the_figures(self) -> None:
         said = (
-            "These runs were made on two grounds (side_slip). On a, b and c: The tyres slide sideways above 0.77 g of "
+            "These runs were made on two grounds (side slip). On a, b and c: The tyres slide sideways above 0.77 g of "
             "lateral acceleration. On d: The tyres slide sideways above 0.35 g of lateral acceleration."
         )
         kept = extended(side_slip=EffectSetting(value={"limit_g": 0.77}))
@@ -145,11 +145,12 @@ class TestGrounds:
 class TestCalibrations:
     def test_are_told_from_what_is_not_visible_and_stand_before_what_is_refuted(self) -> None:
         what = diagnosis(in_model("grip_drift", NOT_VISIBLE, 0.05), finding("understeer", NOT_VISIBLE))
-        lines = [line for line in printed(what).splitlines() if re.match("│ [a-z_]{6,} ", line)]
-        assert "fitted, no name" in lines[0] and "grip_drift" in lines[0] and "0.05 (0.045" in lines[0]
+        status = re.compile(" (refuted|not-visible|fitted, no name) ")
+        lines = [line for line in printed(what, 110).splitlines() if status.search(line)]
+        assert "fitted, no name" in lines[0] and "grip drift" in lines[0] and "0.05 (0.045" in lines[0]
         assert "not-visible" in lines[-1] and "understeer" in lines[-1]
-        assert "refuted" not in lines[0]
-        rows = re.findall(r'<tr class="(.*?)"><td class="id">(.*?)</td>', diagnosis_page(what))
+        assert "refuted" not in lines[0] and len(lines) == len(CATALOGUE)
+        rows = re.findall(r'<tr class="(.*?)"><td class="id">.*?<code>(.*?)</code></td>', diagnosis_page(what))
         assert rows[0] == ("fitted", "grip_drift") and rows[-1] == ("not-visible", "understeer")
         assert all("Fitted, no name: it lowers the error" in text for text in both(what))
 
@@ -185,7 +186,7 @@ class TestPlan:
             in_model("steering_offset", NAMED, 1.0), plan=PLAN, tractor=extended(steering_offset=setting())
         )
         for text in both(what):
-            assert "The tractor file gets: steering_offset." in text
+            assert "The tractor file gets: steering offset (steering_offset)." in text
             assert "Simulated by that file: 82.3 min, 2.3 cm off the tracks" in text
             assert "As these logs say the tractor drives: 82.7 min, 20.1 cm off the tracks" in text
             assert "Nothing was added" not in text
@@ -205,7 +206,8 @@ class TestPlan:
             notes=("No plan was driven to compare: too small.",),
         )  # fmt: skip
         for text in both(what):
-            assert "The tractor file gets: steering_offset." in text and "No plan was driven to compare" in text
+            assert "The tractor file gets: steering offset (steering_offset)." in text
+            assert "No plan was driven to compare" in text
             assert "Nothing was added" not in text and "min," not in text
 
     def test_taken_away(self) -> None:
@@ -216,7 +218,7 @@ class TestPlan:
         alike = in_model("steering_offset", EQUIVALENT, 1.0, equivalent_to=("heading_bias",))
         tractor = extended(steering_offset=setting(named=False, equivalent_to=("heading_bias",)))
         for text in both(diagnosis(alike, plan=PLAN, tractor=tractor)):
-            assert "That holds if it is steering_offset." in text
+            assert "That holds if it is steering offset." in text
         for text in both(diagnosis(in_model("steering_offset", NAMED, 1.0), plan=PLAN, tractor=extended(a=setting()))):
             assert "That holds" not in text
 
@@ -232,8 +234,9 @@ class TestPlan:
         )  # fmt: skip
         for text in both(diagnosis(*told, tractor=tractor)):
             assert (
-                "The tractor file gets: side_slip (kept as it was), steering_gain, steering_offset (or "
-                "cross_slope_drift or heading_bias) and grip_drift (fitted, no name)."
+                "The tractor file gets: side slip (side_slip), kept as it was; steering gain (steering_gain); steering "
+                "offset (steering_offset), or cross slope drift or heading bias in its place; grip drift (grip_drift), "
+                "fitted, no name."
             ) in text
 
 
@@ -273,7 +276,8 @@ class TestWords:
         pair = ("steering_offset", "cross_slope_drift")
         drive = NextDrive("there-and-back", "Drive there and back.", 40.0, pair, 80.0)
         for text in both(diagnosis(alike, next_drive=drive)):
-            assert "1 deg looks like 0.017 of cross_slope_drift." in text and "Drive there and back." in text
+            assert "Steering offset: 1 deg looks like 0.017 of cross slope drift." in text
+            assert "Drive there and back." in text
         for text in both(diagnosis(alike)):
             assert "1 deg looks like" in text and "Drive there and back." not in text
         assert "cannot tell apart" not in page_text(diagnosis())
@@ -281,9 +285,8 @@ class TestWords:
     def test_stand_ins_have_no_gain(self) -> None:
         other = finding("heading_bias", EQUIVALENT, value={"angle_deg": 1.5}, equivalent_to=("steering_offset",))
         what = diagnosis(in_model("steering_offset", EQUIVALENT, 1.0), other)
-        row = next(line for line in printed(what).splitlines() if "heading_bias" in line)
-        cells = [cell.strip() for cell in row.split("│")[1:-1]]
-        assert cells == ["heading_bias", "equivalent", "1.5 deg", "", "0.12 deg"]
+        row = next(line for line in printed(what, 120).splitlines() if "heading_bias" in line)
+        assert " ".join(row.split()) == "heading bias heading_bias equivalent 1.5 deg 0.12 deg"
 
 
 class TestTable:
@@ -293,8 +296,21 @@ class TestTable:
         text = printed(diagnosis(*told), width)
         assert max(map(len, text.splitlines())) <= width and "…" not in text
         for entry in CATALOGUE:
-            assert re.search(rf"│ {entry.id} +│", text)
-        assert "│ fitted, no name │" in text
+            assert re.search(rf" {entry.id} +[a-z]", text)
+        assert "fitted, no name" in text
+        assert not any(entry.label == entry.id for entry in CATALOGUE if "_" in entry.id)
+
+    @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
+    def test_figures_are_whole_or_their_columns_are_named(self, width: int) -> None:
+        told = in_model("steering_asymmetry", NAMED, 1.2345, gain_pct=40.4)
+        text = printed(diagnosis(told), width)
+        assert max(map(len, text.splitlines())) <= width
+        missing = " ".join(re.findall("No room for: (.*?);", flat(text)))
+        for heading, figures in (("Heading before", ("0.10", "0.50")), ("Along noise", ("1.0", "5.0"))):
+            assert heading in missing or all(re.search(rf"(?<![\d.]){value}(?![\d.])", text) for value in figures)
+        assert "Gain %" in missing or re.search(r" 40( |$)", text, flags=re.M)
+        assert "Smallest visible" in missing or "limit 0.12 g" in flat(text)
+        assert (missing == "") == (width >= 80)
 
 
 class TestPage:
@@ -309,7 +325,7 @@ class TestPage:
 
     def test_the_curve_says_what_the_effect_goes_with(self) -> None:
         what = diagnosis(in_model("steering_gain", NAMED, 1.1))
-        assert "steering_gain shows with: wheel angle." in page_text(what)
+        assert "Steering gain shows with: wheel angle." in page_text(what)
         assert "No known cause: a push." in page_text(diagnosis(depends_on=("a push",)))
 
     def test_bars_for_all_kinds_and_none_for_a_heading_that_was_not_logged(self) -> None:
@@ -323,7 +339,7 @@ class TestPage:
 
     def test_a_curve_with_one_point_has_ticks_that_differ(self) -> None:
         one = np.array([9.0])
-        curve = Curve("wheel angle, deg", "turning rate left over, deg/s", one, one, 0 * one, 0 * one, 0 * one)
+        curve = ResidualPlot("wheel angle, deg", "turning rate left over, deg/s", one, one, 0 * one, 0 * one, 0 * one)
         page = diagnosis_page(diagnosis(curve=curve))
         labels = re.findall(r'text-anchor="middle">(.*?)<', page)
         assert len(set(labels)) == len(labels) >= 3 and "9.0" in labels

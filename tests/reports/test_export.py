@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.export import PLAN_KEYS, ranking_csv, ranking_json, study_json
+from reports.export import CSV_KEYS, PLAN_KEYS, ranking_csv, ranking_json, study_json
+from reports.plain import finite
 from reports.results import PlanResult, Ranking, Study
 
 CONTRACT = [
@@ -47,7 +48,8 @@ def no_constant(name: str) -> float:
 
 def test_keys_and_order(ranking: Ranking) -> None:
     data = json.loads(ranking_json(ranking), parse_constant=no_constant)
-    assert list(data) == ["field", "seed", "plans", "best", "tractor_effects"]
+    assert list(data) == ["field", "seed", "plans", "best", "tractor_effects", "scenario"]
+    assert data["scenario"] == {}
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}
     assert data["seed"] == 7
     assert all(list(plan) == CONTRACT for plan in [*data["plans"], data["best"]])
@@ -94,9 +96,21 @@ def test_text_ends_once_and_repeats(ranking: Ranking, study: Study) -> None:
 
 def test_csv_has_one_row_per_plan(ranking: Ranking) -> None:
     rows = list(csv.reader(io.StringIO(ranking_csv(ranking))))
-    assert rows[0] == CONTRACT == list(PLAN_KEYS)
+    asked = ["field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor"]
+    assert rows[0] == [*CONTRACT, *asked] == [*PLAN_KEYS, *CSV_KEYS]
     assert len(rows) == 1 + len(ranking.plans)
-    assert {len(row) for row in rows} == {len(CONTRACT)}
+    assert {len(row) for row in rows} == {len(CONTRACT) + len(asked)}
+
+
+def test_every_row_says_what_was_asked(ranking: Ranking) -> None:
+    scenario = {"field": "x.geojson#2", "width_m": 3.0, "headland_m": 8.5, "bearing_deg": 90.0, "price_per_hour": 40.0,
+                "price_per_tractor": math.nan, "seed": 7}  # fmt: skip
+    asked = replace(ranking, scenario=scenario)
+    assert json.loads(ranking_json(asked), parse_constant=no_constant)["scenario"] == scenario | {
+        "price_per_tractor": None
+    }
+    for row in csv.DictReader(io.StringIO(ranking_csv(asked))):
+        assert [row[key] for key in CSV_KEYS] == ["Iwamizawa", "3.0", "8.5", "90.0", "40.0", ""]
 
 
 def test_csv_values(ranking: Ranking) -> None:
@@ -111,7 +125,8 @@ def test_csv_and_json_tell_the_same(ranking: Ranking) -> None:
     plans = json.loads(ranking_json(ranking))["plans"]
     for row, plan in zip(csv.DictReader(io.StringIO(ranking_csv(ranking))), plans, strict=True):
         told = {key: "" if plan[key] is None else str(plan[key]) for key in CONTRACT}
-        assert row == {key: text.lower() if text in ("True", "False") else text for key, text in told.items()}
+        said = {key: text.lower() if text in ("True", "False") else text for key, text in told.items()}
+        assert {key: row[key] for key in CONTRACT} == said
 
 
 def test_study(study: Study) -> None:
@@ -124,3 +139,10 @@ def test_study(study: Study) -> None:
     assert data["tables"]["6.2"][0]["time_s"] is None
     assert [claim["holds"] for claim in data["claims"]] == [True, False]
     assert data["assumptions"] == list(study.assumptions)
+
+
+def test_plain_values_hold_nothing_that_json_lacks() -> None:
+    value = {1: (math.inf, np.float64(-0.0)), "a": np.array([[1.5, np.nan]]), "b": np.int64(3), "c": True, "d": None}
+    plain = {"1": [None, 0.0], "a": [[1.5, None]], "b": 3, "c": True, "d": None}
+    assert finite(value) == plain
+    assert json.dumps(finite(value, 6), allow_nan=False) == json.dumps(plain)

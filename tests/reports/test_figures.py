@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from reports.errors import ReportError
-from reports.figures import map_figure, save_png, to_svg
+from reports.figures import map_figure, png_bytes, to_svg
 from reports.results import Drive
 from reports.trial_figures import panel_figure
 from vehicle.trials.sheets.sheet import Line, Panel
@@ -51,6 +49,59 @@ def test_map_legend_names_every_tractor_and_mark(drive: Drive) -> None:
     }
 
 
+def test_a_picture_says_field_plan_width_tracks_tractors_and_time(drive: Drive) -> None:
+    figure = map_figure(replace(drive, title="split-field, 3 tractors, turns: omega"), "Long Acre")
+    text = " ".join(figure.get_suptitle().split())
+    said = "Long Acre: split-field, 3 tractors, turns: omega width 3 m, 23 tracks, 3 tractors, done in "
+    assert text.startswith(said)
+    hours, minutes, seconds = text.split("done in ")[1].split(" ")[0].split(":")
+    assert 3600 * int(hours) + 60 * int(minutes) + int(seconds) == pytest.approx(max(drive.finish_s), abs=0.51)
+    assert map_figure(drive, "Iwamizawa").get_suptitle().count("Iwamizawa") == 1
+
+
+def test_the_title_lies_inside_the_picture(drive: Drive) -> None:
+    from matplotlib.transforms import Bbox
+
+    tall = replace(drive, boundary=drive.boundary[:, ::-1], xy=tuple(xy[:, ::-1] for xy in drive.xy),
+                   tracks=drive.tracks[:, :, ::-1], holes=())  # fmt: skip
+    for one in (drive, tall):
+        figure = map_figure(one, "A field with a name of some length")
+        figure.canvas.draw()
+        title = next(text for text in figure.texts if "width 3 m" in text.get_text())
+        box: Bbox = title.get_window_extent()
+        assert box.x0 >= 0 and box.x1 <= figure.bbox.width and box.y1 <= figure.bbox.height
+        assert box.y0 >= figure.axes[0].get_window_extent().y1, "and above the map"
+
+
+def test_tracks_are_numbered_at_both_ends_where_there_is_room(drive: Drive) -> None:
+    axes = map_figure(drive).axes[0]
+    numbers = [text for text in axes.texts if text.get_zorder() == 6 and text.get_text().isdigit()]
+    ends = {"west": [n for n in numbers if n.xy[0] < 100], "east": [n for n in numbers if n.xy[0] > 100]}
+    for side in ends.values():
+        assert len(side) >= 6
+        for one in side:
+            track = drive.tracks[int(one.get_text()) - 1]
+            nearest = np.hypot(*(track - one.xy).T).min()
+            assert nearest == pytest.approx(0.012 * 273.0, rel=0.01), "it stands at its own track"
+        heights = sorted(one.xy[1] for one in side)
+        assert np.diff(heights).min() >= 0.022 * 273.0 * (1 - 1e-9)
+
+
+def test_arrows_point_the_way_a_track_is_driven(drive: Drive) -> None:
+    from matplotlib.collections import PolyCollection
+
+    heads = [item for item in map_figure(drive).axes[0].collections
+             if isinstance(item, PolyCollection) and item.get_zorder() == 5]  # fmt: skip
+    assert len(heads) == 3
+    for item, xy, status in zip(heads, drive.xy, drive.status, strict=True):
+        for path in item.get_paths():
+            tip, left, right = path.vertices[:3]
+            middle = (left + right) / 2
+            assert tip[1] == pytest.approx(middle[1], abs=1e-6)
+            here = np.flatnonzero((status[1:] == 1) & (np.abs(xy[1:, 1] - tip[1]) < 1e-6))
+            assert (xy[here[-1] + 1, 0] - xy[here[0], 0]) * (tip[0] - middle[0]) > 0
+
+
 def test_scale_bar_is_as_long_as_it_says(drive: Drive) -> None:
     axes = map_figure(drive).axes[0]
     told = next(text.get_text() for text in axes.texts if text.get_text().endswith(" m"))
@@ -70,14 +121,11 @@ def test_dollar_signs_are_text(drive: Drive) -> None:
     assert "$a^$" in to_svg(map_figure(replace(drive, title="$a^$")))
 
 
-def test_png_has_the_size_asked_for(drive: Drive, tmp_path: Path) -> None:
+def test_png_has_the_size_asked_for(drive: Drive) -> None:
     figure = map_figure(drive)
-    save_png(figure, tmp_path / "map.png", dpi=50)
-    data = (tmp_path / "map.png").read_bytes()
+    data = png_bytes(figure, dpi=50)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert int.from_bytes(data[16:20], "big") == int(figure.get_figwidth() * 50)
-    with pytest.raises(ReportError, match="cannot be written"):
-        save_png(figure, tmp_path / "nowhere" / "map.png")
 
 
 def test_a_drive_of_one_moment_on_a_field_without_tracks(drive: Drive) -> None:

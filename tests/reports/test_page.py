@@ -6,14 +6,18 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from typing import Any
 
 import numpy as np
 import pytest
 
-from reports.drawing import MOST_SAMPLES, Viewport, bar_rows, front_picture, map_picture
+from reports.drawing import MOST_KNOTS, MOST_OTHERS, Viewport, bar_rows, map_picture
 from reports.errors import ReportError
+from reports.front import front_picture
 from reports.page import plan_page
-from reports.results import Drive, Ranking
+from reports.results import Drive, Points, Ranking
+from reports.timed import FINEST_M
+from reports.wording import NO_BREAK
 
 VOID = {"meta", "input", "br", "wbr", "link", "img"}
 
@@ -43,10 +47,41 @@ class Outline(HTMLParser):
         self.words.append(data)
 
 
-def animation(text: str) -> dict[str, object]:
-    found = re.search(r'<script type="application/json" id="drive">(.*?)</script>', text, flags=re.S)
-    assert found
-    return json.loads(found.group(1))  # type: ignore[no-any-return]
+    @property
+    def text(self) -> str:
+        """What a reader sees."""
+        return "".join(self.words).replace(NO_BREAK, " ")
+
+
+def no_constant(name: str) -> float:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def told(text: str) -> list[dict[str, Any]]:
+    """The plans that the script of the page draws."""
+    data = re.search(r'<script type="application/json" id="drive">(.*?)</script>', text, flags=re.S)
+    assert data
+    return json.loads(data.group(1), parse_constant=no_constant)  # type: ignore[no-any-return]
+
+
+def unpacked(lane: dict[str, Any]) -> tuple[Points, Points]:
+    """Samples (k,) and metres (k, 2), y down, of the knots of a lane."""
+    knots = np.cumsum(np.array(lane["knots"]).reshape(-1, 3), axis=0)
+    return knots[:, 0], knots[:, 1:] / 100.0
+
+
+def drives(ranking: Ranking, drive: Drive) -> dict[tuple[str, int], Drive]:
+    """A drive for every plan that works; each waits longer than the one before."""
+    plans = [plan for plan in ranking.plans if plan.feasible]
+    return {
+        (plan.strategy, plan.tractors): replace(
+            drive,
+            title=f"plan {number}",
+            xy=tuple(np.vstack([np.repeat(xy[:1], 10 * number, axis=0), xy]) for xy in drive.xy),
+            status=tuple(np.concatenate([np.full(10 * number, 3), status]) for status in drive.status),
+        )
+        for number, plan in enumerate(plans)
+    }
 
 
 def test_remarks_are_written_below_the_table(ranking: Ranking) -> None:
@@ -79,7 +114,7 @@ def test_names_are_escaped(ranking: Ranking, drive: Drive) -> None:
     outline = Outline(page)
     assert outline.open == []
     assert page.count("</script>") == 2
-    assert "".join(outline.words).count(evil) >= 10
+    assert outline.text.count(evil) >= 10
 
 
 def test_same_input_same_page(ranking: Ranking, drive: Drive) -> None:
@@ -99,9 +134,9 @@ def test_table_has_every_feasible_plan_with_values_to_sort_by(ranking: Ranking) 
 
 
 def test_page_says_what_matters(ranking: Ranking, drive: Drive) -> None:
-    words = "".join(Outline(plan_page(ranking, drive)).words)
+    words = Outline(plan_page(ranking, drive)).text
     for part in ("Best plan: 3 tractors", "can be met with 3 or 5", "Refused: 4 plans", "Tractors 2 and 3 touch.",
-                 "Working width 3.00 m.", "Seed 7", "28:32", "deadline 1:00:00", drive.title):  # fmt: skip
+                 "Working width 3.00 m.", "Seed 7", "0:28:32", "deadline 09:00", drive.title):  # fmt: skip
         assert part in words
 
 
@@ -113,7 +148,7 @@ def test_without_a_drive_there_is_no_map(ranking: Ranking) -> None:
 
 def test_nothing_feasible(ranking: Ranking) -> None:
     page = plan_page(replace(ranking, plans=ranking.plans[6:]), None)
-    assert "No plan works: all 4 were refused" in page
+    assert "No plan works: all 4 were refused" in Outline(page).text
     assert '<table id="plans">' not in page
 
 
@@ -122,17 +157,71 @@ def test_bad_drive_is_refused(ranking: Ranking, drive: Drive) -> None:
         plan_page(ranking, replace(drive, step_s=-1.0))
 
 
-def test_animation_gives_the_positions_back(ranking: Ranking, drive: Drive) -> None:
-    data = map_picture(drive)["animation"]
-    assert animation(plan_page(ranking, drive)) == data
-    assert data["step"] == 1.0, "two samples of half a second"
-    for entry, xy, status in zip(data["tractors"], drive.xy, drive.status, strict=True):
-        places = np.cumsum(np.array(entry["moves"]).reshape(-1, 2), axis=0) / 100.0
-        kept = np.minimum(np.arange(len(places)) * 2, len(xy) - 1)
-        expected = (xy[kept] - xy[0]) * (1.0, -1.0)
-        assert places - places[0] == pytest.approx(expected, abs=0.011)
-        assert entry["status"] == "".join(str(value) for value in status[kept])
-    assert data["end"] == max(drive.finish_s)
+def test_the_script_knows_place_and_manner_of_every_tractor_at_every_moment(ranking: Ranking, drive: Drive) -> None:
+    (plan,) = told(plan_page(ranking, drive))
+    assert (plan["step"], plan["end"], plan["title"]) == (drive.step_s, max(drive.finish_s), drive.title)
+    for lane, xy, status in zip(plan["lanes"], drive.xy, drive.status, strict=True):
+        sample, places = unpacked(lane)
+        at = np.arange(len(xy))
+        read = np.column_stack([np.interp(at, sample, places[:, k]) for k in (0, 1)])
+        off = (read - read[0]) * (1.0, -1.0) - (xy - xy[0])
+        assert np.hypot(*off.T).max() < FINEST_M + 0.02, "knots are rounded to centimetres"
+        stretch = np.maximum(np.searchsorted(sample, at) - 1, 0)
+        assert [int(lane["status"][n]) for n in stretch[1:]] == status[1:].tolist()
+    assert np.array(plan["seconds"]).T.tolist() == [list(drive.seconds[name]) for name in drive.seconds]
+
+
+def test_every_plan_of_the_table_can_be_chosen_for_the_map(ranking: Ranking, drive: Drive) -> None:
+    every = drives(ranking, drive)
+    best = ranking.best
+    assert best is not None
+    page = plan_page(ranking, every[best.strategy, best.tractors], every)
+    plans = told(page)
+    assert [plan["title"] for plan in plans] == ["plan 2", "plan 0", "plan 1", "plan 3", "plan 5"], (
+        "the best first; of two plans with one key the drive is of both"
+    )
+    assert plans[0]["name"] == "3. split-field, 3 tractors, switch-back, 0:28:32"
+    menu = page[page.index('<select id="plan">') :].split("</select>")[0]
+    assert re.findall(r"<option [^>]*>(.*?)</option>", menu) == [plan["name"] for plan in plans]
+    picks = re.findall(r'class="pick" data-plan="(\d+)" aria-label="Show plan (\d) on the map"', page)
+    assert {rank: plans[int(place)]["title"] for place, rank in picks} == {
+        "1": "plan 0", "2": "plan 1", "3": "plan 2", "4": "plan 3", "5": "plan 5", "6": "plan 5",
+    }  # fmt: skip
+    ends = [plan["end"] for plan in plans]
+    assert ends == [max(len(xy) - 1 for xy in every[key].xy) * drive.step_s for key in _keys(every, plans)]
+
+
+def _keys(every: dict[tuple[str, int], Drive], plans: list[dict[str, Any]]) -> list[tuple[str, int]]:
+    by_title = {drive.title: key for key, drive in every.items()}
+    return [by_title[plan["title"]] for plan in plans]
+
+
+def test_the_map_begins_at_the_start_and_can_be_played(ranking: Ranking, drive: Drive) -> None:
+    page = plan_page(ranking, drive)
+    slider = next(attributes for tag, attributes in Outline(page).tags if attributes.get("type") == "range")
+    assert (slider["value"], float(slider["max"] or 0)) == ("0", max(drive.finish_s))
+    assert "stage(0);" in page and "seek(0);" in page and "At the start" in page
+    assert page.index('id="play"') < page.index('<svg id="map"'), "in sight before the map"
+
+
+def test_tracks_have_numbers_and_worked_stretches_a_direction(drive: Drive) -> None:
+    picture = map_picture({"a": drive})
+    west = [label for label in picture["labels"] if label["x"] < picture["width"] / 2]
+    assert {int(label["text"]) for label in west} <= set(range(1, 24)) and len(west) >= 6
+    heights = sorted(label["y"] for label in west)
+    assert min(np.diff(heights)) >= 2.2 * picture["unit"], "they do not lie over each other"
+    low = min(west, key=lambda label: label["y"])
+    assert int(low["text"]) > 20, "tracks are counted from the south, where y is largest"
+    for lane in picture["plans"][0]["lanes"]:
+        heads = re.findall(r"M(\d+) (\d+)l(-?\d+) (-?\d+) (-?\d+) (-?\d+)z", lane["arrows"])
+        assert heads and lane["arrows"].count("M") == len(heads)
+        _, places = unpacked(lane)
+        worked = np.array(list(lane["status"])) == "1"
+        for tip_x, tip_y, back, *_ in [[int(part) for part in head] for head in heads]:
+            steps = np.flatnonzero(worked & (np.abs(places[1:, 1] * 100 - tip_y) < 10))
+            west, east = places[steps[0], 0], places[steps[-1] + 1, 0]
+            assert (east - west) * back < 0, "the tip lies ahead of the corners behind it"
+            assert min(west, east) < tip_x / 100 < max(west, east)
 
 
 def test_lines_round_trip_to_the_centimetre() -> None:
@@ -142,15 +231,15 @@ def test_lines_round_trip_to_the_centimetre() -> None:
 
 
 def test_map_lanes_draw_the_worked_length(drive: Drive) -> None:
-    for lane, xy, status in zip(map_picture(drive)["lanes"], drive.xy, drive.status, strict=True):
+    for lane, xy, status in zip(map_picture({"a": drive})["lanes"], drive.xy, drive.status, strict=True):
         steps = np.hypot(*np.diff(xy, axis=0).T)
-        drawn = 0.0
-        for piece in lane["work"]:
-            moves = np.array([int(n) for n in piece["d"].split("l")[1].split()]).reshape(-1, 2)
-            drawn += float(np.hypot(*moves.T).sum()) / 100.0
-        assert drawn == pytest.approx(float(steps[status[1:] == 1].sum()), rel=1e-3)
-        seconds = sum(piece["to"] - piece["from"] for piece in lane["work"])
-        assert seconds == pytest.approx(float((status == 1).sum()) * drive.step_s)
+        for manner, codes in (("work", (1,)), ("back", (4,)), ("turn", (0, 2, 3))):
+            drawn = 0.0
+            for piece in lane[manner].split("M")[1:]:
+                if "l" in piece:
+                    moves = np.array([int(n) for n in piece.split("l")[1].split()]).reshape(-1, 2)
+                    drawn += float(np.hypot(*moves.T).sum()) / 100.0
+            assert drawn == pytest.approx(float(steps[np.isin(status[1:], codes)].sum()), rel=0.01)
 
 
 def test_bars_share_the_longest(drive: Drive) -> None:
@@ -172,6 +261,8 @@ def test_front_is_drawn_to_scale(ranking: Ranking) -> None:
 
 
 def test_deadline_is_drawn_at_the_seconds_allowed_and_only_then(ranking: Ranking) -> None:
+    clocked = front_picture(ranking)
+    assert clocked is not None and clocked["deadline"]["text"] == "deadline 09:00"
     later = front_picture(replace(ranking, allowed_s=5000.0, start=None, before=None))
     assert later is not None
     assert later["deadline"]["text"] == "deadline 1:23:20"
@@ -196,9 +287,13 @@ def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: Ranking) -> None
     tracks = np.array([[[10.0, 1.5 + 3 * k], [410.0, 1.5 + 3 * k]] for k in range(rows)])
     boundary = np.array([[0.0, 0.0], [420.0, 0.0], [420.0, 570.0], [0.0, 570.0]])
     big = Drive("24 ha", boundary, (), tracks, 3.0, 1.0, (xy,), (np.ones(len(xy), dtype=np.int64),), (1.0,), seconds)
-    assert len(plan_page(ranking, big).encode()) < 2_000_000
-    samples = [len(entry["status"]) for entry in map_picture(big)["animation"]["tractors"]]
-    assert sum(samples) <= MOST_SAMPLES + len(samples)
+    plans = [replace(ranking.plans[0], strategy=f"s{number}", rank=number + 1) for number in range(12)]
+    many = {(plan.strategy, plan.tractors): big for plan in plans}
+    crowded = replace(ranking, plans=tuple(plans))
+    page = plan_page(crowded, big, many)
+    assert len(page.encode()) < 2_000_000
+    knots = [sum(len(lane["status"]) + 1 for lane in plan["lanes"]) for plan in told(page)]
+    assert len(knots) == 12 and knots[0] <= MOST_KNOTS and sum(knots[1:]) <= MOST_OTHERS
 
 
 def test_a_drive_of_one_moment_on_a_field_without_tracks(ranking: Ranking, drive: Drive) -> None:
@@ -212,7 +307,7 @@ def test_a_drive_of_one_moment_on_a_field_without_tracks(ranking: Ranking, drive
     )
     page = plan_page(ranking, still)
     assert Outline(page).open == []
-    assert animation(page)["end"] == 0.0
+    assert [plan["end"] for plan in told(page)] == [0.0]
 
 
 def test_points_stay_nearest_their_own_count(ranking: Ranking) -> None:

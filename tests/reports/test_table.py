@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
+from reports.fitting import broken
 from reports.results import Ranking, Study
-from reports.table import _broken, field_table, ranking_table, study_tables
+from reports.table import field_table, ranking_table, study_tables
 
 
 def printed(what: RenderableType, width: int = 80) -> str:
@@ -23,7 +24,7 @@ def printed(what: RenderableType, width: int = 80) -> str:
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
 
 
-@pytest.mark.parametrize("width", [80, 100, 140])
+@pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
 def test_no_line_is_wider_than_the_console(ranking: Ranking, study: Study, width: int) -> None:
     long = replace(
         ranking,
@@ -41,10 +42,53 @@ def test_no_line_is_wider_than_the_console(ranking: Ranking, study: Study, width
 def test_eighty_columns_show_every_figure_on_one_line(ranking: Ranking) -> None:
     lines = printed(ranking_table(ranking)).splitlines()
     third = next(line for line in lines if line.startswith("3*"))
-    assert third.split() == ["3*", "3", "split-field", "switch-back", "28:32", "5.65", "3:03", "0:25", "98.7", "1.3",
-                             "2.35", "yes"]  # fmt: skip
+    assert third.split() == ["3*", "3", "split-field", "0:28:32", "5.65", "0:03:03", "0:00:25", "98.7", "1.3", "2.35",
+                             "yes"], "the name goes on below"  # fmt: skip
+    assert lines[lines.index(third) + 1].split() == ["switch-back"]
     alone = next(line for line in lines if line.startswith("5*"))
     assert alone.split()[-2:] == ["-", "no"], "one tractor has no clearance"
+
+
+FIGURES = {
+    "Cost": ["6.89", "7.10", "5.65", "8.19", "4.92", "5.51"],
+    "Turning": ["0:05:05", "0:05:05", "0:03:03", "0:02:02", "0:01:01", "0:01:01"],
+    "Waiting": ["0:00:50", "0:00:50", "0:00:25", "0:00:13", "0:00:00", "0:00:00"],
+    "Worked %": ["98.7"] * 6,
+    "Overlap %": ["1.3"] * 6,
+    "Clearance m": ["2.35", "2.35", "2.35", "2.35", "-", "-"],
+    "In time": ["yes", "yes", "yes", "no", "no", "no"],
+}
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
+def test_a_column_is_whole_or_named_as_missing(ranking: Ranking, width: int) -> None:
+    text = printed(ranking_table(ranking), width)
+    flat = " ".join(text.split())
+    named = re.search(r"No room for: (.*?); a wider window or --json shows all\.", flat)
+    missing = named.group(1).split(", ") if named else []
+    lines = [line for line in text.splitlines() if re.match(r" *[1-6][* ] ", line)]
+    assert len(lines) == 6
+    figures = [re.findall(r"(?<= )(?:[\d.:]+|-|yes|no)(?= |$)", line.strip()) for line in lines]
+    times = ["0:20:53", "0:21:30", "0:28:32", "1:02:05", "1:14:35", "1:23:32"]
+    shown = [values for heading, values in FIGURES.items() if heading not in missing]
+    for number, row in enumerate(figures):
+        assert row[-1 - len(shown) :] == [times[number], *(values[number] for values in shown)]
+    assert set(missing) <= set(FIGURES) and (not missing or width < 80)
+    assert width > 40 or set(missing) >= {"Clearance m", "Overlap %", "Waiting"}
+    assert width < 120 or "Trac-" not in text, "headings are whole where they have room"
+
+
+def test_too_narrow_for_a_table_is_a_list(ranking: Ranking) -> None:
+    lines = printed(ranking_table(ranking), 20).splitlines()
+    assert max(map(len, lines)) <= 20
+    assert "  Time: 0:20:53" in lines and "  Clearance m: 2.35" in lines and lines.count("  Worked %: 98.7") == 6
+
+
+@pytest.mark.parametrize("width", range(30, 130))
+def test_cost_and_its_value_stay_on_one_line(ranking: Ranking, width: int) -> None:
+    text = printed(ranking_table(ranking), width)
+    for said in ("cost 5.65", "cost 6.89", "cost 4.92", "in 0:28:32", "(at 08:28)"):
+        assert said in text
 
 
 def test_headline_comes_first_and_refusals_last(ranking: Ranking) -> None:
@@ -69,8 +113,9 @@ def test_only_the_best_are_shown_when_asked(ranking: Ranking) -> None:
     assert ranks(2) == ["1", "2", "3", "4", "5"], "the front has ranks 1, 3, 4 and 5"
     assert ranks(0) == ["1", "3", "4", "5"]
     assert ranks(None) == ["1", "2", "3", "4", "5", "6"]
-    assert "1 slower plan is not shown." in " ".join(printed(ranking_table(ranking, 2)).split())
-    assert "2 slower plans are not shown." in " ".join(printed(ranking_table(ranking, 0)).split())
+    one, two = (" ".join(printed(ranking_table(ranking, most)).split()) for most in (2, 0))
+    assert "1 slower plan is not shown; --all shows every plan." in one
+    assert "2 slower plans are not shown; --all shows every plan." in two
     assert "not shown" not in printed(ranking_table(ranking, None))
 
 
@@ -83,7 +128,7 @@ def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: Ranking) ->
     assert crowded.best is plans[26]
     text = printed(ranking_table(crowded))
     assert re.findall(r"^ *(\d+)[* ] ", text, flags=re.M) == [*map(str, range(1, 21)), "26", "27"]
-    assert "6 slower plans are not shown." in " ".join(text.split())
+    assert "6 slower plans are not shown; --all shows every plan." in " ".join(text.split())
 
 
 @pytest.mark.parametrize("width", [76, 80, 100, 120])
@@ -94,29 +139,30 @@ def test_long_names_break_between_words(ranking: Ranking, width: int) -> None:
         for plan in ranking.plans[:6]
     )  # fmt: skip
     text = printed(ranking_table(replace(ranking, plans=plans)), width)
-    table = text[text.index("Strategy") : text.index("* nobody")]
+    table = text[text.index("Strategy") : text.index("Times are")].split("No room")[0]
     whole = {"row", "by", "optimised", "omega", "switch", "back"}
-    assert set(re.findall("[a-z]{2,}", table.split("\n", 2)[2])) - {"yes", "no"} == whole
+    rows = [line for line in table.splitlines() if not re.search("Strategy|turn|Turn", line)]
+    assert set(re.findall("[a-z]{2,}", "\n".join(rows))) - {"yes", "no"} == whole
 
 
 @given(st.text(alphabet="ab +-", max_size=30), st.integers(1, 30))
 def test_broken_lines_hold_the_same_words(text: str, width: int) -> None:
-    lines = _broken(text, width)
+    lines = broken(text, width)
     assert re.sub(" +", "", "".join(lines)) == re.sub(" +", "", text)
     assert all(len(line) <= width or re.fullmatch("[ab]+[+-]?", line) for line in lines)
 
 
 def test_breaks_come_at_spaces_first_then_plus_then_hyphen() -> None:
-    assert _broken("row-by-row omega+route", 22) == ["row-by-row omega+route"]
-    assert _broken("row-by-row omega+route", 15) == ["row-by-row", "omega+route"]
-    assert _broken("row-by-row omega+route", 10) == ["row-by-row", "omega+", "route"]
-    assert _broken("row-by-row omega+route", 8) == ["row-by-", "row", "omega+", "route"]
+    assert broken("row-by-row omega+route", 22) == ["row-by-row omega+route"]
+    assert broken("row-by-row omega+route", 15) == ["row-by-row", "omega+route"]
+    assert broken("row-by-row omega+route", 10) == ["row-by-row", "omega+", "route"]
+    assert broken("row-by-row omega+route", 8) == ["row-by-", "row", "omega+", "route"]
 
 
 def test_deadline_column_only_with_a_deadline(ranking: Ranking) -> None:
     free = replace(ranking, plans=tuple(replace(plan, meets_deadline=None) for plan in ranking.plans), before=None)
-    assert "Deadline" in printed(ranking_table(ranking), 140)
-    assert "Deadline" not in printed(ranking_table(free), 140)
+    assert "In time" in printed(ranking_table(ranking), 140)
+    assert "In time" not in printed(ranking_table(free), 140)
 
 
 def test_plain_text_in_a_pipe(ranking: Ranking, study: Study) -> None:
@@ -154,6 +200,19 @@ def test_field_values_read_well() -> None:
     assert dict(rows[:5]) == {"Name": "Iwamizawa", "Area": "1.23457", "Holes": "0", "Entrance": "-", "Corner": "1.5, 2"}
     assert " ".join(rows[5] + rows[6]).split() == ["Sides", "North:", "270", "Open:", "yes"]
     assert rows[7] == ["Empty", "-"]
+
+
+@pytest.mark.parametrize("width", [16, 40, 60, 80, 120, 200])
+def test_field_and_study_figures_are_whole(study: Study, width: int) -> None:
+    info = {"area_ha": 1.89234, "corner": [123456.0, -98765.4], "turns_s": {"omega": 12345.6, "u": 8.0}}
+    for what, figures in (
+        (field_table(info), ("1.89234", "123456", "-98765.4", "12345.6")),
+        (study_tables(study), ("74:35", "76:53", "+3.1", "25:30", "24:59", "-2.0", "20:53", "20:40", "-1.0")),
+    ):
+        text = printed(what, width)
+        assert max(len(line) for line in text.splitlines()) <= width
+        for figure in figures:
+            assert re.search(rf"(?<![\d.:+-]){re.escape(figure)}(?![\d.:])", text), figure
 
 
 def test_field_labels_carry_their_units() -> None:

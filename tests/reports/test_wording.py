@@ -8,19 +8,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reports.effect_words import spelled
 from reports.results import PlanResult, Ranking
-from reports.wording import clock, duration, headline, listed, members, minutes, number, price, refusals, remarks
+from reports.wording import (
+    NO_BREAK,
+    bound,
+    clock,
+    duration,
+    effects_words,
+    headline,
+    listed,
+    members,
+    minutes,
+    number,
+    price,
+    refusals,
+    remarks,
+)
 
 
 @pytest.mark.parametrize(
     ("seconds", "short", "thesis"),
     [
-        (0.0, "0:00", "0:00"),
-        (59.4, "0:59", "0:59"),
-        (59.5, "1:00", "1:00"),
+        (0.0, "0:00:00", "0:00"),
+        (59.4, "0:00:59", "0:59"),
+        (59.5, "0:01:00", "1:00"),
         (3599.6, "1:00:00", "60:00"),
         (4475.0, "1:14:35", "74:35"),
-        (-90.0, "-1:30", "-1:30"),
+        (-90.0, "-0:01:30", "-1:30"),
         (None, "-", "-"),
         (float("nan"), "-", "-"),
         (float("inf"), "-", "-"),
@@ -52,9 +67,9 @@ def test_lists_in_words() -> None:
 
 def test_headline_with_a_deadline(ranking: Ranking) -> None:
     assert headline(ranking) == [
-        "Best plan: 3 tractors, split-field, turns switch-back, done in 28:32 (at 08:28), cost 5.65.",
+        "Best plan: 3 tractors, split-field, turns switch-back, done in 0:28:32 (at 08:28), cost 5.65.",
         "The deadline (09:00) can be met with 3 or 5 tractors, not with 1 or 2; the best plan is the cheapest of them.",
-        "Fastest: 5 tractors, row-by-row, turns omega, done in 20:53 (at 08:20), cost 6.89.",
+        "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89.",
         "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:14), cost 4.92.",
     ]
 
@@ -62,13 +77,42 @@ def test_headline_with_a_deadline(ranking: Ranking) -> None:
 def test_headline_without_a_deadline_takes_the_fastest(ranking: Ranking) -> None:
     plans = tuple(replace(plan, meets_deadline=None) for plan in ranking.plans)
     sentences = headline(replace(ranking, plans=plans, start=None, before=None))
-    assert sentences[0] == "Best plan: 5 tractors, row-by-row, turns omega, done in 20:53, cost 6.89."
+    assert sentences[0] == "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53, cost 6.89."
     assert [sentence.split(":")[0] for sentence in sentences] == ["Best plan", "Cheapest"]
 
 
 def test_headline_when_nobody_is_in_time(ranking: Ranking) -> None:
     plans = tuple(replace(plan, meets_deadline=False if plan.feasible else None) for plan in ranking.plans)
-    assert "The deadline (08:10) is met by no plan." in headline(replace(ranking, plans=plans, before="08:10"))
+    assert headline(replace(ranking, plans=plans, before="08:10", allowed_s=600.0)) == [
+        "No plan meets the deadline (08:10).",
+        "The closest misses it by 0:10:53: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89.",
+        "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:14), cost 4.92.",
+    ]
+
+
+def test_what_is_remarkable_about_the_best_plan_is_told_after_it(ranking: Ranking) -> None:
+    little = tuple(replace(plan, remark="works only 10 % of the field") for plan in ranking.plans)
+    said = "Remark on it: works only 10 % of the field."
+    assert headline(replace(ranking, plans=little))[1] == said
+    assert not any("Remark" in sentence for sentence in headline(ranking))
+    late = tuple(replace(plan, meets_deadline=False) for plan in little if plan.feasible)
+    assert headline(replace(ranking, plans=late, allowed_s=600.0))[2] == said
+
+
+def test_a_value_stays_with_the_word_before_it() -> None:
+    text = f"cost{NO_BREAK}5.65 (at{NO_BREAK}08:28) on a, b with{NO_BREAK}2, 3 or{NO_BREAK}5"
+    assert bound(text.replace(NO_BREAK, " ")) == text
+
+
+def test_effects_are_told_by_their_words_with_ids_and_units(ranking: Ranking) -> None:
+    effects = {"steering_offset": {"angle_deg": 1.0}, "cross_slope_drift": {"ratio": 0.031, "bearing_deg": 90.0},
+               "rest": {"grip_to_east": 0.1}}  # fmt: skip
+    assert effects_words(replace(ranking, tractor_effects=effects)) == (
+        "Simulated with what the tractor file has from measured logs: steering offset (steering_offset): 1 deg; cross "
+        "slope drift (cross_slope_drift): 0.031 m/m, bearing 90 deg; a rest told from data."
+    )
+    assert effects_words(ranking) is None
+    assert spelled("1 deg of gnss_latency, not my_gnss_latency") == "1 deg of GNSS latency, not my_gnss_latency"
 
 
 def test_headline_when_nothing_works(ranking: Ranking) -> None:
@@ -106,12 +150,12 @@ def test_remarks_name_the_strategy_and_the_counts(ranking: Ranking) -> None:
 def test_the_cheapest_is_told_once(ranking: Ranking) -> None:
     in_time = replace(ranking, plans=ranking.plans[:3])
     assert headline(in_time) == [
-        "Best plan: 3 tractors, split-field, turns switch-back, done in 28:32 (at 08:28), cost 5.65.",
+        "Best plan: 3 tractors, split-field, turns switch-back, done in 0:28:32 (at 08:28), cost 5.65.",
         "The deadline (09:00) can be met with 3 or 5 tractors; the best plan is the cheapest of all.",
-        "Fastest: 5 tractors, row-by-row, turns omega, done in 20:53 (at 08:20), cost 6.89.",
+        "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89.",
     ]
     late = headline(replace(ranking, plans=ranking.plans[4:5]))
-    assert late[1:] == ["The deadline (09:00) is met by no plan.", "The best plan is also the cheapest."]
+    assert [late[0], late[-1]] == ["No plan meets the deadline (09:00).", "That is also the cheapest."]
 
 
 def test_clock_times_after_the_start(ranking: Ranking) -> None:

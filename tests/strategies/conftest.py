@@ -75,15 +75,16 @@ class Jobs:
 
         Every working leg must lie on one track and be driven at working speed, the implement `tool_m` behind.
         """
-        found: dict[Track, list[tuple[float, float, int]]] = {track: [] for track in job.layout.tracks}
+        worked: dict[Track, list[tuple[float, float, int]]] = {track: [] for track in job.layout.tracks}
         for tractor, mission in enumerate(plan.missions):
             for leg in (leg for leg in mission.legs if leg.implement):
-                assert leg.kind == "work" and leg.gear == 1 and leg.speed_mps == job.manner.work_speed_mps
+                assert leg.task.kind == "track" and leg.gear == 1 and leg.speed_mps == job.manner.work_speed_mps
                 ahead = (leg.points[-1] - leg.points[0]) / np.linalg.norm(leg.points[-1] - leg.points[0])
                 bar = leg.points[[0, -1]] - job.manner.tool_m * ahead
                 track, low, high = self._on_track(job, bar)
-                found[track].append((low, high, tractor))
-        return {track: sorted(stretches) for track, stretches in found.items()}
+                assert (leg.task.number, leg.task.piece) == (track.line, track.piece)
+                worked[track].append((low, high, tractor))
+        return {track: sorted(stretches) for track, stretches in worked.items()}
 
     def _on_track(self, job: Job, bar: Any) -> tuple[Track, float, float]:
         matches = []

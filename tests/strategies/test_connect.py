@@ -157,12 +157,12 @@ def test_any_two_poses_of_a_rectangle_are_connected_inside_it(width, height, sha
 def test_random_poses_with_room_are_connected(free: Polygon) -> None:
     connector, draw = Connector(free, R, COSTS), random.Random(7)
     left, low, right, high = free.bounds
-    room, found = free.buffer(-2.5), []
-    while len(found) < 24:
+    room, poses = free.buffer(-2.5), []
+    while len(poses) < 24:
         spot = (draw.uniform(left, right), draw.uniform(low, high))
         if room.contains(Point(spot)):
-            found.append((*spot, draw.uniform(-math.pi, math.pi)))
-    for a, b in zip(found[::2], found[1::2], strict=True):
+            poses.append((*spot, draw.uniform(-math.pi, math.pi)))
+    for a, b in zip(poses[::2], poses[1::2], strict=True):
         assert_good(connector.connect(a, b), a, b, free)
 
 

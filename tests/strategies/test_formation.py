@@ -9,9 +9,12 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 from fields import Field
+from strategies.col_by_col import col_by_col
 from strategies.errors import StrategyError
-from strategies.formation import Formation, col_by_col, row_by_row, row_by_row_timed
+from strategies.formation import Formation
 from strategies.job import Job
+from strategies.row_by_row import row_by_row
+from strategies.row_by_row_optimised import row_by_row_timed
 from vehicle.missions import check_plan
 
 QUICK = settings(deadline=None, max_examples=8, derandomize=True, database=None)

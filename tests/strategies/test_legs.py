@@ -16,7 +16,7 @@ from strategies.errors import StrategyError
 from strategies.job import Job, Pass
 from strategies.legs import mission_of, pass_legs, straight_leg, turn_legs, way_legs
 from strategies.paths import Path, Segment
-from vehicle.missions import Plan, check_plan
+from vehicle.missions import Plan, Task, check_plan
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 
@@ -25,22 +25,23 @@ class TestStraightLeg:
     @QUICK
     @given(angle=st.floats(-math.pi, math.pi), start=st.floats(-20, 20), length=st.floats(0.1, 300), work=st.booleans())
     def test_lies_ahead_of_the_pose(self, jobs: Any, angle: float, start: float, length: float, work: bool) -> None:
-        leg = straight_leg(jobs.rectangle(4), (7.0, -3.0, angle), start, start + length, implement=work)
+        task = Task("track" if work else "drive-in", 3)
+        leg = straight_leg(jobs.rectangle(4), (7.0, -3.0, angle), start, start + length, task)
         offset = leg.points - (7.0, -3.0)
         assert np.allclose(offset @ (math.cos(angle), math.sin(angle)), [start, start + length], atol=1e-9)
         assert np.allclose(offset @ (-math.sin(angle), math.cos(angle)), 0.0, atol=1e-9)
         assert leg.length_m == pytest.approx(length, abs=1e-9)
-        assert (leg.kind, leg.implement) == (("work", True) if work else ("turn", False))
+        assert (leg.task, leg.implement, leg.may_wait) == (task, work, False)
 
     def test_work_and_driving_in_have_their_own_speeds(self, jobs: Any) -> None:
         job = jobs.rectangle(4, work_speed_mps=2.0, turn_speed_mps=1.1)
-        speeds = [straight_leg(job, (0, 0, 0), 0, 5, implement=work).speed_mps for work in (True, False)]
+        speeds = [straight_leg(job, (0, 0, 0), 0, 5, Task(kind)).speed_mps for kind in ("track", "drive-in")]
         assert speeds == [2.0, 1.1]
 
     def test_takes_the_ground_under_its_middle(self, jobs: Any) -> None:
         yard = GroundZone("asphalt", box(0, 0, 30, 30))
         job = jobs.on_field(Field("f", box(0, 0, 60, 100), grounds=(yard,)))
-        grounds = [straight_leg(job, (10.0, y, math.pi / 2), 0, 10, implement=True).ground for y in (5.0, 50.0)]
+        grounds = [straight_leg(job, (10.0, y, math.pi / 2), 0, 10, Task("track")).ground for y in (5.0, 50.0)]
         assert grounds == ["asphalt", "soil"]
 
 
@@ -54,6 +55,8 @@ class TestPass:
         assert main.length_m + last.length_m == pytest.approx(track.length)
         assert last.length_m == pytest.approx(job.manner.hold_back_m)
         assert (drive_in.implement, main.implement, last.implement) == (False, True, True)
+        assert [leg.task for leg in (drive_in, main, last)] == [Task("drive-in", 1), Task("track", 1), Task("track", 1)]
+        assert [leg.may_wait for leg in (drive_in, main, last)] == [False, False, True]
         ends = (track.start, track.end)[::direction]
         assert np.allclose(drive_in.points[0], ends[0])
         beyond = np.array(ends[1]) + jobs.tool_m * (np.array(ends[1]) - ends[0]) / track.length
@@ -69,7 +72,7 @@ class TestWay:
     def test_one_leg_per_gear_at_manoeuvring_speed(self, jobs: Any) -> None:
         job = jobs.rectangle(4, reverse_speed_mps=0.8)
         path = Path((0, 0, 0), (Segment(6, 0.0, 1), Segment(4, 0.1, -1), Segment(5, 0.0, 1)), "switch-back")
-        legs = way_legs(job, path)
+        legs = way_legs(job, path, job.layout.tracks[2])
         assert [leg.gear for leg in legs] == [1, -1, 1]
         assert [leg.speed_mps for leg in legs] == [0.8] * 3
         assert [leg.length_m for leg in legs] == pytest.approx([6, 4, 5], abs=1e-3)
@@ -77,8 +80,14 @@ class TestWay:
 
     def test_forward_only_at_turning_speed(self, jobs: Any) -> None:
         job = jobs.rectangle(4, turn_speed_mps=1.2, reverse_speed_mps=0.8)
-        (leg,) = way_legs(job, Path((0, 0, 0), (Segment(6, 0.1, 1),), "u"))
-        assert leg.speed_mps == 1.2 and leg.gear == 1 and leg.kind == "turn" and not leg.implement
+        (leg,) = way_legs(job, Path((0, 0, 0), (Segment(6, 0.1, 1),), "u"), job.layout.tracks[2])
+        assert leg.speed_mps == 1.2 and leg.gear == 1 and not leg.implement
+
+    @pytest.mark.parametrize(("kind", "task"), [("u", "turn"), ("switch-back", "turn"), ("route", "way")])
+    def test_says_which_track_it_leads_to(self, jobs: Any, kind: str, task: str) -> None:
+        track = jobs.drawn([[(0, 40)], [(0, 40), (60, 100)]]).layout.tracks[2]
+        (leg,) = way_legs(jobs.rectangle(4), Path((0, 0, 0), (Segment(6, 0.1, 1),), kind), track)
+        assert leg.task == Task(task, number=1, piece=1) and not leg.may_wait
 
     def test_joins_the_passes_it_leads_between_and_is_counted(self, jobs: Any) -> None:
         job = jobs.rectangle(8)

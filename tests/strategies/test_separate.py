@@ -1,5 +1,6 @@
 """Split-field and interleaved: who gets which tracks, and the plans made of them."""
 
+from dataclasses import replace
 from itertools import combinations, pairwise
 from typing import Any
 
@@ -8,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strategies.errors import StrategyError
+from strategies.interleaved import interleaved
 from strategies.job import Job
-from strategies.registry import STRATEGIES, build
-from strategies.separate import blocks, interleaved, split_field
+from strategies.registry import STRATEGIES
+from strategies.split_field import blocks, split_field
 from vehicle.missions import Gate, check_plan
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
@@ -57,7 +59,7 @@ class TestPlans:
     @pytest.mark.parametrize("name", ["split-field", "interleaved"])
     def test_every_metre_is_worked_once(self, jobs: Any, name: str, tractors: int) -> None:
         job = jobs.rectangle(11, tractors=tractors)
-        plan = build(name, job)
+        plan = STRATEGIES[name].build(job)
         check_plan(plan)
         assert plan.tractors == tractors
         assert plan.notes == {"strategy": name, "tractors": tractors}
@@ -68,7 +70,7 @@ class TestPlans:
         from shapely import box
 
         job = jobs.rectangle(14, 100.0, tractors=2, hole=box(15, 50, 27, 62))
-        plan = build(name, job)
+        plan = STRATEGIES[name].build(job)
         check_plan(plan)
         jobs.assert_all_once(job, plan)
 
@@ -82,7 +84,7 @@ class TestPlans:
         job = jobs.rectangle(8, turn_s=(0.0, 90.0, 80.0, 10.0, 10.0))
         steps = []
         for jump in (1, 3):
-            plan = split_field(job, jump)
+            plan = split_field(replace(job, jump=jump))
             worked = [leg for leg in plan.missions[0].legs if leg.implement][::2]
             lines = [int(leg.points[0][0] // jobs.width_m) for leg in worked]
             steps.append([abs(b - a) for a, b in pairwise(lines)])
@@ -111,13 +113,8 @@ class TestPlans:
         assert not any(leg.gates or leg.follow for mission in plan.missions for leg in mission.legs)
 
     def test_same_job_same_plan(self, jobs: Any) -> None:
-        from vehicle.missions import plan_to_json
+        from vehicle.plan_file import plan_to_json
 
         for name in ("split-field", "interleaved", "row-by-row", "col-by-col"):
-            first, second = (plan_to_json(build(name, jobs.rectangle(9, tractors=3))) for _ in range(2))
+            first, second = (plan_to_json(STRATEGIES[name].build(jobs.rectangle(9, tractors=3))) for _ in range(2))
             assert first == second
-
-    def test_every_name_but_the_timed_one_builds(self, jobs: Any) -> None:
-        for name in STRATEGIES:
-            if name != "row-by-row-optimised":
-                assert build(name, jobs.rectangle(6, tractors=3)).tractors == 3

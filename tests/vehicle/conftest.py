@@ -30,9 +30,11 @@ class Build:
     speed = 5.0 / 3.6
 
     def leg(self, *points: Sequence[float], **options: Any) -> Any:
-        from vehicle.missions import Leg
+        from vehicle.missions import Leg, Task
 
         options.setdefault("speed_mps", self.speed)
+        if "kind" in options:
+            options["task"] = Task(options.pop("kind"))
         return Leg(np.array(points, dtype=np.float64), **options)
 
     def arc(self, centre: Sequence[float], radius: float, start_deg: float, end_deg: float, **options: Any) -> Any:
@@ -49,7 +51,7 @@ class Build:
 
     def two_passes(self, x: float = 0.0, length: float = 30.0, spacing: float = 9.0, **turn: Any) -> list[Any]:
         """North along x, a half circle to the right, south along x + spacing."""
-        work = {"kind": "work", "implement": True}
+        work = {"kind": "track", "implement": True}
         half = 0.5 * spacing
         return [
             self.leg((x, 0), (x, length), **work),
@@ -61,11 +63,11 @@ class Build:
         """North, a quarter to the right, straight back, a quarter to the right and south on the track 3 m aside."""
         back = 2 * radius - 3.0
         return [
-            self.leg((0, 0), (0, length), kind="work", implement=True),
+            self.leg((0, 0), (0, length), kind="track", implement=True),
             self.arc((radius, length), radius, 180, 90),
             self.leg((radius, length + radius), (radius - back, length + radius), gear=-1, speed_mps=1.0, kind="turn"),
             self.arc((radius - back, length), radius, 90, 0),
-            self.leg((3, length), (3, 0), kind="work", implement=True),
+            self.leg((3, length), (3, 0), kind="track", implement=True),
         ]
 
 

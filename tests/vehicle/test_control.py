@@ -86,8 +86,8 @@ def test_a_long_wait_for_a_moving_tractor_is_no_stall(build: Any, drive: Any) ->
 
 @pytest.mark.parametrize("start", [-4.0, -7.0, -8.5])
 def test_a_follower_that_is_too_close_falls_back_to_ten_metres(build: Any, drive: Any, start: float) -> None:
-    lead = [build.leg((0, 0), (0, 80), kind="work")]
-    behind = [build.leg((3, start), (3, 70), follow=Follow(0, 0), kind="work")]
+    lead = [build.leg((0, 0), (0, 80), kind="track")]
+    behind = [build.leg((3, start), (3, 70), follow=Follow(0, 0), kind="track")]
     run: Run = drive(build.plan(lead, behind))
     gap = run.record[:, 0, Y] - run.record[:, 1, Y]
     assert (run.record[gap < 10.0 - 2 * SPEED, 1, VELOCITY] < 0.05).all(), "Eq. 6.1 says stand"

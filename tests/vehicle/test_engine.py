@@ -29,9 +29,9 @@ def gated(build: Any) -> Plan:
 
 def formation(build: Any) -> Plan:
     """A slower leader and two followers that start too close."""
-    lead = [build.leg((0, 0), (0, 90), speed_mps=0.9, kind="work", implement=True)]
-    second = [build.leg((3, -7), (3, 80), follow=Follow(0, 0), kind="work", implement=True)]
-    third = [build.leg((-3, -9), (-3, 80), follow=Follow(0, 0, 12.0), kind="work", implement=True)]
+    lead = [build.leg((0, 0), (0, 90), speed_mps=0.9, kind="track", implement=True)]
+    second = [build.leg((3, -7), (3, 80), follow=Follow(0, 0), kind="track", implement=True)]
+    third = [build.leg((-3, -9), (-3, 80), follow=Follow(0, 0, 12.0), kind="track", implement=True)]
     return build.plan(lead, second, third)
 
 

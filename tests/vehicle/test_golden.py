@@ -35,7 +35,7 @@ def golden_plan(build: Any) -> Plan:
     second[0] = second[0].with_gates([Gate(0, 0, 10.0)])
     second[1] = second[1].with_gates([Gate(0, 1, 9.0)])
     apart = [
-        build.leg(*(leg.points + np.array([30.0, 0.0])), gear=leg.gear, speed_mps=leg.speed_mps, kind=leg.kind)
+        build.leg(*(leg.points + np.array([30.0, 0.0])), gear=leg.gear, speed_mps=leg.speed_mps, task=leg.task)
         for leg in build.switch_back()
     ]
     behind = [build.leg((24, -8), (24, 5), follow=Follow(2, 0), ground="asphalt")]

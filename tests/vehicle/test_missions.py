@@ -1,57 +1,23 @@
-"""Plans as data: refusals, derived values, JSON round trip."""
+"""Plans as data: refusals, derived values, tasks."""
 
-import json
 import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from vehicle.errors import MissionError, VehicleError
 from vehicle.missions import (
     JOINT_M,
-    KINDS,
     Follow,
     Gate,
-    Leg,
     Mission,
     Plan,
+    Task,
     check_plan,
-    plan_from_json,
-    plan_to_json,
 )
 from vehicle.world import World
-
-NUMBERS = st.floats(-1e6, 1e6)
-POINT = st.tuples(NUMBERS, NUMBERS)
-
-
-@st.composite
-def plans(draw: st.DrawFn) -> Plan:
-    """Executable plans: each leg starts where the one before ends; gates and follows name the other tractor."""
-    missions = []
-    for _ in range(2):
-        legs: list[Leg] = []
-        for _ in range(draw(st.integers(1, 3))):
-            start = tuple(legs[-1].points[-1]) if legs else draw(POINT)
-            first = (start[0] + draw(st.floats(0.5, 50.0)), start[1])
-            rest = draw(st.lists(POINT, max_size=3))
-            legs.append(Leg(
-                np.array([start, first, *rest]), draw(st.floats(0.1, 5.0)), draw(st.sampled_from([1, -1])),
-                draw(st.booleans()), draw(st.sampled_from(["soil", "asphalt"])), draw(st.sampled_from(KINDS)),
-            ))  # fmt: skip
-        missions.append(Mission(tuple(legs)))
-    plan = Plan(tuple(missions), draw(st.dictionaries(st.text(max_size=5), st.integers() | st.text(max_size=5))))
-    for tractor, other in ((0, 1), (1, 0)):
-        leg = draw(st.integers(0, len(plan.missions[other].legs) - 1))
-        length = plan.missions[other].legs[leg].length_m
-        plan = plan.with_gate(tractor, 0, Gate(other, leg, draw(st.floats(0.0, 1.0)) * length))
-        if draw(st.booleans()):
-            plan = changed(plan, tractor, 0, follow=Follow(other, leg, draw(st.floats(1.0, 30.0))))
-    return plan
 
 
 def changed(plan: Plan, tractor: int, leg: int, **values: Any) -> Plan:
@@ -68,18 +34,6 @@ def plan(build: Any) -> Plan:
     two = [build.leg((0, 0), (0, 10)), build.leg((0, 10), (0, 20))]
     plan: Plan = build.plan(two, [build.leg((5, 0), (5, 10))])
     return plan
-
-
-@given(plans())
-def test_json_gives_every_plan_back(plan: Plan) -> None:
-    check_plan(plan)
-    again = plan_from_json(plan_to_json(plan))
-    assert again.notes == plan.notes and again.tractors == plan.tractors
-    for mission, other in zip(plan.missions, again.missions, strict=True):
-        for a, b in zip(mission.legs, other.legs, strict=True):
-            assert a.points.tobytes() == b.points.tobytes()
-            assert replace(a, points=b.points).__dict__ == b.__dict__
-    assert plan_to_json(again) == plan_to_json(plan)
 
 
 @pytest.mark.parametrize(("points", "expected"), [
@@ -111,7 +65,9 @@ def test_a_mission_starts_facing_its_path_or_away_from_it(build: Any, gear: int,
     ({"speed_mps": -1.4}, r"speed -1\.4 m/s is not above 0"),
     ({"speed_mps": math.nan}, "speed nan m/s"),
     ({"speed_mps": math.inf}, "speed inf m/s"),
-    ({"kind": "plough"}, "kind 'plough' is unknown; use one of: work, turn, drive"),
+    ({"task": Task("plough")}, "task 'plough' is unknown; use one of: track, round, turn, way, drive-in, drive"),
+    ({"task": Task("track", -1)}, "task 'track' has number -1 and piece 0; both count from 0"),
+    ({"task": Task("track", 3, -2)}, "task 'track' has number 3 and piece -2; both count from 0"),
     ({"gates": (Gate(0, 0),)}, "refers to tractor 0; name another tractor"),
     ({"gates": (Gate(2, 0),)}, "refers to tractor 2; name another tractor"),
     ({"gates": (Gate(-1, 0),)}, "refers to tractor -1"),
@@ -150,24 +106,21 @@ def test_a_world_refuses_what_cannot_be_executed(plan: Plan, eg105: Any, impleme
         World(changed(plan, 0, 0, ground="ice"), eg105, implement)
 
 
-@pytest.mark.parametrize(("text", "sentence"), [
-    ("", "The plan is not JSON"),
-    ("{", "The plan is not JSON"),
-    ("[]", "lacks or garbles an entry"),
-    ("{}", "lacks or garbles an entry: KeyError"),
-    ('{"tractors": 3}', "lacks or garbles an entry"),
-    ('{"tractors": []}', "at least one tractor"),
-    ('{"tractors": [[]]}', "Tractor 0 has no legs"),
-    ('{"tractors": [[{"points_m": [[0, 0], [1, "a"]]}]]}', "lacks or garbles an entry"),
+@pytest.mark.parametrize(("kind", "works"), [
+    ("track", True), ("round", True), ("turn", False), ("way", False), ("drive-in", False), ("drive", False),
 ])  # fmt: skip
-def test_text_that_is_no_plan_is_refused(text: str, sentence: str) -> None:
-    with pytest.raises(MissionError, match=sentence):
-        plan_from_json(text)
+def test_tracks_and_rounds_are_worked_and_nothing_else(kind: str, works: bool) -> None:
+    assert Task(kind).works is works
 
 
-@pytest.mark.parametrize("key", ["points_m", "speed_mps", "gear", "implement", "ground", "kind", "gates"])
-def test_a_missing_entry_is_named(plan: Plan, key: str) -> None:
-    data = json.loads(plan_to_json(plan))
-    del data["tractors"][1][0][key]
-    with pytest.raises(MissionError, match=f"lacks or garbles an entry: KeyError\\('{key}'\\)"):
-        plan_from_json(json.dumps(data))
+def test_a_goal_is_a_number_and_a_piece(build: Any) -> None:
+    track = Task("track", 7, 1)
+    assert Task("turn", 7, 1).same_goal(track) and Task("drive-in", 7, 1).same_goal(track)
+    assert not Task("turn", 7, 0).same_goal(track) and not Task("turn", 6, 1).same_goal(track)
+
+
+@pytest.mark.parametrize(("kind", "lookahead"), [("track", "lookahead_m"), ("round", "lookahead_m"),
+                                                 ("turn", "turn_lookahead_m"), ("drive", "turn_lookahead_m")])
+def test_guidance_looks_ahead_by_task(build: Any, eg105: Any, implement: Any, kind: str, lookahead: str) -> None:
+    world = World(build.plan([build.leg((0, 0), (0, 10), task=Task(kind))]), eg105, implement)
+    assert world.program.legs["lookahead"].tolist() == [getattr(eg105.guidance, lookahead)]

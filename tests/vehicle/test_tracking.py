@@ -36,7 +36,7 @@ def peak_to_peak_deg(record: npt.NDArray[np.float64]) -> float:
 @pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 203.0])
 def test_a_straight_line_is_kept_to_the_centimetre(build: Any, name: str, bearing_deg: float) -> None:
     end = 100.0 * np.array([math.sin(math.radians(bearing_deg)), math.cos(math.radians(bearing_deg))])
-    plan = build.plan([build.leg((0, 0), end, kind="work")])
+    plan = build.plan([build.leg((0, 0), end, kind="track")])
     run = offset_run(load_tractor(name), plan, 0.3, 2.0)
     line = LineString([(0, 0), 1.1 * end])
     apart = np.array([line.distance(Point(x, y)) for x, y in run.record[:, 0, :2]])
@@ -45,13 +45,13 @@ def test_a_straight_line_is_kept_to_the_centimetre(build: Any, name: str, bearin
 
 
 def test_on_the_line_the_wheels_stand_still(build: Any, eg105: Tractor) -> None:
-    run = offset_run(eg105, build.plan([build.leg((0, 0), (0, 40), kind="work")]), 0.0)
+    run = offset_run(eg105, build.plan([build.leg((0, 0), (0, 40), kind="track")]), 0.0)
     assert np.abs(run.record[:, 0, 0]).max() < 1e-9
     assert np.abs(run.record[:, 0, 3]).max() < 1e-9
 
 
 @pytest.mark.parametrize("offset", [1.0, -1.0])
-@pytest.mark.parametrize("kind", ["work", "turn"])
+@pytest.mark.parametrize("kind", ["track", "turn"])
 def test_a_step_of_one_metre(build: Any, eg105: Tractor, offset: float, kind: str) -> None:
     """Converges, with no overshoot beyond what the steering system of Eq. 2.8 adds, and no chatter afterwards."""
     plan = build.plan([build.leg((0, 0), (0, 80), kind=kind)])
@@ -70,7 +70,7 @@ def test_a_step_of_one_metre(build: Any, eg105: Tractor, offset: float, kind: st
 
 @pytest.mark.parametrize("offset", [1.5, -2.5])
 def test_larger_steps_converge_thanks_to_the_lateral_limit(build: Any, eg105: Tractor, offset: float) -> None:
-    plan = build.plan([build.leg((0, 0), (0, 120), kind="work")])
+    plan = build.plan([build.leg((0, 0), (0, 120), kind="track")])
     far = lambda run: np.abs(run.record[run.record[:, 0, 1] > 80.0, 0, 0]).max()  # noqa: E731
     assert far(offset_run(eg105, plan, offset)) < 0.01
     plain = eg105.model_copy(update={"guidance": Guidance(lateral_limit_m=100.0)})
@@ -84,9 +84,9 @@ def test_a_half_circle_is_driven_within_a_third_of_a_metre(
     centre = (side * 4.5, 30.0)
     start, end = (180, 0) if side > 0 else (0, 180)
     legs = [
-        build.leg((0, 0), (0, 30), kind="work"),
+        build.leg((0, 0), (0, 30), kind="track"),
         build.arc(centre, 4.5, start, end),
-        build.leg((side * 9, 30), (side * 9, 0), kind="work"),
+        build.leg((side * 9, 30), (side * 9, 0), kind="track"),
     ]
     run = simulate(build.plan(legs), eg105, implement)
     path = LineString(np.concatenate([leg.points for leg in legs]))
@@ -129,7 +129,7 @@ def test_turning_the_whole_plan_turns_the_run(
     legs = build.two_passes()
     cosine, sine = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
     turn = np.array([[cosine, sine], [-sine, cosine]])
-    turned = [build.leg(*(leg.points @ turn + np.array([500.0, -200.0])), kind=leg.kind) for leg in legs]
+    turned = [build.leg(*(leg.points @ turn + np.array([500.0, -200.0])), task=leg.task) for leg in legs]
     plain = simulate(build.plan(legs), eg105, implement)
     moved = simulate(build.plan(turned), eg105, implement)
     assert moved.duration_s == pytest.approx(plain.duration_s, abs=0.1001)

@@ -1,4 +1,4 @@
-"""Measured logs of real drives: reading, diagnosing, and what a diagnosis says. Every storey knows only those above it.
+"""Measured logs of real drives: reading, diagnosing, and what a diagnosis says. Storeys know those above them here.
 
 logs: reading
     record, table          what a log is; a file as columns of numbers
@@ -20,12 +20,29 @@ surprise: judging
     bench                  one vector of surprises for a set of logs
     draws, floor           noise drawn as it is believed; the error that noise alone leaves
 
-fit, causes, mend, answer: explaining
-    knobs, fitting         effects as coordinates; fits to the surprises
-    openloop, heldout      the open-loop error as one vector; coordinates for data held out
-    naming, patches, dependence  which effects the logs speak for, where, and what is left without a name
-    mending, extension     lowering the error where no cause is known; what is added to the tractor
-    findings, verdict, diagnose  one finding per effect, and the answer
-    nextdrive, curves      the drive that decides, the plot that shows it
-    save, demo             the tractor file; made logs with a hidden effect
+fit: explaining
+    knobs                  effects and terms of the rest as coordinates
+    solver                 bounded Gauss-Newton with one-sided slopes, for every fit
+    fitting, openloop      fits to the surprises, and to the open-loop error as one vector
+    heldout                coordinates for data that had no part in finding them
+
+causes: choosing
+    trial, patches         one more effect and how far above chance it is; where in the field
+    dependence             what an error without a name depends on
+    evidence, refit        what runs held out say, how sure a coordinate is; a fit with a part more or less
+    selection              the choice: forward, exchanges, backward
+
+mend: lowering the error where no cause is known
+    proposals, mending     what could lower it; what does, and stays
+    levels, irreplaceable  runs on two grounds; effects that get a name all the same
+    extension, extended    what is added to a tractor; the tractor file it makes
+
+answer: saying
+    case, names            errors held out; which effects carry a name
+    findings, notes        one finding per effect; sentences beside the answer
+    nextdrive, curves      the drive that decides, the plot that shows a cause
+    verdict, diagnose      the result types; the order of the work
+    save, demo             the tractor file as text; made logs with a hidden effect
+
+Every number that decides a verdict stands in thresholds.
 """

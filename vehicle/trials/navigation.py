@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from vehicle.circles import CIRCLE_SPEED_MPS
 from vehicle.gnss import NO_ERROR, Table
-from vehicle.missions import Leg, Mission
+from vehicle.missions import TRACK, TURN, Leg, Mission, Task
 from vehicle.tractor import Tractor
 from vehicle.trials.deviation import deviation
 from vehicle.trials.drive import Trace, follow
@@ -44,7 +44,7 @@ def navigation_mission() -> Mission:
     across = 2.0 * RADIUS_M - SPACING_M
 
     def leg(points: Array, **more: object) -> Leg:
-        return Leg(points, **{"speed_mps": speed, "ground": "asphalt", "kind": "turn", **more})  # type: ignore[arg-type]
+        return Leg(points, **{"speed_mps": speed, "ground": "asphalt", "task": Task(TURN), **more})  # type: ignore[arg-type]
 
     yard = np.array([[start, YARD_M], [start, 0.0]])
     u_turn = _arc((start + YARD_RADIUS_M, 0.0), YARD_RADIUS_M, 180.0, 360.0)
@@ -54,7 +54,7 @@ def navigation_mission() -> Mission:
     into = _arc((RADIUS_M - across, top), RADIUS_M, 90.0, 0.0)
     x = float(into[-1, 0])
     second = np.array([[x, top], [x, 0.0]])
-    work = {"ground": "soil", "kind": "work"}
+    work = {"ground": "soil", "task": Task(TRACK)}
     return Mission((
         leg(yard), leg(u_turn), leg(first, **work), leg(out), leg(back, gear=-1, speed_mps=BACK_MPS), leg(into),
         leg(second, **work),

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from vehicle.compile import CompiledPlan
 from vehicle.errors import VehicleError
-from vehicle.missions import Leg, Mission
+from vehicle.missions import TRACK, Leg, Mission, Task
 
 Array = npt.NDArray[np.float64]
 FINE_M = 0.1
@@ -44,4 +44,4 @@ def wave(amplitude_m: float, omega: float, periods: float, speed_mps: float, gro
 
 
 def _mission(points: Array, speed_mps: float, ground: str) -> Mission:
-    return Mission((Leg(points, speed_mps, ground=ground, kind="work"),))
+    return Mission((Leg(points, speed_mps, ground=ground, task=Task(TRACK)),))

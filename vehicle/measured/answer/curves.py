@@ -25,16 +25,17 @@ from vehicle.effects import (
     effect,
 )
 from vehicle.learnt import Settings
-from vehicle.measured.answer.verdict import Curve
+from vehicle.measured.answer.verdict import ResidualPlot
 from vehicle.measured.causes.dependence import Dependence
 from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.replaying import replay, seen
 from vehicle.measured.surprise.bench import Bench
 
-SPAN_S = 1.0
-BINS = 12
-FEWEST = 4
+SPAN_S = 1.0  # over which rates are taken: a receiver tells a degree of course over a metre or so
+BINS = 12  # enough to see a line bend
+FEWEST = 4  # rows: fewer give no standard error worth drawing
+LEAST_ROWS = 50  # of all: about four a bin
 Quantity = Callable[[Bench, Stretch, Settings], Array]
 
 
@@ -123,7 +124,7 @@ _UNNAMED = {"speed": SPEED, "square": SPEED, "direction": DIRECTION, "time": TIM
 
 def best_curve(
     bench: Bench, settings: Mapping[int, Settings], names: Sequence[str], unnamed: Sequence[Dependence]
-) -> Curve | None:
+) -> ResidualPlot | None:
     """The curve of the first name, or of the first unnamed dependence; None when there is neither.
 
     `settings` are those of every run with what was found.
@@ -148,8 +149,8 @@ def _inner(stretch: Stretch) -> Mask:
     return np.asarray(moving & (stretch.time > SPAN_S) & (stretch.time < stretch.time[-1] - SPAN_S))
 
 
-def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Array, bench: Bench) -> Curve | None:
-    if len(at) < 50:
+def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Array, bench: Bench) -> ResidualPlot | None:
+    if len(at) < LEAST_ROWS:
         return None
     edges = np.unique(np.quantile(at, np.linspace(0.0, 1.0, BINS + 1)))
     if 2 < len(edges) < BINS // 2:
@@ -174,4 +175,4 @@ def _binned(regressor: str, quantity: str, at: Array, before: Array, after: Arra
             after[mine].std() / independent,
         ))  # fmt: skip
     columns = np.array(parts).T
-    return Curve(regressor, quantity, *columns)
+    return ResidualPlot(regressor, quantity, *columns)

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import BY_ID, CIRCLE, LIMIT, SLOPE, effect, neutral
+from vehicle.effects import BY_ID, effect, neutral
+from vehicle.kinds import Draw
 from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.logs.reading import log_from_frame
@@ -23,8 +24,9 @@ from vehicle.measured.surprise.draws import noisy_instruments, over_rough_ground
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor
 
-NOISE = Noise(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)
-WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02
+NOISE = Noise(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)  # chosen: RTK with two antennas, ordinary soil
+WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
+PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
 
 
 @dataclass(frozen=True)
@@ -72,20 +74,8 @@ def draw_hidden(seed: int, tractor: Tractor, name: str | None = None) -> Hidden:
     rng = np.random.default_rng(seed)
     drawn = str(rng.choice(sorted(BY_ID)))
     entry = effect(name or drawn)
-    start = neutral(entry.id, tractor.steering)
-    share = float(rng.uniform(0.9, 1.4))
-    size = entry.size
-    if entry.kind == LIMIT:
-        return Hidden(entry.id, {"limit_g": round(0.1 / share, 3)})
-    sign = -1.0 if size.low < start[size.name] - size.typical and rng.random() < 0.5 else 1.0
-    if entry.worse_when_less:
-        sign = -1.0
-    values = {**start, size.name: round(start[size.name] + sign * share * size.typical, 4)}
-    if entry.kind == SLOPE:
-        values["bearing_deg"] = round(float(rng.uniform(0.0, 360.0)), 1)
-    if entry.kind == CIRCLE:
-        values |= {"east_m": 10.0, "north_m": 5.0, "radius_m": 16.0}
-    return Hidden(entry.id, values)
+    draw = Draw(float(rng.uniform(0.9, 1.4)), entry.worse_when_less, PLACE)
+    return Hidden(entry.id, entry.kind.drawn(entry.params, neutral(entry.id, tractor.steering), draw, rng))
 
 
 def demo_logs(hidden: Hidden | None, tractor: Tractor, ground: str, seed: int, rate_hz: float = 20.0) -> list[Log]:

@@ -12,15 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from vehicle.measured.answer.verdict import NextDrive
-from vehicle.measured.causes.naming import Projector, tried
+from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, knobs_for
 from vehicle.measured.replay.drives import DRILLS, Drill, driven, usual
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.weights import Channel
+from vehicle.measured.thresholds import DECISIVE
 from vehicle.tractor import Tractor
 
-DECISIVE = 50.0
 Values = Mapping[str, dict[str, float]]
 
 
@@ -36,9 +36,7 @@ def next_drive(bench: Bench, fit: Fit, tractor: Tractor, rivals: Mapping[str, Va
     return None
 
 
-def _score(
-    bench: Bench, drill: Drill, tractor: Tractor, both: tuple[Values, Values], names: tuple[str, str]
-) -> float:
+def _score(bench: Bench, drill: Drill, tractor: Tractor, both: tuple[Values, Values], names: tuple[str, str]) -> float:
     """What separates the rivals: the smaller of the two losses of explaining one's drive by the other."""
     heading, pace = usual(bench.course.stretches)
     losses = []
@@ -66,4 +64,4 @@ def _misfit(trial: Bench, tractor: Tractor, wrong: Values, name: str) -> float:
     rest = {k: v for k, v in wrong.items() if k != name}
     surprise = trial.surprise(rest)
     fixed = Fit((), surprise, np.zeros((len(surprise), 0)))
-    return fixed.loss - tried(trial.on_top_of(rest), fixed, knobs, Projector(fixed.slope)).gain
+    return fixed.loss - tried(trial.on_top_of(rest).change, fixed, knobs, Projector(fixed.slope)).gain

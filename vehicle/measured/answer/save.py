@@ -35,8 +35,10 @@ def _key(key: str) -> str:
 
 
 def _text(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{escaped}"'
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    # TOML allows no control characters in a string but as escapes.
+    plain = "".join(one if one.isprintable() or ord(one) > 0x9F else f"\\u{ord(one):04x}" for one in escaped)
+    return f'"{plain}"'
 
 
 def _value(value: Any) -> str:

@@ -66,7 +66,7 @@ class NextDrive:
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class ResidualPlot:
     """What is left against what it depends on: middles, means and standard errors of bins, before and after."""
 
     regressor: str
@@ -110,7 +110,7 @@ class Diagnosis:
     next_drive: NextDrive | None
     tractor: Tractor
     calibration: dict[str, dict[str, float]]
-    curve: Curve | None
+    curve: ResidualPlot | None
     notes: tuple[str, ...] = ()
     plan: PlanGain | None = None
     grounds: tuple[Grounds, ...] = ()

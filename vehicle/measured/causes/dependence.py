@@ -20,7 +20,10 @@ from vehicle.measured.replay.replaying import antenna_lever
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.whitening import Increments, innovations
 
+# From what a tractor can follow to longer runs; neighbours a tenth apart are as good as each other.
 PERIODS_S = tuple(np.geomspace(2.5, 80.0, 36).tolist())
+FEWEST_ROWS_PER_PERIOD = 8.0  # chosen: a wave of fewer cannot be told from another
+LONGEST_PERIOD = 1.3  # of the longest run: chosen, a longer one is a straight line in it
 DISTANCE, ALWAYS = "a change of the distance driven", "always"
 Terms = list[Increments]
 Maker = Callable[[Stretch, Increments, Array], Terms]
@@ -57,8 +60,8 @@ def _per_angle(bench: Bench, stretch: Stretch) -> Array:
     rig, angle = bench.rig, _steering(stretch)
     grid = np.linspace(-rig.tractor.max_steering_deg, rig.tractor.max_steering_deg, len(rig.table))
     tangents = [np.tan(np.interp(np.degrees(angle) + shift, grid, rig.table)) for shift in (-1.0, 1.0)]
-    found: Array = (tangents[1] - tangents[0]) / np.radians(2.0) / rig.tractor.wheelbase_m
-    return found
+    slope: Array = (tangents[1] - tangents[0]) / np.radians(2.0) / rig.tractor.wheelbase_m
+    return slope
 
 
 def _grip(move: Increments, regressor: Array) -> Increments:
@@ -114,7 +117,7 @@ def _waves(period: float, longest: float) -> list[Dependence]:
 
 def dependences(bench: Bench) -> list[Dependence]:
     """All unnamed terms that the data could show."""
-    found = [
+    terms = [
         Dependence("speed", "an extra wheel angle", lambda s, m, b: [_bend(m, _speed(s), b)]),
         Dependence("the square of speed", "an extra wheel angle", lambda s, m, b: [_bend(m, _speed(s) ** 2, b)]),
         Dependence(
@@ -143,13 +146,14 @@ def dependences(bench: Bench) -> list[Dependence]:
         ),
     ]  # fmt: skip
     if not all(stretch.speed_seen for stretch in bench.course.stretches):
-        found = [one for one in found if one.changes != DISTANCE]
+        terms = [one for one in terms if one.changes != DISTANCE]
     longest = max(stretch.time[-1] for stretch in bench.course.stretches)
-    fastest = 8.0 * max(float(np.median(np.diff(stretch.time))) for stretch in bench.course.stretches)
+    row_s = max(float(np.median(np.diff(stretch.time))) for stretch in bench.course.stretches)
+    fastest = FEWEST_ROWS_PER_PERIOD * row_s
     for period in PERIODS_S:
-        if fastest < period < 1.3 * longest:
-            found += _waves(period, longest)
-    return found
+        if fastest < period < LONGEST_PERIOD * longest:
+            terms += _waves(period, longest)
+    return terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,12 +169,12 @@ def scores(bench: Bench, fit: Fit) -> list[Score]:
     """Gains of all unnamed terms, the largest first."""
     response = Response(bench, fit)
     bends = [_per_angle(bench, stretch) for stretch in bench.course.stretches]
-    found = []
+    ranked = []
     for terms in dependences(bench):
         made = [terms.make(s, m, b) for s, m, b in zip(bench.course.stretches, response.moves, bends, strict=True)]
         gain, freedoms = response.gain(made, terms.per_run)
-        found.append(Score(terms, gain, freedoms))
-    return sorted(found, key=lambda one: one.freedoms - one.gain)
+        ranked.append(Score(terms, gain, freedoms))
+    return sorted(ranked, key=lambda one: one.freedoms - one.gain)
 
 
 def columns(bench: Bench, fit: Fit, terms: Dependence) -> Array:
@@ -179,10 +183,10 @@ def columns(bench: Bench, fit: Fit, terms: Dependence) -> Array:
     blocks = []
     for index, (stretch, move) in enumerate(zip(bench.course.stretches, response.moves, strict=True)):
         blocks.append(response.local(index, terms.make(stretch, move, _per_angle(bench, stretch))))
-    found = np.concatenate([np.concatenate(blocks), np.zeros((2 * bench.course.rows, blocks[0].shape[1]))])
+    whole = np.concatenate([np.concatenate(blocks), np.zeros((2 * bench.course.rows, blocks[0].shape[1]))])
     if terms.per_run:
-        found = np.concatenate([found * (bench.runs == run)[:, None] for run in np.unique(bench.runs)], axis=1)
-    return found[:, np.abs(found).max(axis=0) > 1e-12]
+        whole = np.concatenate([whole * (bench.runs == run)[:, None] for run in np.unique(bench.runs)], axis=1)
+    return whole[:, np.abs(whole).max(axis=0) > 1e-12]
 
 
 class Response:
@@ -215,16 +219,16 @@ class Response:
     def local(self, index: int, terms: Terms) -> Array:
         """Columns of one stretch (3 k, c): the filter is linear, so any size of a term will do."""
         move, now = self.moves[index], self.now[index]
-        found = []
+        parts = []
         for term in terms:
             moved = Increments(move.ahead + term.ahead, move.aside + term.aside, move.turned + term.turned)
-            found.append(self._surprise(index, moved) - now)
-        return np.stack(found, axis=1)
+            parts.append(self._surprise(index, moved) - now)
+        return np.stack(parts, axis=1)
 
     def sums(self, index: int, terms: Terms) -> tuple[Array, Array, Array]:
         """Squares, products with what is left, and products with the columns of the fit, of one stretch."""
-        found, place = self.local(index, terms), self.places[index]
-        return found.T @ found, found.T @ self.fit.surprise[place], found.T @ self.fit.slope[place]
+        made, place = self.local(index, terms), self.places[index]
+        return made.T @ made, made.T @ self.fit.surprise[place], made.T @ self.fit.slope[place]
 
     def gain(self, made: list[Terms], per_run: bool) -> tuple[float, int]:
         """Loss that columns (one list of terms per stretch) take away beyond the fit, and how many are free."""

@@ -11,10 +11,11 @@ from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.logs.record import Mask
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.whitening import Increments
+from vehicle.measured.thresholds import FEWEST_TURNED_RAD, MOST_OF_TURNING
 
-CELLS = 30  # per longer side of the field
-POLISHED = 2
-FEWEST_TURNED_RAD = 0.3
+CELLS = 30  # per longer side of the field: chosen, fine enough for a wet corner, and 900 products a side
+POLISHED = 2  # circles: chosen, the best and one more, for every one costs some hundred simulations of the filter
+RADII = (1.5, 2.2, 3.2, 4.5, 6.5, 9.0)  # in cells: chosen, from the least that is no stripe to most of the field
 Circle = tuple[float, float, float]
 
 
@@ -65,19 +66,19 @@ class _Cells:
 
     def best_circles(self) -> list[tuple[float, Circle]]:
         """The best circle of each of several sizes, the better ones first."""
-        found = []
+        circles = []
         whole = float(self.turned.sum())
-        for radius in self.size * np.array([1.5, 2.2, 3.2, 4.5, 6.5, 9.0]):
+        for radius in self.size * np.array(RADII):
             best: tuple[float, Circle] = (0.0, (0.0, 0.0, 0.0))
             for e, n in zip(self.east, self.north, strict=True):
                 inside = np.hypot(self.east - e, self.north - n) < radius
                 turned = float(self.turned[inside].sum())
-                if FEWEST_TURNED_RAD < turned < 0.8 * whole:
+                if FEWEST_TURNED_RAD < turned < MOST_OF_TURNING * whole:
                     weights = inside.astype(np.float64)
                     gain = explained((weights @ self.square @ weights).reshape(1, 1), np.array([weights @ self.side]))
                     best = max(best, (gain, (float(e), float(n), float(radius))))
-            found.append(best)
-        return sorted(found, reverse=True)[:POLISHED]
+            circles.append(best)
+        return sorted(circles, reverse=True)[:POLISHED]
 
 
 def _gripped(move: Increments, inside: Mask) -> Increments:

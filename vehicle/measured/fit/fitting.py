@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
+from vehicle.measured.fit.solver import LATER_STEP, Point, Rule, descend, slope_of, with_own_slope
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 
 Part = tuple[Knobs, Array]
-FIRST_STEP, LATER_STEP = 0.3, 0.1
-ITERATIONS = 4
-RIDGE = 1e-3
-SETTLED = 0.02
+ITERATIONS = 4  # chosen: with starts near the best, as effects enter one by one, the third step is small already
+SETTLED = 0.02  # chosen, of a typical size: a step this small is the last, far below what any interval tells
+LEAST_STEP = 1e-6  # of the loss, which is of the order of the rows: less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,70 +74,94 @@ def linear_extra(surprise: Array, extra: Extra | None) -> Array:
     return surprise if extra is None else surprise + extra.columns @ extra.amounts
 
 
-def slopes(bench: Bench, fit: Fit, share: float, only: frozenset[str] | None = None) -> Array:
-    """Change of the surprises per coordinate of the parts, by one-sided differences of a share of the typical size."""
-    columns = []
-    for index, (knobs, at) in enumerate(fit.parts):
-        blocks = frozenset({block_of(knobs.id)})
-        for axis in range(knobs.count):
-            step = share * knobs.typical[axis]
-            moved = at.copy()
-            moved[axis] += step
-            if knobs.inside(moved)[axis] != moved[axis]:
-                moved[axis] -= 2.0 * step
-            parts = [*fit.parts[:index], (knobs, moved), *fit.parts[index + 1 :]]
-            bare = fit.surprise if fit.extra is None else fit.surprise - fit.extra.columns @ fit.extra.amounts
-            change = bench.change(settings_of(parts), bare, blocks) - bare
-            columns.append(change / (moved[axis] - at[axis]))
-    if fit.extra is not None:
-        columns += list(fit.extra.columns.T)
-    return np.stack(columns, axis=1) if columns else np.zeros((len(fit.surprise), 0))
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """The problem of all parts and linear extra terms of a fit together: coordinates of the parts, then amounts."""
+
+    bench: Bench
+    fit: Fit
+
+    @cached_property
+    def typical(self) -> Array:
+        return flat([knobs.typical for knobs, _ in self.fit.parts])
+
+    @cached_property
+    def low(self) -> Array:
+        return np.append(flat([knobs.low for knobs, _ in self.fit.parts]), np.full(self.linear.shape[1], -np.inf))
+
+    @cached_property
+    def high(self) -> Array:
+        return np.append(flat([knobs.high for knobs, _ in self.fit.parts]), np.full(self.linear.shape[1], np.inf))
+
+    @property
+    def linear(self) -> Array:
+        return np.zeros((len(self.fit.surprise), 0)) if self.fit.extra is None else self.fit.extra.columns
+
+    @cached_property
+    def owners(self) -> list[str]:
+        """Effect that each coordinate belongs to."""
+        return [knobs.id for knobs, _ in self.fit.parts for _ in range(knobs.count)]
+
+    @property
+    def start(self) -> Point:
+        amounts = np.zeros(0) if self.fit.extra is None else self.fit.extra.amounts
+        return Point(np.append(flat([at for _, at in self.fit.parts]), amounts), self.fit.surprise)
+
+    def fit_at(self, point: Point) -> Fit:
+        """The fit with its coordinates, what is left and slope those of a point."""
+        return replace(
+            self.fit, parts=self._parts(point.at), surprise=point.left, slope=point.slope, extra=self._extra(point.at)
+        )
+
+    def left(self, at: Array, start: Point) -> Array:
+        blocks = frozenset(block_of(name) for name in self.owners)
+        changed = self.bench.change(settings_of(list(self._parts(at))), self._bare(start), blocks)
+        return linear_extra(changed, self._extra(at))
+
+    def change(self, at: Array, axis: int, start: Point) -> Array:
+        bare = self._bare(start)
+        blocks = frozenset({block_of(self.owners[axis])})
+        return self.bench.change(settings_of(list(self._parts(at))), bare, blocks) - bare
+
+    def _bare(self, point: Point) -> Array:
+        """What is left without the linear terms."""
+        extra = self._extra(point.at)
+        return point.left if extra is None else point.left - extra.columns @ extra.amounts
+
+    def _parts(self, at: Array) -> tuple[Part, ...]:
+        parts, first = [], 0
+        for knobs, _ in self.fit.parts:
+            parts.append((knobs, at[first : first + knobs.count]))
+            first += knobs.count
+        return tuple(parts)
+
+    def _extra(self, at: Array) -> Extra | None:
+        return self.fit.extra and Extra(self.fit.extra.columns, at[len(self.typical) :])
+
+
+def flat(vectors: Iterable[ArrayLike]) -> Array:
+    """Vectors one after another; none make an empty one."""
+    return np.concatenate([np.zeros(0), *map(np.asarray, vectors)])
+
+
+def slopes(bench: Bench, fit: Fit, share: float = LATER_STEP) -> Array:
+    """Change of the surprises per coordinate of the parts and per amount of the linear extra terms."""
+    problem = _Parts(bench, fit)
+    return slope_of(problem, problem.start, share)
 
 
 def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:
-    """Gauss-Newton with halving over all parts together."""
+    """The fit with all its coordinates at their best together."""
     if not fit.parts and fit.extra is None:
         return fit
-    for number in range(iterations):
-        slope = slopes(bench, fit, FIRST_STEP if number == 0 else LATER_STEP)
-        change = solve(slope, fit.surprise)
-        better = _step(bench, fit, change)
-        if better is None:
-            return replace(fit, slope=slope)
-        settled = _moved(fit, better) < SETTLED
-        fit = better
-        if settled:
-            break
-    return replace(fit, slope=slopes(bench, fit, LATER_STEP))
+    problem = _Parts(bench, fit)
 
+    def settled(before: Point, after: Point) -> bool:
+        count = len(problem.typical)
+        return bool(np.all(np.abs(after.at - before.at)[:count] / problem.typical < SETTLED))
 
-def solve(slope: Array, surprise: Array) -> Array:
-    """Change of the coordinates that lowers the loss most."""
-    square = slope.T @ slope
-    scale = np.diag(square).copy()
-    scale[scale <= 0.0] = 1.0
-    return np.asarray(np.linalg.solve(square + RIDGE * 1e-3 * np.diag(scale), -slope.T @ surprise))
-
-
-def _moved(one: Fit, two: Fit) -> float:
-    shares = [np.abs(b - a) / k.typical for (k, a), (_, b) in zip(one.parts, two.parts, strict=True)]
-    return float(np.max(np.concatenate(shares))) if shares else 0.0
-
-
-def _step(bench: Bench, fit: Fit, change: Array) -> Fit | None:
-    blocks = frozenset(block_of(knobs.id) for knobs, _ in fit.parts)
-    for share in (1.0, 0.4, 0.15):
-        parts, first = [], 0
-        for knobs, at in fit.parts:
-            parts.append((knobs, knobs.inside(at + share * change[first : first + knobs.count])))
-            first += knobs.count
-        extra = fit.extra and Extra(fit.extra.columns, fit.extra.amounts + share * change[first:])
-        bare = fit.surprise if fit.extra is None else fit.surprise - fit.extra.columns @ fit.extra.amounts
-        surprise = linear_extra(bench.change(settings_of(parts), bare, blocks), extra)
-        tried = Fit(tuple(parts), surprise, fit.slope, extra)
-        if tried.loss < fit.loss - 1e-6:
-            return tried
-    return None
+    rule = Rule(iterations, settled, least_gain=LEAST_STEP)
+    return problem.fit_at(with_own_slope(problem, descend(problem, problem.start, rule)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.measured.logs.record import Array
+from vehicle.measured.thresholds import TOLD
 
-TOLD = 0.02  # of all that the logs say of a coordinate: less is not being told
-GUARD = 1e-9
+GUARD = 1e-9  # of every diagonal entry: keeps a solvable system solvable, and changes nothing else
 Steps = dict[int, tuple[Array, Array]]
 
 
@@ -33,22 +33,22 @@ def steps_without(pieces: Pieces, to_neutral: Array) -> Steps:
 
     One step from the common fit. What nothing else tells goes back to neutral, by `to_neutral` (m,).
     """
-    found: Steps = {}
+    steps: Steps = {}
     whole = np.diag(pieces.squares.sum(axis=0))
     for run in np.unique(pieces.runs):
         others = pieces.runs != run
         told = np.diag(pieces.squares[others].sum(axis=0)) > TOLD * whole
         if told.all():
             step = _step(pieces, others, told, to_neutral)
-            found[int(run)] = (step, step)
+            steps[int(run)] = (step, step)
             continue
         both = []
         for half in (0, 1):
             kept = others | (pieces.halves != half)
             known = np.diag(pieces.squares[kept].sum(axis=0)) > TOLD * whole
             both.append(_step(pieces, kept, known, to_neutral))
-        found[int(run)] = (both[0], both[1])
-    return found
+        steps[int(run)] = (both[0], both[1])
+    return steps
 
 
 def _step(pieces: Pieces, kept: npt.NDArray[np.bool_], told: npt.NDArray[np.bool_], to_neutral: Array) -> Array:

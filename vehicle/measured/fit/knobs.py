@@ -1,4 +1,4 @@
-"""Effects as coordinates a fit can move: unbounded directions become components, limits become inverses."""
+"""Effects and terms of the rest of one tractor as coordinates that a fit can move (see vehicle.kinds)."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import CIRCLE, LIMIT, SLOPE, Effect, effect, neutral
+from vehicle.effects import effect, neutral
+from vehicle.kinds import Box, Circle, Interval
 from vehicle.measured.logs.record import Array
 from vehicle.rest import BY_NAME, REST
 from vehicle.tractor import Tractor
 
-MANY_STARTS = 6
+MANY_STARTS = 6  # chosen: more than this only the long list of dead times has
 
 
 @dataclass(frozen=True)
 class Knobs:
-    """Coordinates of one effect.
+    """Coordinates of one effect, or of one term of the rest.
 
     `neutral`, `typical`, `low` and `high` have one value per coordinate; `starts` are vectors to try first, in this
-    order, because the effect of a dead band or a limit vanishes or breaks off where it does not act.
+    order, because the effect of a dead band or a limit vanishes or breaks off where it does not act. `fixed` are the
+    values that were searched for beforehand.
     """
 
     id: str
@@ -40,13 +42,18 @@ class Knobs:
         """Values of the effect, or the amount of a term of the rest, at coordinates."""
         if self.id in BY_NAME:
             return {self.id: float(at[0])}
-        names = [param.name for param in effect(self.id).params]
-        if effect(self.id).kind == SLOPE:
-            bearing = math.degrees(math.atan2(at[0], at[1])) % 360.0
-            return {"ratio": min(float(np.hypot(at[0], at[1])), effect(self.id).size.high), "bearing_deg": bearing}
-        if effect(self.id).kind == LIMIT:
-            return {"limit_g": math.inf if at[0] <= 0.0 else 1.0 / float(at[0])}
-        return dict(zip(names, [*map(float, at), *self.fixed], strict=True))
+        entry = effect(self.id)
+        return entry.kind.values(entry.params, at, self.fixed)
+
+    def deviation(self, at: Array) -> float:
+        """How far coordinates are from neutral, in the unit of the size of the effect."""
+        return effect(self.id).kind.deviation(self.neutral, at)
+
+    def interval(self, at: Array, covariance: Array, finest: float) -> dict[str, Interval]:
+        """95 % interval of the values from the covariance (m, m) of the coordinates; see Kind.interval."""
+        entry = effect(self.id)
+        box = Box(self.neutral, self.typical, self.low, self.high, self.starts)
+        return entry.kind.interval(entry.params, box, at, covariance, finest)
 
     def with_fewer_starts(self) -> Knobs:
         """The same with every third start: positions alone tell little of the fine structure that needs more."""
@@ -57,24 +64,13 @@ class Knobs:
         return np.clip(at, self.low, self.high)
 
 
-def knobs_for(tractor: Tractor, name: str, patch: tuple[float, float, float] | None = None) -> Knobs:
-    """Coordinates of an effect on a tractor; a `patch` (east, north, radius) is searched for beforehand and fixed."""
+def knobs_for(tractor: Tractor, name: str, patch: Circle | None = None) -> Knobs:
+    """Coordinates of an effect on a tractor; a `patch` (east, north, radius) is for effects whose place is searched."""
     entry = effect(name)
-    start = neutral(name, tractor.steering)
-    if entry.kind == SLOPE:
-        typical = entry.size.typical
-        return Knobs(name, (0.0, 0.0), (typical, typical), (-0.5, -0.5), (0.5, 0.5), ((0.0, 0.0),))
-    if entry.kind == LIMIT:
-        return Knobs(name, (0.0,), (4.0,), (0.0,), (50.0,), _singles(entry.starts))
     size = entry.size.for_wheelbase(tractor.wheelbase_m)
-    zero = start[size.name]
-    starts = _singles((*entry.starts, *[zero * share for share in entry.start_shares]) or (zero,))
-    fixed = patch if entry.kind == CIRCLE and patch else ()
-    return Knobs(name, (zero,), (size.typical,), (size.low,), (size.high,), starts, fixed)
-
-
-def _singles(values: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    return tuple((value,) for value in values)
+    zero = neutral(name, tractor.steering)[size.name]
+    box = entry.kind.box(size, zero, (*entry.starts, *[zero * share for share in entry.start_shares]))
+    return Knobs(name, *box, fixed=patch if entry.kind.searched and patch else ())
 
 
 def rest_knobs() -> list[tuple[Knobs, ...]]:
@@ -99,5 +95,4 @@ def settings_of(parts: list[tuple[Knobs, Array]]) -> dict[str, dict[str, float]]
 
 def block_of(name: str) -> str:
     """Block of the chain an effect sits in."""
-    found: Effect = effect(name)
-    return found.block
+    return effect(name).block

@@ -7,7 +7,7 @@ cause is known: every horizon and every kind of error counts the same, each as a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,9 +15,18 @@ import numpy.typing as npt
 
 from vehicle.effects import REST_KEY
 from vehicle.learnt import Settings
-from vehicle.measured.fit.fitting import LATER_STEP, add_products, solve
+from vehicle.measured.fit.fitting import add_products, flat
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.knobs import Knobs
+from vehicle.measured.fit.solver import (
+    FIRST_STEP,
+    LATER_STEP,
+    Point,
+    Rule,
+    descend,
+    slope_of,
+    with_own_slope,
+)
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
@@ -25,9 +34,10 @@ from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
 
-HORIZONS_S = (1.0, 5.0)
-KINDS = 3
-SETTLED = 0.01  # of the loss: a step that gains less is the last one
+HORIZONS_S = (1.0, 5.0)  # chosen: soil drowns what is sought over longer ones, noise of the receiver over shorter
+KINDS = 3  # errors across, along and of the heading
+ITERATIONS = 3  # chosen: candidates start where a straight line promises most, and every step costs m simulations
+SETTLED = 0.01  # chosen, of the loss: a step that gains less is the last; half of what a term must be worth
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +47,11 @@ class Term:
     knobs: Knobs
     at: Array
     runs: frozenset[int] | None = None
+
+    @property
+    def value(self) -> dict[str, float]:
+        """Values of the effect, or the amount of the term of the rest."""
+        return self.knobs.values(self.at)
 
     def acts_in(self, run: int) -> bool:
         """Whether the term counts in a run."""
@@ -48,12 +63,12 @@ Terms = tuple[Term, ...]
 
 def settings_in(terms: Sequence[Term], run: int) -> Settings:
     """Settings of one run."""
-    found: dict[str, dict[str, float]] = {}
+    settings: dict[str, dict[str, float]] = {}
     for term in terms:
         if term.acts_in(run):
             key = REST_KEY if term.knobs.id in BY_NAME else term.knobs.id
-            found[key] = found.get(key, {}) | term.knobs.values(term.at)
-    return found
+            settings[key] = settings.get(key, {}) | term.value
+    return settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +85,8 @@ class OpenLoop:
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
         antenna, heading, _, _ = chain(self.bench.rig, stretch, settings)
-        found = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
-        return np.nan_to_num(np.concatenate(found).ravel())
+        parts = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
+        return np.nan_to_num(np.concatenate(parts).ravel())
 
     @cached_property
     def _units(self) -> Array:
@@ -95,12 +110,12 @@ class OpenLoop:
     @cached_property
     def windows(self) -> npt.NDArray[np.int64]:
         """Window of 20 s of every entry, counted through all runs."""
-        found, count = [], 0
+        numbers, count = [], 0
         for one in self.bench.course.stretches:
             window = count + window_of(one.time)
-            found.append(np.tile(np.repeat(window, KINDS), len(HORIZONS_S)))
+            numbers.append(np.tile(np.repeat(window, KINDS), len(HORIZONS_S)))
             count = int(window[-1]) + 1
-        return np.concatenate(found)
+        return np.concatenate(numbers)
 
     @cached_property
     def places(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -144,56 +159,76 @@ class Model:
         return frozenset(term.knobs.id for term in self.terms)
 
 
+@dataclass(frozen=True, eq=False)
+class _Coordinates:
+    """The problem of lowering the open-loop error by the coordinates of terms."""
+
+    loop: OpenLoop
+    terms: Terms
+
+    @cached_property
+    def typical(self) -> Array:
+        return flat([term.knobs.typical for term in self.terms])
+
+    @cached_property
+    def low(self) -> Array:
+        return flat([term.knobs.low for term in self.terms])
+
+    @cached_property
+    def high(self) -> Array:
+        return flat([term.knobs.high for term in self.terms])
+
+    @property
+    def linear(self) -> Array:
+        return np.zeros((0, 0))
+
+    @property
+    def start(self) -> Array:
+        return flat([term.at for term in self.terms])
+
+    def terms_at(self, at: Array) -> Terms:
+        """The terms at other coordinates."""
+        terms, first = [], 0
+        for term in self.terms:
+            terms.append(replace(term, at=at[first : first + term.knobs.count]))
+            first += term.knobs.count
+        return tuple(terms)
+
+    def left(self, at: Array, start: Point) -> Array:
+        return self.loop.errors(self.terms_at(at))
+
+    def change(self, at: Array, axis: int, start: Point) -> Array:
+        return self.left(at, start) - start.left
+
+
 def moved(terms: Terms, change: Array) -> Terms:
     """Terms with their coordinates changed, kept inside what a tractor can have."""
-    found, first = [], 0
+    others, first = [], 0
     for term in terms:
         count = term.knobs.count
-        found.append(Term(term.knobs, term.knobs.inside(term.at + change[first : first + count]), term.runs))
+        others.append(replace(term, at=term.knobs.inside(term.at + change[first : first + count])))
         first += count
-    return tuple(found)
+    return tuple(others)
 
 
-def slope_of(loop: OpenLoop, terms: Terms, errors: Array, share: float, last: int | None = None) -> Array:
-    """Change of the errors per coordinate of the terms (of the `last` ones only), by one-sided differences."""
-    found = []
-    for index in range(len(terms) if last is None else last):
-        index = index if last is None else len(terms) - last + index
-        term = terms[index]
-        for axis in range(term.knobs.count):
-            at = term.at.copy()
-            at[axis] += share * term.knobs.typical[axis]
-            if term.knobs.inside(at)[axis] != at[axis]:
-                at[axis] = term.at[axis] - share * term.knobs.typical[axis]
-            other = (*terms[:index], Term(term.knobs, at, term.runs), *terms[index + 1 :])
-            found.append((loop.errors(other) - errors) / (at[axis] - term.at[axis]))
-    return np.stack(found, axis=1) if found else np.zeros((len(errors), 0))
+def slope_of_new(loop: OpenLoop, terms: Terms, errors: Array, new: int) -> Array:
+    """Change of the errors, which are those of all terms, per coordinate of the `new` last of them."""
+    problem = _Coordinates(loop, terms)
+    first = sum(term.knobs.count for term in terms[: len(terms) - new])
+    return slope_of(problem, Point(problem.start, errors), FIRST_STEP, first)
 
 
-def fitted(loop: OpenLoop, terms: Terms, iterations: int = 3) -> Model:
-    """Gauss-Newton with halving over all terms together."""
-    errors = loop.errors(terms)
-    slope = slope_of(loop, terms, errors, LATER_STEP)
-    for _ in range(iterations if terms else 0):
-        better = _downhill(loop, terms, errors, slope)
-        if better is None:
-            break
-        gain = float(errors @ errors) - float(better[1] @ better[1])
-        terms, errors = better
-        slope = slope_of(loop, terms, errors, LATER_STEP)
-        if gain < SETTLED * float(errors @ errors):
-            break
-    return Model(terms, errors, slope)
+def fitted(loop: OpenLoop, terms: Terms, iterations: int = ITERATIONS) -> Model:
+    """Terms with all their coordinates at their best together."""
+    problem = _Coordinates(loop, terms)
+    start = Point(problem.start, loop.errors(terms))
 
+    def settled(before: Point, after: Point) -> bool:
+        return before.loss - after.loss < SETTLED * after.loss
 
-def _downhill(loop: OpenLoop, terms: Terms, errors: Array, slope: Array) -> tuple[Terms, Array] | None:
-    change = solve(slope, errors)
-    for share in (1.0, 0.4, 0.15):
-        other = moved(terms, share * change)
-        left = loop.errors(other)
-        if float(left @ left) < float(errors @ errors):
-            return other, left
-    return None
+    rule = Rule(iterations if terms else 0, settled, first_step=LATER_STEP)
+    end = with_own_slope(problem, descend(problem, start, rule))
+    return Model(problem.terms_at(end.at), end.left, end.slope)
 
 
 def pieces_of(loop: OpenLoop, model: Model) -> Pieces:
@@ -206,8 +241,8 @@ def pieces_of(loop: OpenLoop, model: Model) -> Pieces:
 
 def to_neutral(terms: Terms) -> Array:
     """Change of the coordinates that takes every term away."""
-    found = [np.array(term.knobs.neutral) - term.at for term in terms]
-    return np.concatenate(found) if found else np.zeros(0)
+    parts = [np.array(term.knobs.neutral) - term.at for term in terms]
+    return np.concatenate(parts) if parts else np.zeros(0)
 
 
 def held_out_loss(loop: OpenLoop, model: Model) -> float:

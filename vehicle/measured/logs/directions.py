@@ -16,7 +16,7 @@ from vehicle.effects import effect
 from vehicle.measured.logs.bends import clear_bends, is_mirrored
 from vehicle.measured.logs.gears import wrong_gear
 from vehicle.measured.logs.motion import Motion, motion
-from vehicle.measured.logs.record import Array, Fix, Log, Suspicion
+from vehicle.measured.logs.record import Array, Fix, Log, Suspicion, asking
 
 # Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a
 # wrong convention is told by a reading that comes nearer than any effect needs.
@@ -49,7 +49,7 @@ def _together(
     if heading is not None and heading.fix is Fix.HEADING_CCW_EAST:
         mirrored = steering is not None or is_mirrored(*clear_bends([log, *others]))
         if mirrored is None:
-            other = "easting and northing may be swapped instead: --fix east-north-swapped"
+            other = f"easting and northing may be swapped instead: {asking(Fix.EAST_NORTH_SWAPPED)}"
             return [replace(heading, advice="; ".join(filter(None, (heading.advice, other))))]
         return [_swapped(frame, heading.why)] if mirrored else suspicions
     if log.heading_deg is None and steering is not None:
@@ -65,7 +65,7 @@ def _swapped(frame: str, why: str) -> Suspicion:
     return Suspicion(
         Fix.EAST_NORTH_SWAPPED, f"heading and steering are both mirrored against the path: {why}",
         advice="or, if the axes are right, heading runs counter-clockwise from east and steering is positive to the "
-        "left: --fix heading-ccw-east --fix steering-left-positive",
+        f"left: {asking(Fix.HEADING_CCW_EAST)} {asking(Fix.STEERING_LEFT)}",
     )  # fmt: skip
 
 
@@ -173,7 +173,7 @@ def _heading(log: Log, others: Sequence[Log]) -> Suspicion | None:
         return turned or mirrored
     if mirrored.fix is None:
         return turned
-    other = f"--fix {turned.fix}, or reverse without -1 in shuttle" if turned.fix else turned.what
+    other = f"{asking(turned.fix)}, or reverse without -1 in shuttle" if turned.fix else turned.what
     return replace(mirrored, advice=f"driven along one line only, the other reading is: {other}")
 
 

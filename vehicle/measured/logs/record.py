@@ -8,6 +8,8 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from fields.errors import named
+
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]
@@ -53,6 +55,11 @@ MEANING = {
 }
 
 
+def asking(fix: Fix) -> str:
+    """How a fix is asked for, inside the sentence of a refusal."""
+    return f"{named('fixes')} {fix}"
+
+
 @dataclass(frozen=True)
 class Suspicion:
     """A convention the data speak for, and the numbers that say so.
@@ -67,11 +74,11 @@ class Suspicion:
     advice: str = ""
 
     def sentence(self) -> str:
-        """What is suspected, why, and the option that fixes it."""
+        """What is suspected, why, and the fix, for a refusal."""
         if self.fix is None:
             return f"{self.what} ({self.why}); {self.advice}"
         other = f" ({self.advice})" if self.advice else ""
-        return f"{MEANING[self.fix]} ({self.why}); give --fix {self.fix} to convert{other}"
+        return f"{MEANING[self.fix]} ({self.why}); give {asking(self.fix)} to convert{other}"
 
 
 @dataclass(frozen=True)

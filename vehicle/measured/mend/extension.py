@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.effects import LIMIT, SLOPE, effect
+from vehicle.kinds import SURE, Interval
 from vehicle.learnt import Settings
-from vehicle.measured.answer.verdict import Finding
-from vehicle.measured.causes.naming import robust_covariance
+from vehicle.measured.causes.evidence import robust_covariance
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.heldout import Pieces, steps_without
-from vehicle.measured.fit.knobs import Knobs, finest_of
+from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, Terms, moved, pieces_of, settings_in, to_neutral
 from vehicle.measured.logs.record import Array
-from vehicle.measured.mend.mending import Mended, level_of
+from vehicle.measured.mend.levels import driven_seconds, level_of, main_terms
+from vehicle.measured.mend.mending import Mended
 from vehicle.measured.replay.horizons import Halves, chain, squares
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
-from vehicle.tractor import EffectSetting, Rest, Tractor
-
-Interval = tuple[float, float]
-SURE = 1.96
-DIGITS = 6
-KNEE_SHARE = 0.15  # of a limit: how tyres come to slide differs by as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +69,8 @@ def of_fit(bench: Bench, fit: Fit, names: Collection[str]) -> Extension:
         run: (settings_in(moved(terms, both[0]), run), settings_in(moved(terms, both[1]), run))
         for run, both in steps.items()
     }
-    found = Extension(terms, intervals, held_out)
-    return Extension(tuple(term for term in terms if term.knobs.id in names), intervals, found.only(names))
+    whole = Extension(terms, intervals, held_out)
+    return Extension(tuple(term for term in terms if term.knobs.id in names), intervals, whole.only(names))
 
 
 def of_mended(mended: Mended) -> Extension:
@@ -87,7 +80,7 @@ def of_mended(mended: Mended) -> Extension:
     steps = steps_without(pieces, to_neutral(model.terms))
     inverse = np.linalg.pinv(pieces.squares.sum(axis=0), hermitian=True)
     covariance = inverse @ (pieces.sides.T @ pieces.sides) @ inverse
-    seconds = driven_seconds(loop.bench)
+    seconds = driven_seconds(loop.bench.course)
     longest = main_terms(model.terms, seconds)
     intervals = {
         term.knobs.id: value_interval(loop.bench, term, covariance[place, place])
@@ -102,24 +95,6 @@ def _places(terms: Terms) -> list[slice]:
     return [slice(int(end) - term.knobs.count, int(end)) for term, end in zip(terms, ends, strict=True)]
 
 
-def driven_seconds(bench: Bench) -> Array:
-    """Driving time in use, per run."""
-    found = np.zeros(len(bench.course.names))
-    for stretch in bench.course.stretches:
-        found[stretch.run] += stretch.time[-1]
-    return found
-
-
-def main_terms(terms: Sequence[Term], seconds: Array) -> Terms:
-    """The terms, with the level of the longer driving where an effect has two."""
-
-    def weight(term: Term) -> float:
-        return float(seconds.sum() if term.runs is None else seconds[sorted(term.runs)].sum())
-
-    best = {term.knobs.id: term for term in sorted(terms, key=weight)}
-    return tuple(term for term in terms if best[term.knobs.id] is term)
-
-
 def _halves(bench: Bench, run: int, terms: Terms, steps: tuple[Array, Array]) -> Halves:
     """Settings of a run held out: where an effect has two levels, each half takes the one that suits the other half.
 
@@ -128,14 +103,14 @@ def _halves(bench: Bench, run: int, terms: Terms, steps: tuple[Array, Array]) ->
     options = [level_of(terms, level) for level in (0, 1)]
     if len(options[0]) == len(terms):
         return settings_in(moved(terms, steps[0]), run), settings_in(moved(terms, steps[1]), run)
-    found = []
+    chosen = []
     for half, step in enumerate(steps):
         both = [settings_in(level_of(moved(terms, step), level), run) for level in (0, 1)]
         losses = [_loss(bench, run, one, 1 - half) for one in both]
         if not any(losses):  # a run too short for two halves tells its ground by itself
             losses = [_loss(bench, run, one, half) for one in both]
-        found.append(both[int(losses[1] < losses[0])])
-    return found[0], found[1]
+        chosen.append(both[int(losses[1] < losses[0])])
+    return chosen[0], chosen[1]
 
 
 def _loss(bench: Bench, run: int, settings: Mapping[str, Mapping[str, float]], half: int) -> float:
@@ -153,88 +128,8 @@ def value_interval(bench: Bench, term: Term, covariance: Array) -> dict[str, Int
     Where an effect is, as of a patch, was searched for and not fitted: no interval is claimed for it. Times are not
     told finer than half a row of the log.
     """
-    knobs, value, tractor = term.knobs, term.knobs.values(term.at), bench.rig.tractor
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    knobs = term.knobs
     if knobs.id in BY_NAME:
-        return {knobs.id: (value[knobs.id] - SURE * float(sigma[0]), value[knobs.id] + SURE * float(sigma[0]))}
-    if effect(knobs.id).kind == LIMIT:
-        wide = max(SURE * float(sigma[0]), KNEE_SHARE * float(term.at[0]))
-        most, least = float(term.at[0]) + wide, float(term.at[0]) - wide
-        return {"limit_g": (1.0 / most if most > 0.0 else math.inf, 1.0 / least if least > 0.0 else math.inf)}
-    if effect(knobs.id).kind == SLOPE:
-        return _slope_interval(tractor, term, covariance)
-    size = effect(knobs.id).size
-    wide = math.hypot(SURE * float(sigma[0]), finest_of(tractor, knobs.id, bench.row_s))
-    return {size.name: _clipped(knobs, value[size.name] - wide, value[size.name] + wide)}
-
-
-def _clipped(knobs: Knobs, low: float, high: float) -> Interval:
-    return max(low, float(knobs.low[0])), min(high, float(knobs.high[0]))
-
-
-def _slope_interval(tractor: Tractor, term: Term, covariance: Array) -> dict[str, Interval]:
-    """Interval of ratio and bearing: the spread of the two components along and across the slope that was found."""
-    value = term.knobs.values(term.at)
-    ratio, bearing = value["ratio"], value["bearing_deg"]
-    along = term.at / max(ratio, 1e-9)
-    across = np.array([along[1], -along[0]])
-    wide = math.hypot(SURE * math.sqrt(max(float(along @ covariance @ along), 0.0)), finest_of(tractor, term.knobs.id))
-    aside = math.hypot(
-        SURE * math.sqrt(max(float(across @ covariance @ across), 0.0)), finest_of(tractor, term.knobs.id)
-    )
-    turn = math.degrees(math.atan2(aside, ratio)) if aside < 3.0 * ratio else 180.0
-    return {"ratio": (max(ratio - wide, 0.0), ratio + wide), "bearing_deg": (bearing - turn, bearing + turn)}
-
-
-def extended_tractor(
-    bench: Bench, tractor: Tractor, ground: str, extension: Extension, named: Collection[str],
-    alike: Mapping[str, Finding], kept: Collection[str],
-) -> Tractor:  # fmt: skip
-    """The tractor with the terms of an extension, their intervals and the logs they came from.
-
-    `named` are the effects that carry a name, `alike` those that the logs cannot tell from others: their intervals
-    reach to neutral. Effects that the file had and these logs say nothing of (`kept`) stay as they are.
-    """
-    effects = {name: setting for name, setting in tractor.effects.items() if name in kept}
-    amounts: dict[str, float] = {}
-    spread: dict[str, Interval] = {}
-    for term in main_terms(extension.terms, driven_seconds(bench)):
-        name, value, interval = term.knobs.id, term.knobs.values(term.at), dict(extension.intervals[term.knobs.id])
-        if name in BY_NAME:
-            amounts, spread = amounts | value, spread | interval
-            continue
-        if not all(math.isfinite(one) for one in value.values()):
-            continue  # a limit that is never reached: one of two grounds, on which nothing slides
-        same: tuple[str, ...] = ()
-        if name in alike:
-            interval, same = alike[name].interval or interval, alike[name].equivalent_to
-        runs = range(len(bench.course.names)) if term.runs is None else sorted(term.runs)
-        effects[name] = EffectSetting(
-            value={key: _short(one) for key, one in value.items()},
-            interval={key: (_short(low), _short(high)) for key, (low, high) in interval.items()},
-            named=name in named, equivalent_to=same, ground=ground,
-            logs=tuple(bench.course.names[run] for run in runs),
-        )  # fmt: skip
-    rest = _rest(bench, amounts, spread) if amounts else None
-    return tractor.model_copy(update={"effects": effects, "rest": rest})
-
-
-def _short(value: float) -> float:
-    """A value with as many digits as a file needs."""
-    return float(f"{value:.{DIGITS}g}")
-
-
-def _rest(bench: Bench, amounts: dict[str, float], spread: dict[str, Interval]) -> Rest:
-    """The rest, to be trusted where nearly all of the driving was."""
-    speeds = np.concatenate([one.speed for one in bench.course.stretches])
-    angles = [one.wheel if one.wheel is not None else one.command for one in bench.course.stretches]
-    degrees = np.degrees(np.concatenate([one for one in angles if one is not None]))
-    fast, low, high = float(np.quantile(speeds, 0.995)), *(float(np.quantile(degrees, q)) for q in (0.005, 0.995))
-    slow = min(float(np.quantile(speeds, 0.005)), 0.9 * fast)
-    if high - low < 1.0:
-        low, high = low - 0.5, high + 0.5
-    return Rest(
-        amounts={name: _short(amount) for name, amount in amounts.items()},
-        speed_mps=(_short(max(slow, 0.0)), _short(max(fast, 0.01))), angle_deg=(_short(low), _short(high)),
-        interval={name: (_short(one), _short(two)) for name, (one, two) in spread.items()}, logs=bench.course.names,
-    )  # fmt: skip
+        amount, sigma = float(term.at[0]), float(np.sqrt(np.maximum(np.diag(covariance), 0.0))[0])
+        return {knobs.id: (amount - SURE * sigma, amount + SURE * sigma)}
+    return knobs.interval(term.at, covariance, finest_of(bench.rig.tractor, knobs.id, bench.row_s))

@@ -17,10 +17,9 @@ from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Course, Stretch
 from vehicle.measured.replay.replaying import FORWARD, Rig, replay, seen
 from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise, step_times
+from vehicle.measured.thresholds import LEAST_ALONG, LEAST_SOIL, MOST_SOIL
 
 SPANS_S = (1.0, 2.0, 4.0)  # longer than the soil's memory, shorter than any cause that acts evenly
-LEAST_SOIL, MOST_SOIL = 2e-4, 0.05  # rad per m: asphalt, and what no driver would call a field
-LEAST_ALONG = 0.003  # m per root second: no drive line holds its speed better
 SAMPLES = 30  # second differences: the median deviation of fewer is off by a fifth and more
 
 

@@ -12,12 +12,7 @@ from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Course
 from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, seen
 from vehicle.measured.surprise.whitening import Noise, make_gains, simulated_increments
-
-TIMING_S = 0.02  # commands come at the beat of a controller, not of the log
-TRANSIENT_S = 0.3  # how far off in time a speed change may be: drive lines differ
-DRIVE_LINE_S = 0.2  # and how far one of another make is: what that leaves is not the fault of a cause
-MOST_MEMORY = 0.9  # of a channel from row to row: with more, a fault that lasts would be taken for memory
-OUTLIER = 4.0  # standard deviations: one row in 16,000 of a true model is further off
+from vehicle.measured.thresholds import DRIVE_LINE_S, MOST_MEMORY, OUTLIER, TIMING_S, TRANSIENT_S
 
 
 @dataclass(frozen=True, eq=False)

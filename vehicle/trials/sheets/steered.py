@@ -21,6 +21,7 @@ from vehicle.trials.sheets.sheet import Driven, Line, Panel, Sheet
 
 SHORTEST_S, LONGEST_S, FASTEST_KMH = 20.0, 3600.0, 30.0
 KEEP = 6
+SHOWN_RADII, WIDEST_SHOWN_M = 3.0, 100.0
 STRAIGHT_M = 1e6  # a radius beyond this is no circle
 
 
@@ -111,7 +112,7 @@ def sheet(request: Request, driven: Driven, track: Trace) -> Sheet:
     """The drive in words and pictures."""
     seconds = float(track.time_s[-1])
     radius = track.radius()
-    shown = np.where(radius < 100.0, radius, np.nan)
+    shown = np.where(radius < _highest_shown(driven), radius, np.nan)
     panels = (
         trajectory_panel("Track of the centre of mass", {f"{request.steer_deg:g} degrees": track}, seconds),
         slip_panel("Slip angles", track, seconds),
@@ -121,6 +122,11 @@ def sheet(request: Request, driven: Driven, track: Trace) -> Sheet:
     )  # fmt: skip
     title = f"{request.steer_deg:g} degrees on {request.ground}, {request.model} tyres, {request.speed_kmh:g} km/h"
     return Sheet("drive", title, (sentence(driven), "Step of the wheels after one second at speed."), (), panels)
+
+
+def _highest_shown(driven: Driven) -> float:
+    """Metres up to which the momentary radius is drawn: a circle fills the picture, not the run before it."""
+    return SHOWN_RADII * driven.radius_m if driven.stable and driven.radius_m else WIDEST_SHOWN_M
 
 
 def sentence(driven: Driven) -> str:

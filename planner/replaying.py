@@ -3,35 +3,53 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
 from vehicle.measured.logs.reading import read_log, remarks
-from vehicle.measured.logs.record import Array
+from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.replay.anchoring import best_motion
 from vehicle.measured.replay.course import Stretch, make_course
 from vehicle.measured.replay.horizons import anchored, chain, errors_of, pieces, run_squares
 from vehicle.measured.replay.replaying import Rig, own_rig
-from vehicle.tractor import load_tractor
+from vehicle.tractor import Tractor, as_tractor
 
 LAID_S, PIECE_S = 5.0, 5.0
 
 
-def replayed(log: str, tractor: str, ground: str, fixes: tuple[str, ...] = ()) -> tuple[Replayed, list[str]]:
-    """Replay a log with the effects of the tractor file; and the remarks on its columns and rows.
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A replayed run with its errors, and the remarks on the log's columns and rows."""
+
+    replayed: Replayed
+    remarks: tuple[str, ...]
+
+
+def replay(
+    log: Log | str | Path,
+    *,
+    tractor: Tractor | str | Path = "eg105",
+    ground: str = "soil",
+    fixes: Sequence[str] = (),
+) -> Replay:
+    """Replay a log (an object, or a file read with `fixes`) with the effects of a tractor (object, name or file).
 
     Raises LogError and VehicleError.
     """
-    machine = load_tractor(tractor)
-    run = read_log(log, fixes, machine.wheelbase_m)
+    machine = as_tractor(tractor)
+    run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
     course = make_course([run])
     rig, settings = own_rig(machine, ground, course.origin)
     errors = errors_of(run_squares(course, rig, {0: settings}))
     stretches = tuple(_stretch(rig, stretch, settings) for stretch in course.stretches)
     left_out = course.rows_read - course.rows
-    return Replayed(run.name, machine.name, tuple(settings), errors, stretches, left_out), remarks(run)
+    told = Replayed(run.name, machine.name, tuple(settings), errors, stretches, left_out)
+    return Replay(told, tuple(remarks(run)))
 
 
 def _stretch(rig: Rig, stretch: Stretch, settings: Settings) -> ReplayedStretch:

@@ -1,57 +1,40 @@
-"""All candidates of a scenario, simulated on all cores, ranked."""
+"""What a scenario asks to try, and its results in order of merit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 from planner.evaluate import Candidate
-from planner.pool import evaluated
-from planner.scenario import Scenario, clock
-from planner.site import Site, prepare
-from reports.results import PlanResult, Ranking
-from strategies.registry import FORMATIONS
+from planner.scenario import KMH, Scenario, clock
+from planner.site import Site
+from reports.results import PlanResult, Ranking, quickness
+from strategies.registry import STRATEGIES
 from vehicle.effects import REST_KEY
 from vehicle.tractor import Tractor
 
-Progress = Callable[[int, int], None]
 SAME_S = 0.05
+LEAST_WORKED_PCT = 50.0  # below half of the field a plan does not do what its reader takes it to do
 
 
 def candidates(scenario: Scenario) -> list[Candidate]:
     """Every combination worth simulating; for one tractor a formation is the plain order of tracks, tried once."""
-    found = []
+    tries = []
     for tractors in scenario.tractors:
         names = list(scenario.strategies)
         if tractors == 1:
-            formations = [name for name in names if name in FORMATIONS]
-            alone = [name for name in names if name not in FORMATIONS]
+            formations = [name for name in names if STRATEGIES[name].abreast]
+            alone = [name for name in names if not STRATEGIES[name].abreast]
             names = alone or formations[:1]
-        found += [Candidate(name, tractors) for name in names]
-    return found
-
-
-def plan(scenario: Scenario, *, processes: int | None = None, progress: Progress | None = None) -> tuple[Site, Ranking]:
-    """Simulate and rank all candidates; the result does not depend on the number of processes.
-
-    Raises the refusals of planner.errors for a scenario that cannot be planned at all.
-    """
-    site = prepare(scenario)
-    todo = candidates(scenario)
-    results = []
-    for result in evaluated([(site, candidate) for candidate in todo], processes):
-        results.append(result)
-        if progress:
-            progress(len(results), len(todo))
-    return site, rank(site, results)
+        tries += [Candidate(name, tractors) for name in names]
+    return tries
 
 
 def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
     """Order by time, then tractors, then name; infeasible plans last. Marks the front of time against count."""
-    results = list(results)
-    feasible = sorted(
-        (r for r in results if r.feasible), key=lambda r: (round(r.time_s or 0.0, 3), r.tractors, r.strategy)
-    )
+    results = [told(result) for result in results]
+    feasible = sorted((r for r in results if r.feasible), key=quickness)
     front = _front(feasible)
     ranked = [
         replace(result, rank=place, on_pareto_front=result in front) for place, result in enumerate(feasible, start=1)
@@ -68,7 +51,39 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         allowed_s=scenario.allowed_s,
         assumptions=assumptions(site),
         tractor_effects=tractor_effects(site.tractor),
+        scenario=asked(site),
     )
+
+
+def told(result: PlanResult) -> PlanResult:
+    """The result with a remark where it works less of the field than anyone would expect of a plan."""
+    if not result.feasible or result.worked_pct is None or result.worked_pct >= LEAST_WORKED_PCT:
+        return result
+    little = f"works only {result.worked_pct:.0f} % of the field; the rest is headland or between tracks"
+    return replace(result, remark=f"{result.remark}; {little}" if result.remark else little)
+
+
+def asked(site: Site) -> dict[str, Any]:
+    """The scenario of a ranking as plain values: what was asked for, and what was planned with where that was open."""
+    scenario, layout = site.scenario, site.layout
+    return {
+        "field": layout.field.name,
+        "width_m": layout.width_m,
+        "headland_m": layout.headland_m,
+        "bearing_deg": layout.bearing_deg,
+        "tracks": len(layout.tracks),
+        "radius_m": site.manner.radius_m,
+        "tractor": site.tractor.name,
+        "turn": scenario.turn,
+        "speed_kmh": scenario.speed_mps / KMH,
+        "turn_speed_kmh": scenario.turning_mps / KMH,
+        "price_per_hour": scenario.price_per_hour,
+        "price_per_tractor": scenario.price_per_tractor,
+        "start": None if scenario.start_s is None else clock(scenario.start_s),
+        "before": None if scenario.before_s is None else clock(scenario.before_s),
+        "seed": scenario.seed,
+        "gnss": scenario.gnss,
+    }
 
 
 def _front(feasible: list[PlanResult]) -> list[PlanResult]:
@@ -84,10 +99,10 @@ def _front(feasible: list[PlanResult]) -> list[PlanResult]:
 
 def tractor_effects(tractor: Tractor) -> dict[str, dict[str, float]]:
     """Effects of a tractor file with their values, and the amounts of its rest under "rest" if that is switched on."""
-    found = {name: dict(setting.value) for name, setting in tractor.effects.items()}
+    amounts = {name: dict(setting.value) for name, setting in tractor.effects.items()}
     if tractor.rest is not None and tractor.rest.on:
-        found[REST_KEY] = dict(tractor.rest.amounts)
-    return found
+        amounts[REST_KEY] = dict(tractor.rest.amounts)
+    return amounts
 
 
 def assumptions(site: Site) -> tuple[str, ...]:
@@ -105,4 +120,5 @@ def assumptions(site: Site) -> tuple[str, ...]:
         f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
         + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
         *(("Positions err as those of an RTK receiver do, a few millimetres.",) if site.scenario.gnss else ()),
+        *layout.field.remarks,
     )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from planner.evaluate import Candidate
-from planner.pool import evaluated
+from planner.pool import local_pool
 from planner.scenario import Scenario
 from planner.site import RADIUS_MARGIN, Site, prepare
+from planner.tasks import Progress, outcomes, pack
 from reports.results import Claim, PlanResult, Study, StudyRow
 
 HEADLAND_M = 10.0
@@ -45,17 +46,17 @@ def printed() -> tuple[Printed, ...]:
     )
 
 
-def study(*, processes: int | None = None, progress: Callable[[int, int], None] | None = None) -> Study:
-    """Simulate every row of the tables and judge the claims."""
+def study(*, executor: Executor | None = None, progress: Progress | None = None) -> Study:
+    """Simulate every row of the tables and judge the claims; `executor` and `progress` as planner.planning.plan."""
+    todo = list(dict.fromkeys([row.candidate for row in printed()] + [Candidate(APART, 1), Candidate(APART, 3)]))
+    if executor is None:
+        with local_pool(len(todo)) as executor:
+            return study(executor=executor, progress=progress)
     site = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, strategies=(ROW,)))
     apart = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, turn="switch-back"))
-    todo = list(dict.fromkeys([row.candidate for row in printed()] + [Candidate(APART, 1), Candidate(APART, 3)]))
-    work = [(apart if candidate.jump else site, candidate) for candidate in todo]
-    results: dict[Candidate, PlanResult] = {}
-    for candidate, result in zip(todo, evaluated(work, processes), strict=True):
-        results[candidate] = result
-        if progress:
-            progress(len(results), len(todo))
+    together, separate = pack(site), pack(apart)
+    work = [(separate if candidate.jump else together, candidate, False) for candidate in todo]
+    results = {todo[index]: one.result for index, one in outcomes(executor, work, progress)}
     tables: dict[str, list[StudyRow]] = {"6.1": [], "6.2": [], "6.3": []}
     for row in printed():
         tables[row.table].append(_row(row, results[row.candidate]))

@@ -1,0 +1,84 @@
+"""What the name of a field stands for: a sample or a file, and which of the fields in it."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from fields.errors import FieldError
+from fields.reading import read_text, shown
+from fields.samples_index import sample_names, sample_text
+
+KIND = "a GeoJSON file"
+FOREIGN = {
+    ".kml": "KML", ".kmz": "KML", ".gml": "GML", ".gpx": "GPX", ".xml": "XML", ".shp": "a Shapefile",
+    ".shx": "part of a Shapefile", ".dbf": "part of a Shapefile", ".prj": "part of a Shapefile",
+    ".gpkg": "a GeoPackage", ".fgb": "FlatGeobuf", ".parquet": "Parquet", ".dxf": "DXF", ".dwg": "DWG",
+    ".zip": "a ZIP archive", ".csv": "CSV", ".gdb": "a geodatabase",
+}  # fmt: skip
+"""Endings of files that hold fields in a form that is not read (yet)."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A name taken apart.
+
+    Attributes:
+        place: name of a sample, or path of a file.
+        key: what stands behind the last "#", choosing one of several fields, or None.
+        sample: whether `place` is a sample.
+    """
+
+    place: str
+    key: str | None
+    sample: bool
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return Path(self.place).stem
+
+    def text(self) -> str:
+        """Its GeoJSON text.
+
+        Raises:
+            FieldError: it is neither a sample nor a readable text file, or a file of another form.
+        """
+        if self.sample:
+            return sample_text(self.place)
+        if not os.path.exists(self.place) and self.place:
+            raise FieldError(_missing(self.place))
+        form = FOREIGN.get(Path(self.place).suffix.lower())
+        if form is not None:
+            raise FieldError(
+                f"{shown(self.place)} is {form}, and fields are read from GeoJSON for now; convert it, for instance "
+                f"with ogr2ogr -t_srs EPSG:4326 {self.name}.geojson {Path(self.place).name}, or save it so from QGIS."
+            )
+        return read_text(self.place, KIND, FieldError)
+
+
+def source_of(where: str) -> Source:
+    """Which sample or file a name means; a "#" belongs to the file's name where a file of that name exists."""
+    if "#" in where and not os.path.exists(where):
+        place, _, key = where.rpartition("#")
+        return Source(place, key, place in sample_names())
+    return Source(where, None, where in sample_names())
+
+
+def field_file(where: str) -> Path | None:
+    """The file that the name of a field stands for, None for a sample."""
+    source = source_of(where)
+    return None if source.sample else Path(source.place)
+
+
+def _missing(place: str) -> str:
+    """What to say about a name that is neither a sample nor a file; a plain word may be a sample misspelt."""
+    if os.path.lexists(place):
+        return f"{shown(place)} is a symbolic link that leads to no file; mend the link or name a file."
+    if os.path.basename(place) != place or Path(place).suffix or len(place) > 30:
+        return f"There is no field file {shown(place)}; check its name and its folder."
+    names = sample_names()
+    near = difflib.get_close_matches(place.lower(), names, n=1, cutoff=0.0)[0]
+    return f"There is no field file {shown(place)}; the nearest of the samples {', '.join(names)} is '{near}'."

@@ -1,0 +1,75 @@
+"""A scenario from beginning to end: every candidate on whatever executor there is, ranked, with the best plan's run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from fields.field import Field
+from planner.drive import picture
+from planner.pool import local_pool
+from planner.rank import candidates, rank
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from planner.tasks import Outcome, Progress, outcomes, pack
+from reports.results import Drive, PlanResult, Ranking, merit
+from vehicle.run import Run
+from vehicle.tractor import Tractor
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """The answer to a scenario.
+
+    `run` is that of `ranking.best`, None when no plan is feasible; `drives` are pictures by (strategy, tractors): of
+    the best plan, or of every plan that was driven to its end where they were asked for.
+    """
+
+    site: Site
+    ranking: Ranking
+    run: Run | None
+    drives: Mapping[tuple[str, int], Drive]
+
+
+def plan(
+    scenario: Scenario,
+    *,
+    field: Field | str | Path | None = None,
+    tractor: Tractor | str | Path | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    pictures: bool = False,
+) -> Planned:
+    """Simulate and rank every candidate of a scenario.
+
+    `field` and `tractor` (objects, names or files) take the place of those the scenario names. `executor` simulates
+    the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
+    with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
+    cannot is in the ranking with its reason.
+    """
+    todo = candidates(scenario)
+    if executor is None:
+        with local_pool(len(todo)) as executor:
+            return plan(
+                scenario, field=field, tractor=tractor, executor=executor, progress=progress, pictures=pictures
+            )
+    site = prepare(scenario, field, tractor)
+    packed = pack(site)
+    results: dict[int, PlanResult] = {}
+    drives: dict[int, Drive] = {}
+    best: Outcome | None = None
+    for index, one in outcomes(executor, [(packed, candidate, pictures) for candidate in todo], progress):
+        results[index] = one.result
+        if one.drive is not None:
+            drives[index] = one.drive
+        if one.run is not None and (best is None or merit(one.result) < merit(best.result)):
+            best = one
+    ranking = rank(site, [results[index] for index in range(len(todo))])
+    shown = {(todo[index].strategy, todo[index].tractors): drives[index] for index in sorted(drives)}
+    if best is None or best.run is None:
+        return Planned(site, ranking, None, shown)
+    if not pictures:
+        shown = {(best.result.strategy, best.result.tractors): picture(site, best.run, best.result)}
+    return Planned(site, ranking, best.run, shown)

@@ -1,0 +1,51 @@
+"""One candidate as a task for an executor: what goes in and what comes out can be sent to another process."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from planner.drive import picture
+from planner.evaluate import Candidate, simulated
+from planner.pool import completed
+from planner.site import Site
+from reports.results import Drive, PlanResult
+from vehicle.run import DONE, Run
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A candidate's result, its run where it is feasible, and its picture where that was asked for."""
+
+    result: PlanResult
+    run: Run | None = None
+    drive: Drive | None = None
+
+
+def pack(site: Site) -> bytes:
+    """A site as every task takes it: each gets one of its own, so that tasks in threads share nothing."""
+    return pickle.dumps(site)
+
+
+def work_out(packed: bytes, candidate: Candidate, pictures: bool = False) -> Outcome:
+    """Evaluate a candidate on a packed site."""
+    site: Site = pickle.loads(packed)
+    one = simulated(site, candidate)
+    result, run = one.result, one.run
+    if run is None or run.outcome != DONE:
+        return Outcome(result)
+    return Outcome(result, run if result.feasible else None, picture(site, run, result) if pictures else None)
+
+
+def outcomes(
+    executor: Executor, work: list[tuple[bytes, Candidate, bool]], progress: Progress | None
+) -> Iterator[tuple[int, Outcome]]:
+    """(index, outcome) of every task as they are done; `progress` is called with how many are, and of how many."""
+    for done, pair in enumerate(completed(executor, work_out, work), start=1):
+        if progress:
+            progress(done, len(work))
+        yield pair

@@ -1,0 +1,173 @@
+"""Gains, statuses and sizes of an answer, by hand."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.measured.benches import bench_of, eg105, knobs
+from vehicle.effects import effect
+from vehicle.measured.answer import names
+from vehicle.measured.answer.case import Case, gain_between, noise_share, with_real_noise, within_noise
+from vehicle.measured.answer.findings import findings, look_alikes, sized, visible, with_neutral
+from vehicle.measured.answer.names import Explained, holds, unexplained, unnamed_gain
+from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED
+from vehicle.measured.fit.fitting import Extra, Fit, refined
+from vehicle.measured.fit.openloop import Term
+from vehicle.measured.mend.extension import Extension, of_fit
+from vehicle.measured.replay.horizons import run_squares
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.floor import floor_squares
+from vehicle.measured.thresholds import ABOVE_FLOOR, ABOVE_PER_ROW_S, HARM_PCT, WORTH_A_NAME_PCT
+
+
+def test_a_gain_is_what_is_gone_of_the_root_mean_square() -> None:
+    """Four times the square is twice the root: half is gone, in every run, so in every set of runs as well."""
+    assert gain_between(np.full(5, 4.0), np.full(5, 1.0)) == (50.0, (50.0, 50.0))
+    whole, (low, high) = gain_between(np.array([4.0, 4.0, 4.0]), np.array([1.0, 4.0, 1.0]))
+    assert whole == pytest.approx(100.0 * (1.0 - math.sqrt(0.5)))
+    # All three draws hit the run without a gain in 1 of 27 sets, two of them in 6 of 27.
+    assert (low, high) == (pytest.approx(100.0 * (1.0 - math.sqrt(0.75))), 50.0)
+    assert gain_between(np.zeros(2), np.zeros(2))[0] == 100.0
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    """Circles driven with an offset of 1 degree, which the fit has found."""
+    bench = bench_of("circles", {"steering_offset": {"angle_deg": 1.0}})
+    surprise = bench.surprise({})
+    fit = refined(bench, Fit(((knobs("steering_offset"), np.zeros(1)),), surprise, np.zeros((len(surprise), 0))))
+    return Case(bench, fit, of_fit(bench, fit, ["steering_offset"]), floor_squares(bench, {0: {}, 1: {}}))
+
+
+def test_the_hidden_effect_is_worth_its_name(case: Case) -> None:
+    gain, (low, high) = case.gain_of("steering_offset")
+    assert 50.0 < low <= gain <= high <= 100.0 and case.worth_of("steering_offset") == gain
+    assert holds(case, "steering_offset") and within_noise(case, case.final)
+    assert case.misfit == 1.0 and case.main_terms["steering_offset"].value["angle_deg"] == pytest.approx(1.0, abs=0.02)
+    quarter = [{horizon: 0.25 * sums for horizon, sums in one.items()} for one in
+               run_squares(case.bench.course, case.bench.rig, {0: {}, 1: {}})]  # fmt: skip
+    assert noise_share(replace(case, floor=quarter)) == pytest.approx(0.25)
+    assert with_real_noise(case.bench, case.fit).noise.position < case.bench.noise.position  # these logs have none
+
+
+def test_every_effect_gets_a_finding(case: Case) -> None:
+    told = {one.id: one for one in findings(case, ["steering_offset"], {}, lambda: None)}
+    assert [name for name, one in told.items() if one.status == NAMED] == ["steering_offset"]
+    assert told["steering_offset"].words.startswith("The wheels stand 1.0 degrees to the right")
+    assert told["steering_offset"].gain_pct == pytest.approx(case.gain_of("steering_offset")[0])
+    # Both circles are driven with the implement up and the same speed: neither could have shown.
+    assert told["implement_side_draft"].status == NOT_VISIBLE and told["implement_side_draft"].smallest_visible is None
+    assert told["steering_gain"].status == REFUTED and told["steering_gain"].value is None
+    smallest = told["steering_gain"].smallest_visible
+    assert smallest is not None and effect("steering_gain").size.finest <= smallest <= 0.08
+
+
+def test_rivals_of_a_name_are_a_set_with_its_exchange(case: Case) -> None:
+    rivals = {"steering_offset": {"implement_side_draft": {"curvature_per_m": 0.0042}}}
+    told = {one.id: one for one in findings(case, ["steering_offset"], rivals, lambda: None)}
+    one, other = told["steering_offset"], told["implement_side_draft"]
+    assert one.status == other.status == EQUIVALENT
+    assert one.equivalent_to == ("implement_side_draft",) and other.equivalent_to == ("steering_offset",)
+    value = one.value and one.value["angle_deg"]
+    assert one.exchange == f"{value:.3g} deg looks like 0.0042 1/m of implement_side_draft"
+    assert other.exchange == f"looks like {value:.3g} deg of steering_offset" and other.interval is None
+    assert one.interval is not None and one.interval["angle_deg"][0] == 0.0  # the other may stand for all of it
+
+
+def test_a_working_implement_all_the_time_leaves_offset_and_draft_alike() -> None:
+    bench = bench_of("there-and-back", {"steering_offset": {"angle_deg": 1.0}})
+    surprise = bench.surprise({})
+    fit = refined(bench, Fit(((knobs("steering_offset"), np.zeros(1)),), surprise, np.zeros((len(surprise), 0))))
+    assert "implement_side_draft" in look_alikes(bench, fit, "steering_offset")
+
+
+def test_the_smallest_visible_size_shrinks_with_the_root_of_the_loss_it_makes(case: Case) -> None:
+    """Half the weights: twice the size, unless the tolerance is above both."""
+    shown = visible(case, effect("steering_asymmetry"))
+    rough = replace(case, extension=case.extension)
+    rough.__dict__["misfit"] = 4.0
+    assert shown is not None and visible(rough, effect("steering_asymmetry")) == pytest.approx(
+        max(2.0 * shown, 0.02), rel=0.05
+    )
+
+
+def test_sizes_and_intervals_to_neutral() -> None:
+    assert sized(effect("steering_offset"), {"angle_deg": 1.234}) == "1.23 deg"
+    assert sized(effect("steering_gain"), {"ratio": 1.1}) == "1.1"
+    assert with_neutral(eg105(), effect("steering_gain"), (1.1, 1.3)) == (1.0, 1.3)
+    assert with_neutral(eg105(), effect("wheel_slip"), (-0.2, 0.1)) == (-0.2, 0.1)
+
+
+def stub(final: float, before: float, floor: float = 1.0, row_s: float = 0.0) -> Any:
+    return SimpleNamespace(
+        floor="floor", bench=SimpleNamespace(row_s=row_s, has_wheel=True), number=lambda squares: np.array([floor]),
+        error=lambda settings: np.array([final]), extension=SimpleNamespace(only=lambda names: {}),
+    )  # fmt: skip
+
+
+def test_noise_is_a_share_above_the_floor_and_more_where_rows_are_few() -> None:
+    assert within_noise(stub(0, 0), np.array([ABOVE_FLOOR - 0.01]))
+    assert not within_noise(stub(0, 0), np.array([ABOVE_FLOOR + 0.01]))
+    assert within_noise(stub(0, 0, row_s=0.5), np.array([ABOVE_FLOOR + 0.5 * ABOVE_PER_ROW_S - 0.01]))
+
+
+@pytest.mark.parametrize("final, before, share", [(1.2, 9.0, 0.0), (5.0, 9.0, 0.5), (9.0, 9.0, 1.0), (9.0, 2.0, 1.0)])
+def test_the_unexplained_share_is_what_no_name_takes_away_above_the_floor(
+    final: float, before: float, share: float
+) -> None:
+    told = Explained(stub(final, before), [], None)
+    assert unexplained(told, np.array([before])) == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    "worth, gain, interval, held",
+    [
+        (WORTH_A_NAME_PCT, 1.0, (0.5, 1.5), True),
+        (WORTH_A_NAME_PCT - 0.01, 1.0, (0.5, 1.5), False),
+        (1.0, -HARM_PCT, (0.5, 1.5), False),
+        (1.0, 1.0, (-0.1, 1.5), False),
+        (1.0, 1.0, (0.0, 1.5), False),
+    ],
+)
+def test_a_name_holds_when_it_is_worth_it_does_no_harm_and_is_not_neutral(
+    worth: float, gain: float, interval: tuple[float, float], held: bool
+) -> None:
+    case: Any = SimpleNamespace(
+        bench=SimpleNamespace(has_wheel=True), tractor=eg105(), worth_of=lambda name: worth,
+        gain_of=lambda name: (gain, (gain, gain)),
+        extension=SimpleNamespace(intervals={"steering_offset": {"angle_deg": interval}}),
+    )  # fmt: skip
+    assert holds(case, "steering_offset") is held
+    assert names._least_worth(case.bench, "steering_offset") == WORTH_A_NAME_PCT
+
+
+def test_names_that_do_not_hold_leave_and_the_others_are_asked_again() -> None:
+    """Without `b`, `a` does not hold either."""
+    asked: list[list[str]] = []
+
+    def case_with(kept: list[str]) -> Any:
+        asked.append(kept)
+        return kept
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(names, "holds", lambda case, name: name == "c" or (name == "a" and "b" in case))
+        assert names._holding(case_with, ["a", "b", "c"]) == (["c"], ["c"])
+    assert asked == [["a", "b", "c"], ["a", "c"], ["c"]]
+
+
+def test_the_gain_of_unnamed_terms_is_what_the_columns_of_the_effects_leave_of_them() -> None:
+    one, other = np.array([1.0, 0.0, 0.0]), np.array([3.0, 4.0, 0.0])
+    fit = Fit((), np.zeros(3), np.stack([one, other], axis=1), Extra(other[:, None], np.array([2.0])))
+    assert unnamed_gain(fit) == pytest.approx(64.0) and unnamed_gain(replace(fit, extra=None)) == 0.0
+
+
+def test_terms_of_a_case_are_those_of_the_longer_driving(case: Case) -> None:
+    levels = (Term(knobs("side_slip"), np.array([4.0]), frozenset({0})),
+              Term(knobs("side_slip"), np.array([8.0]), frozenset({1})))  # fmt: skip
+    bench: Bench = case.bench
+    two = Case(bench, case.fit, Extension(levels, {}, {}), case.floor)
+    assert set(two.main_terms) == {"side_slip"} and two.main_terms["side_slip"] in levels

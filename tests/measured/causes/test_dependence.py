@@ -1,0 +1,82 @@
+"""What an error depends on when it has no name."""
+
+import numpy as np
+import pytest
+
+from tests.measured.benches import bench_of, rig
+from vehicle.measured.causes.dependence import (
+    ALWAYS,
+    DISTANCE,
+    Dependence,
+    Response,
+    _per_angle,
+    columns,
+    dependences,
+    explained,
+    scores,
+)
+from vehicle.measured.fit.fitting import empty_fit
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.whitening import Increments
+
+
+@pytest.fixture(scope="module")
+def pushed() -> Bench:
+    """A tractor pushed to the east by 1 cm/s while it drives to all four points of the compass."""
+    return bench_of("four-ways", {"rest": {"push_to_east": 0.01}})
+
+
+def test_columns_explain_what_their_products_say() -> None:
+    """One column: side squared over square. Two orthogonal ones add up, two that are the same count once."""
+    assert explained(np.array([[4.0]]), np.array([6.0])) == pytest.approx(9.0)
+    assert explained(np.diag([4.0, 100.0]), np.array([6.0, 10.0])) == pytest.approx(10.0)
+    assert explained(np.full((2, 2), 4.0), np.array([6.0, 6.0])) == pytest.approx(9.0)
+    assert explained(np.zeros((1, 1)), np.zeros(1)) == 0.0
+
+
+def test_a_push_is_told_by_the_direction_of_travel(pushed: Bench) -> None:
+    fit = empty_fit(pushed)
+    best = scores(pushed, fit)[0]
+    assert best.terms.words == "a push over the ground that depends on the direction of travel and the time on the way"
+    path = fit.surprise[: 3 * pushed.course.rows]
+    assert best.freedoms == 2 and 0.8 * float(path @ path) < best.gain <= 1.001 * float(path @ path)
+    made = columns(pushed, fit, best.terms)
+    amounts = np.linalg.lstsq(made, -fit.surprise, rcond=None)[0]
+    assert amounts == pytest.approx([0.01, 0.0], abs=0.002)
+
+
+def test_responses_are_linear_in_their_terms(pushed: Bench) -> None:
+    fit = empty_fit(pushed)
+    response = Response(pushed, fit)
+    stretch, move = pushed.course.stretches[0], response.moves[0]
+    bend = next(one for one in dependences(pushed) if one.on == "the direction of travel")
+    east, north = bend.make(stretch, move, _per_angle(pushed, stretch))
+    both = Increments(east.ahead, east.aside, east.turned + 2.0 * north.turned)
+    one, two, sum_of = response.local(0, [east, north, both]).T
+    assert np.abs(one).max() > 1.0 and sum_of == pytest.approx(one + 2.0 * two, abs=1e-8)
+
+
+def test_waves_are_looked_for_between_eight_rows_and_the_length_of_a_run(pushed: Bench) -> None:
+    told = [one for one in dependences(pushed) if one.per_run]
+    periods = [float(one.on.split()[-2]) for one in told if "coming back" in one.on]
+    assert min(periods) >= 2.5 and max(periods) <= 7.5  # half of a run of 15 s
+    assert any(one.on == "time, changing slowly during a run" for one in told)
+    made = columns(pushed, empty_fit(pushed), told[0])
+    assert made.shape[1] in (4, 8)  # free in every run; waves of grip are nothing where nothing turns
+
+
+def test_the_curvature_of_an_angle_is_the_slope_of_the_measured_law(pushed: Bench) -> None:
+    """About straight ahead: the difference of two degrees of the table, over the wheelbase."""
+    grid = np.linspace(-rig().tractor.max_steering_deg, rig().tractor.max_steering_deg, len(rig().table))
+    left, right = (float(np.tan(np.interp(angle, grid, rig().table))) for angle in (-1.0, 1.0))
+    slope = (right - left) / np.radians(2.0) / rig().tractor.wheelbase_m
+    stretch = pushed.course.stretches[0]
+    assert stretch.wheel is not None and not stretch.wheel.any()
+    assert _per_angle(pushed, stretch) == pytest.approx(slope)
+
+
+def test_words_and_blocks_of_a_term() -> None:
+    grip = Dependence("speed", "a change of grip", lambda s, m, b: [])
+    assert grip.words == "a change of grip that depends on speed" and grip.block == "wheel to path"
+    assert Dependence(ALWAYS, DISTANCE, lambda s, m, b: []).words == "a change of the distance driven"
+    assert Dependence(ALWAYS, DISTANCE, lambda s, m, b: []).block == "speed"

@@ -1,0 +1,66 @@
+"""Choosing causes: what the simulator drove is chosen and nothing else."""
+
+import numpy as np
+import pytest
+
+from tests.measured.benches import bench_of, eg105, knobs
+from vehicle.measured.causes.refit import enlarged, restarted, retuned, without
+from vehicle.measured.causes.selection import _rank, pruned, scan, select
+from vehicle.measured.causes.trial import Tried
+from vehicle.measured.fit.fitting import empty_fit, refined
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.noise import first_noise
+from vehicle.measured.thresholds import EASING, LEAST_GAIN, MOST_EASINGS, PATCH_HANDICAP, WRONG_EVERYWHERE
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    return bench_of("circles", {"steering_offset": {"angle_deg": 1.0}})
+
+
+def gained(name: str, gain: float) -> Tried:
+    return Tried(knobs(name), np.zeros(1), gain, np.zeros((1, 1)))
+
+
+def test_a_circle_must_gain_clearly_more_than_a_plain_effect() -> None:
+    as_good = PATCH_HANDICAP * (100.0 + LEAST_GAIN)
+    plain = gained("steering_offset", 100.0)
+    assert _rank(gained("grip_patch", as_good + 1.0)) < _rank(plain) < _rank(gained("grip_patch", as_good - 1.0))
+
+
+def test_the_hidden_effect_is_first_and_alone(bench: Bench) -> None:
+    selection = select(bench, eg105())
+    assert selection.ids == {"steering_offset"} and selection.unnamed == ()
+    assert float(selection.fit.parts[0][1][0]) == pytest.approx(1.0, abs=0.02)
+    best = scan(bench, empty_fit(bench), eg105(), {"steering_offset"})
+    assert all(one.knobs.id != "steering_offset" for one in best)
+    assert [one.gain for one in best if one.knobs.id != "grip_patch"] == sorted(
+        (one.gain for one in best if one.knobs.id != "grip_patch"), reverse=True
+    )
+
+
+def test_what_the_others_make_superfluous_is_left_out(bench: Bench) -> None:
+    parts = ((knobs("steering_offset"), np.array([1.0])), (knobs("heading_bias"), np.array([0.0])))
+    fit = refined(bench, restarted(bench, parts, None))
+    assert [one.id for one, _ in pruned(bench, fit).parts] == ["steering_offset"]
+    rest = without(bench, fit, "steering_offset")
+    assert [one.id for one, _ in rest.parts] == ["heading_bias"] and rest.loss > fit.loss + LEAST_GAIN
+
+
+def test_a_part_enters_with_the_coordinates_it_was_tried_at(bench: Bench) -> None:
+    start = empty_fit(bench)
+    larger = enlarged(bench, start, Tried(knobs("steering_offset"), np.array([1.0]), 0.0, np.zeros((1, 1))))
+    assert larger.settings == {"steering_offset": {"angle_deg": 1.0}}
+    assert larger.surprise == pytest.approx(bench.surprise(larger.settings))
+
+
+def test_a_model_that_is_wrong_everywhere_is_judged_by_longer_ways() -> None:
+    """A tractor that turns 3 % less than its file: positions and headings are trusted less until it can pass."""
+    wrong = bench_of("circles", {"steering_gain": {"ratio": 0.97}})
+    eased = retuned(wrong, empty_fit(wrong))
+    plain = first_noise(wrong.course)
+    easings = np.log(eased.noise.position / plain.position) / np.log(EASING)
+    assert easings == pytest.approx(round(easings)) and 1 <= round(easings) <= MOST_EASINGS
+    assert eased.noise.heading / plain.heading == pytest.approx(eased.noise.position / plain.position)
+    path = eased.path_surprise(eased.path({}), {})
+    assert float(np.mean(path * path)) < WRONG_EVERYWHERE

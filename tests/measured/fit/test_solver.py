@@ -1,0 +1,145 @@
+"""The solver on problems whose answers are known: linear, at a bound, with a kink, and curved."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle.measured.fit.solver import (
+    LATER_STEP,
+    SHORTENED,
+    Point,
+    Rule,
+    aside,
+    descend,
+    downhill,
+    slope_of,
+    solve,
+    with_own_slope,
+    with_slope,
+)
+
+
+class Stand:
+    """A problem from a function, with linear columns if wanted."""
+
+    def __init__(
+        self, of: Callable[[np.ndarray], np.ndarray], size: int, typical: float = 1.0, low: float = -math.inf,
+        high: float = math.inf, linear: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        self.of = of
+        extra = 0 if linear is None else linear.shape[1]
+        self.typical = np.full(size, typical)
+        self.low, self.high = np.full(size + extra, low), np.full(size + extra, high)
+        self.linear = np.zeros((0, 0)) if linear is None else linear
+        self.axes: list[int] = []
+
+    def left(self, at: np.ndarray, start: Point) -> np.ndarray:
+        return self.of(at)
+
+    def change(self, at: np.ndarray, axis: int, start: Point) -> np.ndarray:
+        self.axes.append(axis)
+        return self.of(at) - start.left
+
+    def start(self, *at: float) -> Point:
+        return Point(np.array(at), self.of(np.array(at)))
+
+
+def never(before: Point, after: Point) -> bool:
+    return False
+
+
+@given(st.integers(0, 10**6))
+def test_a_linear_problem_is_solved_in_one_step(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns, side = rng.standard_normal((30, 3)), rng.standard_normal(30)
+    problem = Stand(lambda at: columns @ at - side, 3)
+    end = descend(problem, problem.start(0.0, 0.0, 0.0), Rule(1, never))
+    exact = np.linalg.lstsq(columns, side, rcond=None)[0]
+    assert end.at == pytest.approx(exact, abs=1e-4)
+    assert not end.own and end.slope == pytest.approx(columns, abs=1e-9)
+
+
+def test_a_step_ends_at_the_box() -> None:
+    problem = Stand(lambda at: at - 5.0, 1, high=2.0)
+    end = descend(problem, problem.start(0.0), Rule(3, never))
+    assert end.at.tolist() == [2.0] and end.loss == 9.0
+    # There is no way on from there: the last point keeps its own slope.
+    assert end.own and end.slope.tolist() == [[pytest.approx(1.0)]]
+
+
+def test_slopes_are_taken_upwards_and_at_the_upper_end_downwards() -> None:
+    """Below the kink of max(x, 0) nothing changes, above it one for one."""
+    kinked = Stand(lambda at: np.maximum(at, 0.0), 1, low=-1.0, high=1.0)
+    assert slope_of(kinked, kinked.start(0.0), LATER_STEP).tolist() == [[pytest.approx(1.0)]]
+    capped = Stand(lambda at: np.maximum(at, 0.0), 1, low=-1.0, high=0.0)
+    assert slope_of(capped, capped.start(0.0), LATER_STEP).tolist() == [[0.0]]
+    assert aside(capped, np.array([0.0]), 0, 0.3).tolist() == [-0.3]
+    assert aside(kinked, np.array([0.0]), 0, 0.3).tolist() == [0.3]
+
+
+def test_slopes_of_later_axes_alone_and_of_linear_columns() -> None:
+    linear = np.array([[7.0], [8.0]])
+    problem = Stand(lambda at: np.array([2.0 * at[0] + 3.0 * at[1], 5.0 * at[1]]) + linear @ at[2:], 2, linear=linear)
+    start = problem.start(0.0, 0.0, 1.0)
+    assert slope_of(problem, start, 0.1) == pytest.approx(np.array([[2.0, 3.0, 7.0], [0.0, 5.0, 8.0]]))
+    assert slope_of(problem, start, 0.1, first=1) == pytest.approx(np.array([[3.0, 7.0], [5.0, 8.0]]))
+    assert problem.axes == [0, 1, 1]
+
+
+def test_a_step_too_far_is_shortened() -> None:
+    """Newton on atan from 1.5 lands beyond the mirrored point; four tenths of the step do not."""
+    problem = Stand(np.arctan, 1, typical=1e-6)
+    start = with_slope(problem, problem.start(1.5))
+    full = -math.atan(1.5) * (1.0 + 1.5**2)
+    after = downhill(problem, start)
+    assert abs(1.5 + full) > 1.5 and SHORTENED[1] == 0.4
+    assert after is not None and after.at == pytest.approx([1.5 + 0.4 * full], abs=1e-4)
+    assert after.slope is start.slope and not after.own
+
+
+def test_no_step_is_taken_for_less_than_the_least_gain() -> None:
+    problem = Stand(lambda at: at - 1.0, 1)
+    start = with_slope(problem, problem.start(0.0))
+    assert downhill(problem, start, least_gain=2.0) is None
+    assert downhill(problem, start, least_gain=0.5) is not None
+
+
+def test_the_valley_of_rosenbrock_is_descended() -> None:
+    problem = Stand(lambda at: np.array([10.0 * (at[1] - at[0] ** 2), 1.0 - at[0]]), 2, typical=1e-4)
+    losses = []
+
+    def watch(before: Point, after: Point) -> bool:
+        losses.append((before.loss, after.loss))
+        return False
+
+    end = descend(problem, problem.start(0.0, 0.0), Rule(60, watch))
+    assert all(after < before for before, after in losses)
+    assert end.loss < 1e-6 and end.at == pytest.approx([1.0, 1.0], abs=1e-2)
+
+
+def test_the_rule_ends_the_descent() -> None:
+    problem = Stand(lambda at: at * at, 1)
+    once = descend(problem, problem.start(4.0), Rule(9, lambda before, after: True))
+    assert once.at[0] == pytest.approx(4.0 - 16.0 / 8.3)  # the slope over 0.3 is 2 * 4 + 0.3
+    stayed = descend(problem, problem.start(4.0), Rule(9, never, worthwhile=lambda point: False))
+    assert stayed.at.tolist() == [4.0] and stayed.own
+    assert descend(problem, problem.start(4.0), Rule(0, never)).slope.size == 0
+
+
+def test_a_point_keeps_its_own_slope_and_gets_one_where_it_has_none() -> None:
+    problem = Stand(lambda at: at * at, 1)
+    bare = problem.start(3.0)
+    assert with_own_slope(problem, bare).slope.tolist() == [[pytest.approx(6.1)]]
+    steep = with_slope(problem, bare, 1.0)
+    assert with_own_slope(problem, steep) is steep and steep.slope.tolist() == [[pytest.approx(7.0)]]
+
+
+def test_columns_that_look_alike_share_the_change() -> None:
+    column = np.array([1.0, 2.0, 2.0])
+    change = solve(np.stack([column, column], axis=1), np.array([1.0, 2.0, 2.0]))
+    assert change == pytest.approx([-0.5, -0.5], rel=1e-5)
+    assert solve(np.zeros((3, 1)), np.ones(3)).tolist() == [0.0]

@@ -1,0 +1,48 @@
+"""The storeys know only those below them, and every storey's modules are tested by their name."""
+
+import ast
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import vehicle.measured
+
+ROOM = Path(vehicle.measured.__file__).parent
+STOREYS = ("logs", "replay", "surprise", "fit", "causes", "mend", "answer")
+TESTS = Path(__file__).parents[1]
+
+
+def imported(path: Path) -> set[str]:
+    """Dotted names of modules that a file imports, inside functions as well."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{one.name}" for one in node.names)}
+        elif isinstance(node, ast.Import):
+            names |= {one.name for one in node.names}
+    return names
+
+
+@pytest.mark.parametrize("storey", STOREYS)
+def test_no_storey_knows_one_above_it(storey: str) -> None:
+    above = STOREYS[STOREYS.index(storey) + 1 :]
+    for path in (ROOM / storey).glob("*.py"):
+        known = {name.split(".")[2] for name in imported(path) if name.startswith("vehicle.measured.")}
+        assert not known & set(above), f"{path.name} imports {known & set(above)}"
+
+
+@pytest.mark.parametrize("storey", ("fit", "causes", "mend", "answer"))
+def test_every_module_is_imported_by_a_test(storey: str) -> None:
+    tested = set().union(*(imported(path) for path in TESTS.rglob("test_*.py")))
+    for path in (ROOM / storey).glob("[a-z]*.py"):
+        assert f"vehicle.measured.{storey}.{path.stem}" in tested, path.name
+
+
+def test_thresholds_know_nobody_and_each_has_a_word() -> None:
+    """Every constant stands under a comment that says where it comes from."""
+    lines = (ROOM / "thresholds.py").read_text(encoding="utf-8").splitlines()
+    assert imported(ROOM / "thresholds.py") == {"__future__", "__future__.annotations"}
+    for before, line in pairwise(lines):
+        if line[:1].isupper() and " = " in line:
+            assert before.startswith("# ") and not before.startswith("# ---"), line

@@ -1,0 +1,104 @@
+"""Tasks and hold points of real plans agree with what the implement alone shows."""
+
+from typing import Any
+
+import pytest
+
+from planner.deconflict import _past, _turned, hold_leg
+from planner.evaluate import Candidate, run_candidate
+from planner.scenario import Scenario
+from planner.site import prepare
+from planner.steady import _tracks_begun, _turn_start
+from strategies.registry import STRATEGIES
+from vehicle.missions import Mission, Plan
+
+
+class Guess:
+    """Where a tractor holds and turns, guessed from nothing but where the implement is down."""
+
+    def __init__(self, mission: Mission) -> None:
+        self.down = [leg.implement for leg in mission.legs]
+        self.lengths = [leg.length_m for leg in mission.legs]
+        self.last = len(self.down) - 1
+
+    def hold(self, leg: int) -> int:
+        """The last stretch of the pass, or the first leg of all."""
+        while leg > 0:
+            ends = self.down[leg] and (leg == self.last or not self.down[leg + 1])
+            if ends and self.down[leg - 1]:
+                return leg
+            leg -= 1
+        return 0
+
+    def turned(self, leg: int) -> int:
+        """The last leg before the next track."""
+        while leg < self.last and self.down[leg]:
+            leg += 1
+        while leg < self.last and not self.down[leg + 1]:
+            leg += 1
+        return leg
+
+    def past(self, leg: int, metres: float) -> tuple[int, float]:
+        """Leg and distance so far on, but not beyond the turn."""
+        turning = not self.down[leg]
+        while leg < self.last and metres > self.lengths[leg] and not (turning and self.down[leg + 1]):
+            metres -= self.lengths[leg]
+            leg += 1
+            turning = turning or not self.down[leg]
+        return leg, max(0.0, min(metres, self.lengths[leg] - 0.2))
+
+    def begun(self) -> list[int]:
+        """Working legs after a turn."""
+        return [leg for leg in range(1, self.last + 1) if self.down[leg] and not self.down[leg - 1]]
+
+    def turn_start(self, leg: int) -> int:
+        """First leg of the turn before a working leg."""
+        while leg > 0 and not self.down[leg - 1]:
+            leg -= 1
+        return leg
+
+
+@pytest.fixture(scope="module")
+def plans(wide_site: Any) -> list[Plan]:
+    """Plans of every strategy, and some on a field with a notch."""
+    notched = prepare(Scenario(field="denmark"))
+    return [
+        *(strategy.build(wide_site.job(count)) for strategy in STRATEGIES.values() for count in (1, 4, 5)),
+        *(STRATEGIES[name].build(notched.job(3)) for name in ("split-field", "interleaved")),
+    ]
+
+
+class TestTasksSayWhatLegsShow:
+    def test_hold_legs(self, plans: list[Plan]) -> None:
+        for plan in plans:
+            for tractor, mission in enumerate(plan.missions):
+                for leg in range(len(mission.legs)):
+                    assert hold_leg(plan, tractor, leg) == Guess(mission).hold(leg)
+
+    @pytest.mark.parametrize("metres", [0.0, 3.0, 10.0, 60.0, 1000.0])
+    def test_gates_past_a_place_and_past_a_turn(self, plans: list[Plan], metres: float) -> None:
+        for plan in plans:
+            for tractor, mission in enumerate(plan.missions):
+                guess = Guess(mission)
+                for leg in range(len(mission.legs)):
+                    past, turned = _past(plan, tractor, leg, metres, 0.0), _turned(plan, tractor, leg)
+                    assert (past.leg, past.after_m) == guess.past(leg, metres)
+                    assert turned.leg == guess.turned(leg)
+
+    def test_turns(self, plans: list[Plan]) -> None:
+        for plan in plans:
+            for mission in plan.missions:
+                guess = Guess(mission)
+                assert _tracks_begun(mission) == guess.begun()
+                assert [_turn_start(mission, leg) for leg in guess.begun()] == [
+                    guess.turn_start(leg) for leg in guess.begun()
+                ]
+
+
+def test_repairs_wait_at_hold_points_only(wide_site: Any) -> None:
+    for name, tractors in (("interleaved", 5), ("split-field", 4)):
+        written = STRATEGIES[name].build(wide_site.job(tractors))
+        repaired = run_candidate(wide_site, Candidate(name, tractors)).run.plan
+        for before, after in zip(written.missions, repaired.missions, strict=True):
+            for a, b in zip(before.legs, after.legs, strict=True):
+                assert len(b.gates) == len(a.gates) or b.may_wait

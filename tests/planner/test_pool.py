@@ -1,0 +1,182 @@
+"""Processes that take tasks: clean ones, that end with whoever started them; and executors of other makes."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.pool import AHEAD, LocalPool, SerialExecutor, completed, local_pool
+
+ROOT = Path(__file__).parents[2]
+needs_signals = pytest.mark.skipif(os.name != "posix", reason="needs signals and groups of processes")
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[LocalPool]:
+    """Two processes."""
+    with LocalPool(2) as executor:
+        yield executor
+
+
+class TestCompleted:
+    @pytest.mark.parametrize("make", [SerialExecutor, lambda: ThreadPoolExecutor(3)])
+    def test_each_once_with_its_index(self, make: Any) -> None:
+        with make() as executor:
+            assert sorted(completed(executor, pow, [(2, k) for k in range(5)])) == [(k, 2**k) for k in range(5)]
+
+    def test_as_they_are_done_and_not_as_they_are_listed(self) -> None:
+        first = threading.Event()
+        with ThreadPoolExecutor(2) as executor:
+            order = []
+            for index, _ in completed(executor, lambda wait: first.wait(10) if wait else True, [(True,), (False,)]):
+                order.append(index)
+                first.set()
+        assert order == [1, 0]
+
+    def test_serial_results_come_one_by_one(self) -> None:
+        done: list[int] = []
+        results = completed(SerialExecutor(), done.append, [(k,) for k in range(3)])
+        next(results)
+        assert done == [0]
+
+    def test_an_error_is_raised_and_the_rest_is_not_begun(self) -> None:
+        done: list[int] = []
+
+        def task(number: int) -> None:
+            done.append(1 // number)
+
+        with pytest.raises(ZeroDivisionError):
+            list(completed(SerialExecutor(), task, [(1,), (0,), (1,)]))
+        assert done == [1]
+
+
+class TestLocalPool:
+    def test_results_and_errors_come_back(self, pool: LocalPool) -> None:
+        assert [future.result(60) for future in [pool.submit(divmod, n, 7) for n in range(20)]] == [
+            divmod(n, 7) for n in range(20)
+        ]
+        with pytest.raises(ZeroDivisionError):
+            pool.submit(divmod, 1, 0).result(60)
+
+    def test_processes_are_others_and_not_forked(self, pool: LocalPool, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(sys, "here_only", True, raising=False)
+        with LocalPool(1) as fresh:
+            number = fresh.submit(os.getpid).result(60)
+            known = fresh.submit(eval, "hasattr(__import__('sys'), 'here_only')").result(60)
+        assert number != os.getpid() and known is False
+
+    def test_a_lost_process_is_told(self) -> None:
+        with LocalPool(1) as executor, pytest.raises(BrokenExecutor):
+            executor.submit(os._exit, 3).result(60)
+
+    def test_the_caller_helps(self, pool: LocalPool) -> None:
+        hands = {process for _, process in completed(pool, busy, [(0.05,)] * 40)}
+        assert os.getpid() in hands and len(hands) > 1
+
+    def test_leaving_by_an_error_ends_what_is_under_way(self) -> None:
+        began = time.monotonic()
+        with pytest.raises(KeyError), LocalPool(1) as executor:
+            executor.submit(os.getpid).result(60)
+            executor.submit(time.sleep, 600)
+            raise KeyError
+        assert time.monotonic() - began < 60
+
+
+def busy(seconds: float) -> int:
+    """The process that took this time."""
+    time.sleep(seconds)
+    return os.getpid()
+
+
+@pytest.mark.parametrize(("tasks", "processes", "workers"), [(1, None, None), (5, 1, None), (5, 3, 2), (2, 8, 1)])
+def test_the_caller_counts_as_a_process(tasks: int, processes: int | None, workers: int | None) -> None:
+    with local_pool(tasks, processes) as executor:
+        if workers is None:
+            assert isinstance(executor, SerialExecutor)
+        else:
+            assert isinstance(executor, LocalPool) and executor.window == AHEAD * workers
+
+
+def alive(process: int) -> bool:
+    """Whether a process exists and is not merely waiting to be collected."""
+    try:
+        os.kill(process, 0)
+        state = Path(f"/proc/{process}/stat")
+        return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+
+
+@needs_signals
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_no_process_outlives_the_one_that_started_it(how: signal.Signals) -> None:
+    code = """
+        import os, sys, time
+        from planner.pool import LocalPool
+        pool = LocalPool(2)
+        numbers = set()
+        while len(numbers) < 2:
+            numbers |= {name.result() for name in [pool.submit(os.getpid) for _ in range(8)]}
+        print(*numbers, flush=True)
+        for _ in range(2):
+            pool.submit(time.sleep, 600)
+        time.sleep(600)
+    """
+    with subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    ) as parent:
+        assert parent.stdout is not None
+        workers = [int(word) for word in parent.stdout.readline().split()]
+        assert len(workers) == 2 and all(alive(worker) for worker in workers)
+        parent.send_signal(how)
+        parent.wait(30)
+        deadline = time.monotonic() + 30
+        while any(alive(worker) for worker in workers) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not any(alive(worker) for worker in workers)
+
+
+SCRIPT = """
+import json, sys, threading
+from planner import Scenario, plan
+
+
+def main():
+    answers = []
+    threads = [threading.Thread(target=lambda: answers.append(plan(question).ranking.best)) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(answers) == 2 and answers[0] == answers[1] is not None
+    print("once")
+
+
+field = {"type": "Polygon", "coordinates": [[[0, 0], [40, 0], [40, 70], [0, 70], [0, 0]]]}
+with open("field.geojson", "w") as file:
+    json.dump(field, file)
+question = Scenario("field.geojson", local=True, tractors=(1,), strategies=("split-field", "interleaved"))
+if __name__ == "__main__":
+    main()
+"""
+
+
+def test_a_script_may_plan_from_threads(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=300,
+        env=environment, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "once\n"

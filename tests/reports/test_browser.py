@@ -1,0 +1,162 @@
+"""Pages as a browser lays them out: on a small screen, on paper, and when used. Skipped where there is no browser."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from html import escape, unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reports.page import plan_page
+from reports.results import Drive, Ranking
+from reports.trials import trials_page
+from vehicle.trials.sheets.sheet import Comparison, Sheet, TextTable
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
+FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--no-pdf-header-footer", "--virtual-time-budget=3000",
+)  # fmt: skip
+Ask = Callable[[str, int, str], Any]
+
+
+def browse(folder: Path, page: Path, *flags: str) -> str:
+    command = [str(BROWSER), *FLAGS, f"--user-data-dir={folder / 'profile'}", *flags, page.as_uri()]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+@pytest.fixture
+def ask(tmp_path: Path) -> Ask:
+    """What an expression comes to in a page shown `width` points wide; the page is its `doc`."""
+
+    def answer(page: str, width: int, expression: str) -> Any:
+        frame = tmp_path / "frame.html"
+        frame.write_text(
+            f'<!doctype html><iframe style="border:0;width:{width}px;height:900px" srcdoc="{escape(page)}"></iframe>'
+            '<pre id="out"></pre><script>onload = () => { const frame = document.querySelector("iframe"), doc = '
+            "frame.contentDocument, view = frame.contentWindow; document.getElementById('out').textContent = "
+            f"JSON.stringify((() => {{ {expression} }})()); }};</script>",
+            encoding="utf-8",
+        )
+        dom = browse(tmp_path, frame, "--dump-dom")
+        out = re.search(r'<pre id="out">(.*?)</pre>', dom, flags=re.S)
+        assert out and out.group(1), dom[-500:]
+        return json.loads(unescape(out.group(1)))
+
+    return answer
+
+
+def pages_on_paper(tmp_path: Path, page: str) -> int:
+    source, paper = tmp_path / "page.html", tmp_path / "page.pdf"
+    source.write_text(page, encoding="utf-8")
+    browse(tmp_path, source, f"--print-to-pdf={paper}")
+    return len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes()))
+
+
+@pytest.fixture
+def usual(ranking: Ranking) -> Ranking:
+    """As many plans as a usual scenario has."""
+    plans = [
+        replace(ranking.plans[n % 6], strategy=name, tractors=count, rank=n + 1)
+        for n, (count, name) in enumerate(
+            (count, name) for count in range(1, 7) for name in ("split-field", "row-by-row-optimised", "interleaved")
+        )
+    ]
+    return replace(ranking, plans=(*plans, *ranking.plans[6:]))
+
+
+class TestPlan:
+    def test_a_usual_plan_prints_on_two_pages(self, usual: Ranking, drive: Drive, tmp_path: Path) -> None:
+        assert pages_on_paper(tmp_path, plan_page(usual, drive)) <= 2
+
+    def test_a_small_screen_scrolls_inside_and_has_a_large_map(self, usual: Ranking, drive: Drive, ask: Ask) -> None:
+        read = ask(plan_page(usual, drive), 400, """
+            const box = (name) => doc.querySelector(name).getBoundingClientRect();
+            return { page: doc.documentElement.scrollWidth, map: box("#map").height, wide: box("#map").width,
+              around: doc.querySelector("#map").parentNode.clientWidth,
+              table: doc.querySelector("#plans").scrollWidth, room: doc.querySelector("#plans").parentNode.clientWidth,
+              hint: view.getComputedStyle(doc.querySelector(".hint")).display,
+              shade: view.getComputedStyle(doc.querySelector("#plans").parentNode).backgroundImage };
+        """)  # fmt: skip
+        assert read["page"] <= 400, "the page itself does not scroll sideways"
+        assert read["map"] >= 200 and read["wide"] > read["around"], "a wide map scrolls in its frame"
+        assert read["table"] > read["room"] and read["hint"] == "block" and "gradient" in read["shade"]
+
+    def test_a_wide_screen_shows_all_of_the_map_and_fills_the_card_of_the_chart(
+        self, usual: Ranking, drive: Drive, ask: Ask
+    ) -> None:
+        read = ask(plan_page(usual, drive), 1280, """
+            const box = (name) => doc.querySelector(name).getBoundingClientRect();
+            return { page: doc.documentElement.scrollWidth, map: box("#map").width,
+              around: doc.querySelector("#map").parentNode.clientWidth, card: box(".split").width,
+              filled: box(".split .legend").right - box(".chart").left,
+              hint: view.getComputedStyle(doc.querySelector(".hint")).display };
+        """)  # fmt: skip
+        assert read["page"] <= 1280 and read["map"] == pytest.approx(read["around"], abs=1)
+        assert read["filled"] > 0.93 * read["card"] and read["hint"] == "none"
+
+    def test_it_starts_at_the_beginning_plays_and_changes_plans(self, ranking: Ranking, drive: Drive, ask: Ask) -> None:
+        other = replace(drive, title="the other plan", xy=drive.xy[:1], status=drive.status[:1], finish_s=(1.0,),
+                        seconds={name: values[:1] for name, values in drive.seconds.items()})  # fmt: skip
+        page = plan_page(ranking, drive, {("row-by-row", 5): other})
+        read = ask(page, 900, """
+            const text = (name) => doc.getElementById(name).textContent;
+            const tell = () => ({
+              clock: text("clock"), phase: text("phase"), shown: text("shown"), fleet: text("fleet"),
+              ahead: doc.querySelectorAll("#lanes .ahead").length, lines: doc.querySelectorAll("#lanes path").length,
+              marks: doc.querySelectorAll("#marks g").length, rows: doc.querySelectorAll("#times tbody tr").length });
+            const said = [tell()];
+            const slider = doc.getElementById("time");
+            slider.value = slider.max;
+            slider.dispatchEvent(new view.Event("input"));
+            said.push(tell());
+            doc.querySelector('.pick[data-plan="1"]').click();
+            said.push(tell());
+            return said;
+        """)  # fmt: skip
+        start, end, chosen = read
+        assert start["clock"] == "0:00:00" and start["phase"].startswith("At the start")
+        assert start["fleet"].count("at the start") == 3 == start["marks"] == start["rows"]
+        assert start["ahead"] >= 0.8 * (start["lines"] - 6), "all but live lines and arrows are still faint"
+        whole = round(max(drive.finish_s))
+        assert end["clock"] == f"0:{whole // 60:02d}:{whole % 60:02d}" and end["phase"].startswith("All done")
+        assert end["ahead"] == 0 and end["fleet"].count("done") == 3
+        assert chosen["shown"] == "the other plan" and chosen["clock"] == "0:00:00"
+        assert chosen["marks"] == chosen["rows"] == 1
+
+    def test_all_that_can_be_used_is_reached_by_keyboard(self, usual: Ranking, drive: Drive, ask: Ask) -> None:
+        assert ask(plan_page(usual, drive), 900, """
+            return [...doc.querySelectorAll("button, input, select, .scroll")].filter(
+              (one) => one.tabIndex < 0 && !one.disabled).length;
+        """) == 0  # fmt: skip
+
+
+def test_a_page_of_experiments_scrolls_inside_on_a_small_screen(ask: Ask) -> None:
+    table = TextTable("Radii", tuple(f"Heading {k}" for k in range(12)), (tuple("1234.5678" for _ in range(12)),))
+    rows = tuple(Comparison(f"4.1 kinematic {k} deg", "turning radius", "m", 5.0, 5.1, "a note") for k in range(50))
+    page = trials_page([Sheet("a", "Circles", ("Words.",), rows, (), (table,)), Sheet("b", "B", (), rows)])
+    read = ask(page, 400, "return [doc.documentElement.scrollWidth, doc.querySelectorAll('.scroll').length];")
+    assert read[0] <= 400 and read[1] >= 3
+
+
+def test_the_map_of_a_tall_field_is_whole_on_a_small_screen(ranking: Ranking, drive: Drive, ask: Ask) -> None:
+    def turned(points: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(points[..., ::-1])
+
+    tall = replace(drive, boundary=turned(drive.boundary), holes=(), tracks=turned(drive.tracks), entrance=None,
+                   xy=tuple(map(turned, drive.xy)))  # fmt: skip
+    read = ask(plan_page(ranking, tall), 400, """
+        const map = doc.querySelector("#map"), box = map.getBoundingClientRect();
+        return [box.width, map.parentNode.clientWidth, box.height];
+    """)  # fmt: skip
+    assert read[0] == pytest.approx(read[1], abs=1) and read[2] >= 200

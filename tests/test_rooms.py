@@ -1,0 +1,183 @@
+"""Rooms import one way: no circle of rooms, of files, or of the storeys of `vehicle.measured`.
+
+Imports are read from the source, those inside functions too. Those for type checking alone count as well: whoever
+reads a file has to know what they name.
+"""
+
+import ast
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from strategies.registry import NAMES
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("fields", "vehicle", "strategies", "reports", "planner")
+STOREYS = ("logs", "replay", "surprise", "fit", "causes", "mend", "answer")
+
+RESULTS_OF_OTHERS = (
+    "fields.read",  # what a file of several fields holds
+    "vehicle.effects",  # words and units of effects
+    "vehicle.rest",
+    "vehicle.tractor",
+    "vehicle.measured.answer",  # verdicts, findings, what a demonstration had hidden
+    "vehicle.trials.sheets.sheet",
+)
+"""Modules that hold what reports are handed; the rest of those rooms they do not know."""
+
+MAY_KNOW: dict[str, tuple[str, ...]] = {
+    "fields": ("fields",),
+    "vehicle": ("vehicle", "fields.errors", "fields.reading"),
+    "strategies": ("strategies", "fields", "vehicle"),
+    "reports": ("reports", "fields.errors", *RESULTS_OF_OTHERS),
+    "planner": ("planner", "fields", "vehicle", "strategies", "reports"),
+}
+COMMAND_LINE = ("planner.commands", "planner.main")
+
+Graph = dict[str, set[str]]
+
+
+def modules() -> dict[str, Path]:
+    """Every module of the house by its dotted name; a package is its __init__."""
+    found = {}
+    for room in ROOMS:
+        for path in sorted((ROOT / room).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imported(path: Path, known: dict[str, Path]) -> Iterator[str]:
+    """Modules of the house that a file imports anywhere; `from a import b` is a.b where that is a module."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in known)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} imports relatively; write the whole name"
+            base = node.module or ""
+            for alias in node.names:
+                full = f"{base}.{alias.name}"
+                if full in known or base in known:
+                    yield full if full in known else base
+
+
+@pytest.fixture(scope="module")
+def graph() -> Graph:
+    known = modules()
+    edges = {name: set(imported(path, known)) - {name} for name, path in known.items()}
+    edges["strategies.registry"] |= {f"strategies.{name.replace('-', '_')}" for name in NAMES}  # imported by name
+    return edges
+
+
+def below(name: str, places: tuple[str, ...]) -> bool:
+    """Whether a module is one of these places or inside one."""
+    return any(name == place or name.startswith(place + ".") for place in places)
+
+
+def circles(graph: Graph) -> list[frozenset[str]]:
+    """Sets of modules that reach one another (Tarjan's strongly connected components of more than one)."""
+    order: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[frozenset[str]] = []
+
+    def visit(node: str) -> None:
+        order[node] = low[node] = len(order)
+        stack.append(node)
+        for other in sorted(graph[node]):
+            if other not in order:
+                visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], order[other])
+        if low[node] == order[node]:
+            place = stack.index(node)
+            if len(stack) - place > 1:
+                found.append(frozenset(stack[place:]))
+            del stack[place:]
+
+    for node in sorted(graph):
+        if node not in order:
+            visit(node)
+    return found
+
+
+def test_circles_are_seen() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a", "d2"}, "d2": set()}) == [frozenset("bc")]
+    assert circles({"a": {"b"}, "b": set()}) == []
+
+
+def test_the_graph_sees_imports_of_every_form(graph: Graph) -> None:
+    assert len(graph) > 100
+    assert "vehicle.world" in graph["strategies.timing"]  # at the top of a file
+    assert "planner.planning" in graph["planner.commands.plan"]  # inside a function
+    assert "reports.results" in graph["planner.commands.plan"]  # for type checking
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_knows_only_those_it_may(graph: Graph, room: str) -> None:
+    strangers = {
+        f"{name} -> {other}"
+        for name, others in graph.items()
+        if below(name, (room,))
+        for other in others
+        if not below(other, MAY_KNOW[room])
+    }
+    assert strangers == set()
+
+
+def test_rooms_stand_in_one_order() -> None:
+    for number, room in enumerate(ROOMS):
+        assert {place.split(".")[0] for place in MAY_KNOW[room]} <= set(ROOMS[: number + 1])
+
+
+def test_no_circle_of_files(graph: Graph) -> None:
+    assert circles(graph) == []
+
+
+def test_storeys_of_the_measured_stand_in_one_order(graph: Graph) -> None:
+    level = {f"vehicle.measured.{storey}": number for number, storey in enumerate(STOREYS)}
+
+    def storey(name: str) -> int | None:
+        return level.get(".".join(name.split(".")[:3]))
+
+    upwards = {
+        f"{name} -> {other}"
+        for name, others in graph.items()
+        for other in others
+        if (mine := storey(name)) is not None and (theirs := storey(other)) is not None and theirs > mine
+    }
+    assert upwards == set()
+    assert {storey(name) for name in graph} >= set(range(len(STOREYS))), "a storey is gone; name those that are"
+
+
+def test_the_vehicle_knows_nothing_of_what_is_measured_about_it(graph: Graph) -> None:
+    inside, above = ("vehicle.measured",), ("vehicle.measured", "vehicle.trials")
+    wrong = {
+        f"{name} -> {other}"
+        for name, others in graph.items()
+        if below(name, ("vehicle",)) and not below(name, above)
+        for other in others
+        if below(other, inside)
+    }
+    assert wrong == set()
+
+
+def test_the_command_line_is_known_by_nobody(graph: Graph) -> None:
+    wrong = {
+        f"{name} -> {other}"
+        for name, others in graph.items()
+        if not below(name, COMMAND_LINE)
+        for other in others
+        if below(other, COMMAND_LINE)
+    }
+    assert wrong == set()
+
+
+def test_every_package_says_that_it_is_typed() -> None:
+    packages = {path.parent for room in ROOMS for path in (ROOT / room).rglob("__init__.py")}
+    assert {str(package.relative_to(ROOT)) for package in packages if not (package / "py.typed").is_file()} == set()
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert settings["tool"]["setuptools"]["package-data"]["*"] == ["py.typed"]

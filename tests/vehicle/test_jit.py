@@ -1,0 +1,86 @@
+"""What compiled functions keep on disk: it saves time, and never changes or ends a run."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CALLEE = "from vehicle.jit import compiled\n\n@compiled\ndef inner(x):\n    return {} * x\n"
+CALLER = "from vehicle.jit import compiled\nfrom vehicle.one import inner\n\n"
+CALLER += "@compiled\ndef outer(x):\n    return inner(x) + 1.0\n"
+CODE = "from vehicle.two import outer; print(outer(3.0), sum(outer.stats.cache_hits.values()))"
+Run = Callable[..., tuple[str, str]]
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """A copy of the two rooms that compile, with a function of one module that calls one of another."""
+    for name in ("fields", "vehicle"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "vehicle" / "one.py").write_text(CALLEE.format("2.0"))
+    (tmp_path / "vehicle" / "two.py").write_text(CALLER)
+    return tmp_path
+
+
+@pytest.fixture
+def run(room: Path) -> Run:
+    """Result and number of functions taken from disk, and what was said, of a process of its own."""
+
+    def start(**environment: str) -> tuple[str, str]:
+        whole = {**os.environ, "PYTHONPATH": str(room), "NUMBA_CACHE_DIR": str(room / "kept"), **environment}
+        words = [sys.executable, "-W", "error", "-c", CODE]
+        done = subprocess.run(words, capture_output=True, text=True, env=whole, timeout=120, cwd=room, check=True)
+        return done.stdout.strip(), done.stderr
+
+    return start
+
+
+def test_the_second_run_takes_it_from_disk(run: Run) -> None:
+    assert run() == ("7.0 0", "")
+    assert run() == ("7.0 1", "")
+
+
+def test_a_changed_callee_is_compiled_into_its_callers(run: Run, room: Path) -> None:
+    run()
+    (room / "vehicle" / "one.py").write_text(CALLEE.format("5.0"))
+    assert run() == ("16.0 0", "")
+    assert run() == ("16.0 1", "")
+
+
+@pytest.mark.parametrize("kind", ["*.nbi", "*.nbc"])
+@pytest.mark.parametrize("damage", ["empty", "cut", "garbage"])
+def test_damaged_files_are_compiled_anew(run: Run, room: Path, kind: str, damage: str) -> None:
+    run()
+    for path in (room / "kept").rglob(kind):
+        content = path.read_bytes()
+        path.write_bytes({"empty": b"", "cut": content[: len(content) // 2], "garbage": b"\xff" * 99}[damage])
+    result, said = run()
+    assert result == "7.0 0"
+    assert said.count("Note: ") == len(said.splitlines()) == 1 and "is compiled anew" in said
+    assert run() == ("7.0 1", "")
+
+
+def test_without_any_folder_to_keep_it_in(run: Run) -> None:
+    """Only the folder that is named may be used, and it cannot be made: a read-only installation without a home."""
+    nowhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": f"{__file__}/no"}
+    for _ in range(2):
+        result, said = run(**nowhere)
+        assert result == "7.0 0"
+        assert said.count("\n") == 1 and "cannot be kept on disk" in said and "NUMBA_CACHE_DIR" in said
+
+
+def test_a_disk_that_fills_up(run: Run, room: Path) -> None:
+    """The folder takes an empty file, as it does on a full disk, but nothing larger."""
+    limited = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+    limited += "resource.setrlimit(resource.RLIMIT_FSIZE, (16, 16)); "
+    pytest.importorskip("resource")
+    whole = {**os.environ, "PYTHONPATH": str(room), "NUMBA_CACHE_DIR": str(room / "kept")}
+    words = [sys.executable, "-B", "-c", limited + CODE]
+    done = subprocess.run(words, capture_output=True, text=True, env=whole, timeout=120, cwd=room, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "7.0 0"), done.stderr
+    assert done.stderr.count("\n") == 1 and "cannot be kept on disk" in done.stderr

@@ -1,0 +1,155 @@
+"""Saved plans: what is written comes back, and what is no saved plan is refused in one sentence."""
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vehicle.errors import MissionError
+from vehicle.missions import TASKS, Follow, Gate, Leg, Mission, Plan, Task, check_plan
+from vehicle.plan_file import VERSION, SavedPlan, plan_from_json, plan_to_json, saved_from_json
+
+NUMBERS = st.floats(-1e6, 1e6)
+POINT = st.tuples(NUMBERS, NUMBERS)
+TASK = st.builds(Task, st.sampled_from(TASKS), st.none() | st.integers(0, 500), st.integers(0, 3))
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> Plan:
+    """Executable plans: each leg starts where the one before ends; gates and follows name the other tractor."""
+    missions = []
+    for _ in range(2):
+        legs: list[Leg] = []
+        for _ in range(draw(st.integers(1, 3))):
+            start = tuple(legs[-1].points[-1]) if legs else draw(POINT)
+            first = (start[0] + draw(st.floats(0.5, 50.0)), start[1])
+            rest = draw(st.lists(POINT, max_size=3))
+            legs.append(Leg(
+                np.array([start, first, *rest]), draw(st.floats(0.1, 5.0)), draw(st.sampled_from([1, -1])),
+                draw(st.booleans()), draw(st.sampled_from(["soil", "asphalt"])), draw(TASK), draw(st.booleans()),
+            ))  # fmt: skip
+        missions.append(Mission(tuple(legs)))
+    plan = Plan(tuple(missions), draw(st.dictionaries(st.text(max_size=5), st.integers() | st.text(max_size=5))))
+    for tractor, other in ((0, 1), (1, 0)):
+        leg = draw(st.integers(0, len(plan.missions[other].legs) - 1))
+        length = plan.missions[other].legs[leg].length_m
+        plan = plan.with_gate(tractor, 0, Gate(other, leg, draw(st.floats(0.0, 1.0)) * length))
+        if draw(st.booleans()):
+            first, *rest = plan.missions[tractor].legs
+            led = Mission((replace(first, follow=Follow(other, leg, draw(st.floats(1.0, 30.0)))), *rest))
+            plan = replace(plan, missions=(led, plan.missions[1]) if tractor == 0 else (plan.missions[0], led))
+    return plan
+
+
+METRES = st.floats(allow_nan=False, allow_infinity=False)
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | METRES | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(
+    plans(), st.none() | st.just("EPSG:32654"), st.tuples(METRES, METRES), st.dictionaries(st.text(max_size=5), PLAIN)
+)
+def test_json_gives_everything_back(
+    plan: Plan, crs: str | None, origin_m: tuple[float, float], scenario: dict[str, Any]
+) -> None:
+    check_plan(plan)
+    text = plan_to_json(plan, crs=crs, origin_m=origin_m, scenario=scenario)
+    saved = saved_from_json(text)
+    assert (saved.crs, saved.origin_m, saved.scenario) == (crs, origin_m, scenario)
+    again = saved.plan
+    assert again.notes == plan.notes and again.tractors == plan.tractors
+    for mission, other in zip(plan.missions, again.missions, strict=True):
+        for a, b in zip(mission.legs, other.legs, strict=True):
+            assert a.points.tobytes() == b.points.tobytes()
+            assert replace(a, points=b.points).__dict__ == b.__dict__
+    assert plan_to_json(again, crs=saved.crs, origin_m=saved.origin_m, scenario=saved.scenario) == text
+
+
+@pytest.fixture
+def data(build: Any) -> dict[str, Any]:
+    """A saved plan of two tractors as an object."""
+    two = [build.leg((0, 0), (0, 10)), build.leg((0, 10), (0, 20))]
+    saved: dict[str, Any] = json.loads(plan_to_json(build.plan(two, [build.leg((5, 0), (5, 10))])))
+    return saved
+
+
+def test_a_plan_without_a_place_is_in_local_metres(data: dict[str, Any]) -> None:
+    saved = saved_from_json(json.dumps(data))
+    assert replace(saved, plan=Plan(())) == SavedPlan(Plan(()), None, (0.0, 0.0), {})
+
+
+@pytest.mark.parametrize(("version", "sentence"), [
+    (VERSION + 1, f"saved in version {VERSION + 1} of the format, and this Headland reads up to {VERSION}; use"),
+    (None, "has no 'format_version', so it was saved before there was one or is no plan; save it again"),
+    (0, "format_version 0; it must be a whole number from 1"),
+    ("1", "format_version '1'; it must be"),
+    (True, "format_version True; it must be"),
+    (1.0, r"format_version 1\.0; it must be"),
+])  # fmt: skip
+def test_another_version_is_refused(data: dict[str, Any], version: Any, sentence: str) -> None:
+    with pytest.raises(MissionError, match=sentence) as refusal:
+        plan_from_json(json.dumps(data | {"format_version": version}))
+    assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)
+
+
+def test_a_file_from_before_versions_is_refused(data: dict[str, Any]) -> None:
+    del data["format_version"]
+    with pytest.raises(MissionError, match="has no 'format_version'"):
+        plan_from_json(json.dumps(data))
+
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("", "The plan is not JSON"),
+    ("{", "The plan is not JSON"),
+    ("[]", "lacks or garbles an entry"),
+    ("3", "lacks or garbles an entry"),
+    ("1" * 5000, "lacks or garbles an entry"),
+    ("[" * 100_000, "nested too deeply"),
+])  # fmt: skip
+def test_text_that_is_no_plan_is_refused(text: str, sentence: str) -> None:
+    with pytest.raises(MissionError, match=sentence):
+        plan_from_json(text)
+
+
+@pytest.mark.parametrize(("values", "sentence"), [
+    ({"tractors": 3}, "lacks or garbles an entry"),
+    ({"tractors": []}, "at least one tractor"),
+    ({"tractors": [[]]}, "Tractor 0 has no legs"),
+    ({"tractors": [[{"points_m": [[0, 0], [1, "a"]]}]]}, "lacks or garbles an entry"),
+    ({"crs": 32654}, "crs is 32654, not a text"),
+    ({"origin_m": [1.0]}, "lacks or garbles an entry"),
+    ({"origin_m": [1.0, math.nan]}, "origin_m is .*, not two numbers of metres"),
+    ({"scenario": ["plan"]}, "not an object"),
+])  # fmt: skip
+def test_garbled_entries_are_refused(data: dict[str, Any], values: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(MissionError, match=sentence):
+        plan_from_json(json.dumps(data | values))
+
+
+@pytest.mark.parametrize("key", ["crs", "origin_m", "scenario", "notes", "tractors"])
+def test_a_missing_entry_is_named(data: dict[str, Any], key: str) -> None:
+    del data[key]
+    with pytest.raises(MissionError, match=f"lacks or garbles an entry: KeyError\\('{key}'\\)"):
+        plan_from_json(json.dumps(data))
+
+
+@pytest.mark.parametrize("key", ["points_m", "speed_mps", "gear", "implement", "ground", "task", "may_wait", "gates"])
+def test_a_missing_entry_of_a_leg_is_named(data: dict[str, Any], key: str) -> None:
+    del data["tractors"][1][0][key]
+    with pytest.raises(MissionError, match=f"lacks or garbles an entry: KeyError\\('{key}'\\)"):
+        plan_from_json(json.dumps(data))
+
+
+@pytest.mark.parametrize("task", [{"kind": "turn", "number": 1.5, "piece": 0}, {"kind": "turn", "number": 1}, "turn"])
+def test_a_garbled_task_is_refused(data: dict[str, Any], task: Any) -> None:
+    data["tractors"][0][1]["task"] = task
+    with pytest.raises(MissionError, match="lacks or garbles an entry"):
+        plan_from_json(json.dumps(data))

@@ -1,0 +1,127 @@
+"""What an answer is drawn from: the fit to the surprises, what is added to the tractor, and errors held out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from vehicle.effects import STEERING, effect
+from vehicle.measured.causes.selection import Selection
+from vehicle.measured.fit import openloop
+from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.openloop import Term, settings_in
+from vehicle.measured.logs.record import Array
+from vehicle.measured.mend.extension import Extension
+from vehicle.measured.mend.levels import driven_seconds, main_terms
+from vehicle.measured.replay.horizons import Halves, Squares, chain, run_squares, total_error
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.floor import floor_squares
+from vehicle.measured.surprise.noise import first_noise, tuned
+from vehicle.measured.thresholds import ABOVE_FLOOR, ABOVE_PER_ROW_S
+from vehicle.tractor import Tractor
+
+DRAWS = 400  # resampled sets of runs: chosen, leaves an interval steady to its last digit printed
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What findings are drawn from: the fit to the surprises, what is added to the tractor, and the noise floor."""
+
+    bench: Bench
+    fit: Fit
+    extension: Extension
+    floor: list[Squares]
+
+    @property
+    def tractor(self) -> Tractor:
+        """The tractor without effects."""
+        return self.bench.rig.tractor
+
+    @cached_property
+    def main_terms(self) -> dict[str, Term]:
+        """Terms by id, those of the longer driving where an effect has two levels."""
+        main = main_terms(self.extension.terms, driven_seconds(self.bench.course))
+        return {term.knobs.id: term for term in main}
+
+    @cached_property
+    def misfit(self) -> float:
+        """Squared error that is left, in units of the noise floor, at least 1: it hides small effects."""
+        return max(1.0, float(self.final.sum()) / float(self.number(self.floor).sum()))
+
+    def number(self, squares: list[Squares]) -> Array:
+        """Squared errors of every run as one number each, in units of the noise floor."""
+        seen = all(stretch.speed_seen for stretch in self.bench.course.stretches)
+        return total_error(squares, self.floor, along=seen)
+
+    def error(self, settings: Mapping[int, Halves]) -> Array:
+        """Error of every run as one number."""
+        return self.number(run_squares(self.bench.course, self.bench.rig, settings))
+
+    def gain_of(self, name: str) -> tuple[float, tuple[float, float]]:
+        """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs."""
+        return gain_between(self.error(self.extension.without(name)), self.final)
+
+    @cached_property
+    def final(self) -> Array:
+        """Error of every run with all that was found."""
+        return self.error(self.extension.held_out)
+
+    def worth_of(self, name: str) -> float:
+        """Percent of the error where the effect shows: of the wheel angle for the steering, else of the path."""
+        if effect(name).block == STEERING and self.bench.has_wheel:
+            settings = self.extension.without(name), self.extension.held_out
+            return gain_between(*(_wheel_squares(self.bench, one) for one in settings))[0]
+        return self.gain_of(name)[0]
+
+
+def _wheel_squares(bench: Bench, settings: Mapping[int, Halves]) -> Array:
+    """Squared error of the simulated wheel angle, per run."""
+    sums = np.zeros(len(bench.course.names))
+    for stretch in bench.course.stretches:
+        wheel = chain(bench.rig, stretch, settings[stretch.run][0])[2]
+        if stretch.wheel is not None:
+            sums[stretch.run] += float(np.sum((stretch.wheel - wheel) ** 2))
+    return sums
+
+
+def gain_between(worse: Array, final: Array) -> tuple[float, tuple[float, float]]:
+    """Percent of the root mean square that is gone, with a 90 % interval over runs."""
+    rng = np.random.default_rng(11)
+    drawn = rng.integers(0, len(worse), size=(DRAWS, len(worse)))
+    shares = 100.0 * (1.0 - np.sqrt(final[drawn].sum(axis=1) / np.maximum(worse[drawn].sum(axis=1), 1e-12)))
+    whole = 100.0 * (1.0 - math.sqrt(float(final.sum()) / max(float(worse.sum()), 1e-12)))
+    return whole, (float(np.quantile(shares, 0.05)), float(np.quantile(shares, 0.95)))
+
+
+def case_of(selection: Selection, extension: Extension) -> Case:
+    """The case of what was selected and added, above the noise that these logs really have."""
+    bench = with_real_noise(selection.bench, selection.fit)
+    runs = range(len(bench.course.names))
+    floor = floor_squares(bench, {run: settings_in(extension.terms, run) for run in runs})
+    return Case(selection.bench, selection.fit, extension, floor)
+
+
+def with_real_noise(bench: Bench, fit: Fit) -> Bench:
+    """The bench with the noise that the logs show, not the wider one that a wrong model may have been judged by."""
+    return replace(bench, noise=tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings))
+
+
+def within_noise(case: Case, error: Array) -> bool:
+    """Whether an error is what noise, and what happens unseen between rows, would leave."""
+    floor = float(case.number(case.floor).sum())
+    return float(error.sum()) < (ABOVE_FLOOR + ABOVE_PER_ROW_S * case.bench.row_s) * floor
+
+
+def noise_share(case: Case) -> float:
+    """Share of the open-loop error without terms that noise alone would leave, every horizon and kind the same."""
+    runs = range(len(case.bench.course.names))
+    before = run_squares(case.bench.course, case.bench.rig, {run: {} for run in runs})
+    shares = []
+    for horizon in openloop.HORIZONS_S:
+        sums = [np.sum([one[horizon][:3] for one in squares], axis=0) for squares in (case.floor, before)]
+        shares += [float(noise / whole) for noise, whole in zip(*sums, strict=True) if whole > 0.0]
+    return min(float(np.mean(shares)), 1.0) if shares else 0.0

@@ -1,0 +1,109 @@
+"""Which effects carry a name, and what is left without one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vehicle.effects import SPEED, STEERING, effect, neutral
+from vehicle.measured.answer.case import Case, case_of, noise_share, within_noise
+from vehicle.measured.causes.evidence import is_nameable
+from vehicle.measured.causes.refit import without
+from vehicle.measured.causes.selection import Selection
+from vehicle.measured.causes.trial import Projector
+from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.openloop import Term
+from vehicle.measured.logs.record import Array
+from vehicle.measured.mend.extension import of_fit, of_mended
+from vehicle.measured.mend.irreplaceable import irreplaceable
+from vehicle.measured.mend.mending import Mended, mend
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import ABOVE_UNNAMED, HARM_PCT, WORTH_A_NAME_PCT, WORTH_OF_WHEEL_PCT, WORTH_SAYING
+from vehicle.tractor import Tractor
+
+Step = Callable[[], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """What is added to the tractor, and which of it has a name."""
+
+    case: Case
+    names: list[str]
+    mended: Mended | None
+
+
+def nameable(selection: Selection, tractor: Tractor) -> list[str]:
+    """Effects that may carry a name: clearly beyond tolerance, and not in the shadow of an unnamed dependence."""
+    bench, fit = selection.bench, selection.fit
+    names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, fit, tractor, knobs.id)]
+    if not selection.unnamed:
+        return names
+    shadow = unnamed_gain(fit) * ABOVE_UNNAMED
+    apart = (STEERING, SPEED) if bench.has_wheel else ()
+    return [name for name in names if effect(name).block in apart or without(bench, fit, name).loss - fit.loss > shadow]
+
+
+def unnamed_gain(fit: Fit) -> float:
+    """Loss that the unnamed terms take away, the other coordinates following."""
+    if fit.extra is None:
+        return 0.0
+    first = fit.slope.shape[1] - fit.extra.columns.shape[1]
+    project = Projector(fit.slope[:, :first])
+    removed = project(fit.extra.columns @ fit.extra.amounts)
+    return float(removed @ removed)
+
+
+def explained(selection: Selection, names: list[str], tractor: Tractor, step: Step) -> Explained:
+    """Named effects alone where they explain what there is; else all that lowers the error of runs held out."""
+    bench, fit = selection.bench, selection.fit
+    names, case = _holding(lambda kept: case_of(selection, of_fit(bench, fit, kept)), names)
+    if not selection.unnamed and within_noise(case, case.final):
+        return Explained(case, names, None)
+    start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
+    mended = mend(bench, tractor, start, step)
+    case = case_of(selection, of_mended(mended))
+    names = [name for name in names if holds(case, name)]
+    names += [
+        name
+        for name in irreplaceable(mended, tractor, noise_share(case), step)
+        if name not in names and holds(case, name)
+    ]
+    return Explained(case, names, mended)
+
+
+def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[list[str], Case]:
+    """Names that hold together, with their case: one that does not may have been the partner of another."""
+    while True:
+        case = case_with(names)
+        kept = [name for name in names if holds(case, name)]
+        if kept == names:
+            return names, case
+        names = kept
+
+
+def holds(case: Case, name: str) -> bool:
+    """Whether an effect takes error away where it shows, without harm to the path, and is clearly not neutral."""
+    entry = effect(name)
+    worth, least = case.worth_of(name), _least_worth(case.bench, name)
+    low, high = case.extension.intervals[name][entry.size.name]
+    zero = neutral(name, case.tractor.steering)[entry.size.name]
+    return worth >= least and case.gain_of(name)[0] > -HARM_PCT and not low <= zero <= high
+
+
+def _least_worth(bench: Bench, name: str) -> float:
+    """Percent of the held-out error that an effect must take away: less is the trace of a simplification."""
+    of_wheel = effect(name).block == STEERING and bench.has_wheel
+    return WORTH_OF_WHEEL_PCT if of_wheel else WORTH_A_NAME_PCT
+
+
+def unexplained(told: Explained, before: Array) -> float:
+    """Share of the error above the noise floor that no named effect takes away; 0 while what they leave is noise."""
+    case = told.case
+    floor = float(case.number(case.floor).sum())
+    error = case.error(case.extension.only(told.names))
+    if within_noise(case, error):
+        return 0.0
+    named = float(error.sum())
+    share = (named - floor) / max(float(before.sum()) - floor, named - floor)
+    return float(share) if share > WORTH_SAYING else 0.0

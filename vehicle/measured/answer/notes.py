@@ -1,0 +1,55 @@
+"""Sentences beside a diagnosis: what the reader should know of the rows and columns, and of the tractor file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from vehicle.measured.answer.verdict import Diagnosis
+from vehicle.measured.logs.record import Log
+from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.surprise.bench import Bench
+from vehicle.tractor import Tractor
+
+ON_OWN_GROUND = (
+    "The figures after are for every run on its own ground, told from the other half of the run; the tractor file has "
+    "one ground and does worse on the other."
+)
+
+
+def notes(logs: Sequence[Log], bench: Bench, tractor: Tractor, answer: Diagnosis) -> tuple[str, ...]:
+    """All sentences, those of the logs first."""
+    told = (*_of_logs(logs, bench), *_of_file(tractor, answer))
+    return (*told, ON_OWN_GROUND) if answer.grounds else told
+
+
+def _of_logs(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
+    """What the reader should know about the rows and columns."""
+    told = [line for log in logs for line in remarks(log)]
+    if not bench.has_wheel:
+        told.append(
+            "No wheel angle was logged: faults of the steering system and of the path cannot be told apart well."
+        )
+    if any(one.target is None for one in bench.course.stretches):
+        told.append("No commanded speed was logged: the speed block was not looked at.")
+    if any(not one.heading_seen for one in bench.course.stretches):
+        told.append("No heading was logged: the course of the positions stands in for it.")
+    if len(logs) == 1:
+        told.append("One run only: its own 20 s windows stand in for runs not used for fitting.")
+    return tuple(told)
+
+
+def _of_file(tractor: Tractor, answer: Diagnosis) -> tuple[str, ...]:
+    """What became of the effects and the rest that the tractor file had."""
+    told = []
+    if tractor.effects:
+        unseen = [name for name, one in tractor.effects.items() if answer.tractor.effects.get(name) is one]
+        kept = f" These logs do not show {', '.join(unseen)}: kept as the file has it." if unseen else ""
+        told.append(
+            f"The tractor file has {', '.join(tractor.effects)} already: set aside and fitted anew; the error before "
+            f"is that of the file.{kept}"
+        )
+    if tractor.rest is not None:
+        kept = "kept, these logs do not speak against it" if answer.tractor.rest is tractor.rest else "replaced"
+        kept = "dropped, these logs speak against it" if answer.tractor.rest is None else kept
+        told.append(f"The tractor file has a rest: {kept}.")
+    return tuple(told)

@@ -1,0 +1,63 @@
+"""A fit with a part more or less, with unnamed terms, and on a bench whose weights suit it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vehicle.measured.causes.dependence import Dependence, columns
+from vehicle.measured.causes.trial import Tried
+from vehicle.measured.fit.fitting import Extra, Fit, linear_extra, refined, slopes
+from vehicle.measured.fit.knobs import Knobs, settings_of
+from vehicle.measured.logs.record import Array
+from vehicle.measured.surprise.bench import Bench, prepare
+from vehicle.measured.surprise.noise import first_noise, tuned
+from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
+
+
+def enlarged(bench: Bench, fit: Fit, best: Tried) -> Fit:
+    """The fit with a tried effect added as it is."""
+    parts = (*fit.parts, (best.knobs, best.at))
+    bare = bench.surprise(settings_of(list(parts)))
+    return Fit(parts, linear_extra(bare, fit.extra), fit.slope, fit.extra)
+
+
+def with_unnamed(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Fit:
+    """The fit with unnamed terms at their best amounts."""
+    bare = Fit(fit.parts, bench.surprise(fit.settings), np.zeros((len(fit.surprise), 0)))
+    bare = replace(bare, slope=slopes(bench, bare))
+    if not unnamed:
+        return refined(bench, bare)
+    made = np.concatenate([columns(bench, bare, one) for one in unnamed], axis=1)
+    extra = Extra(made, np.zeros(made.shape[1]))
+    return refined(bench, Fit(fit.parts, bare.surprise, bare.slope, extra))
+
+
+def restarted(bench: Bench, parts: tuple[tuple[Knobs, Array], ...], unnamed: tuple[Dependence, ...] | None) -> Fit:
+    """The same parts on a bench with other weights, fitted again."""
+    surprise = bench.surprise(settings_of(list(parts)))
+    fit = Fit(parts, surprise, np.zeros((len(surprise), 0)))
+    return with_unnamed(bench, fit, unnamed or ())
+
+
+def retuned(bench: Bench, fit: Fit) -> Bench:
+    """The bench with noise and weights as the fit leaves them."""
+    noise = tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings)
+    eased = prepare(bench.course, bench.rig, fit.settings, noise)
+    for _ in range(MOST_EASINGS):
+        # A model that is wrong everywhere, as of a vehicle of another kind, must not be judged by the millimetre: with
+        # less trust in each measurement longer ways count.
+        path = eased.path_surprise(eased.path(fit.settings), fit.settings)
+        if float(np.mean(path * path)) < WRONG_EVERYWHERE:
+            break
+        wider = {name: EASING * getattr(eased.noise, name) for name in ("position", "heading")}
+        eased = prepare(bench.course, bench.rig, fit.settings, replace(eased.noise, **wider))
+    return eased
+
+
+def without(bench: Bench, fit: Fit, name: str) -> Fit:
+    """The fit refitted without one of its parts."""
+    parts = tuple(part for part in fit.parts if part[0].id != name)
+    surprise = linear_extra(bench.surprise(settings_of(list(parts))), fit.extra)
+    return refined(bench, Fit(parts, surprise, np.zeros((len(surprise), 0)), fit.extra))

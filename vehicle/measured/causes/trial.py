@@ -1,0 +1,150 @@
+"""One more effect on top of a fit, the coordinates of the others following, and how far above chance it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from vehicle.measured.fit.fitting import Fit, linear_extra
+from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
+from vehicle.measured.fit.solver import Point, Rule, descend
+from vehicle.measured.logs.record import Array
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import HOPELESS, NULL_DRAWS, NULL_QUANTILE
+
+ITERATIONS = 3  # chosen: a candidate is fitted again once it is in
+SETTLED = 0.01  # chosen, of a typical size: a step this small is the last
+LEAST_PART = 1e-10  # of the squared size of the largest direction of a fit: smaller ones are rounding
+Change = Callable[[Mapping[str, dict[str, float]], Array, frozenset[str]], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A candidate at its best: coordinates, loss taken away beyond the fit, columns with the fit taken out."""
+
+    knobs: Knobs
+    at: Array
+    gain: float
+    columns: Array
+
+
+class Projector:
+    """Takes the columns of a fit out of vectors."""
+
+    def __init__(self, slope: Array) -> None:
+        """Directions of the columns, orthonormal as far as their products tell."""
+        self.basis: Array | None = None
+        if slope.size:
+            scaled = slope / np.maximum(np.linalg.norm(slope, axis=0), 1e-12)
+            size, turn = np.linalg.eigh(scaled.T @ scaled)
+            known = size > LEAST_PART * size[-1]
+            self.basis = scaled @ (turn[:, known] / np.sqrt(size[known]))
+
+    def __call__(self, vector: Array) -> Array:
+        """The part of a vector (n,) that no column explains."""
+        if self.basis is None:
+            return vector
+        out: Array = vector - self.basis @ (self.basis.T @ vector)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _OneMore:
+    """The problem of one more effect: what no column of the fit explains."""
+
+    change_of: Change
+    fit: Fit
+    knobs: Knobs
+    project: Projector
+
+    @property
+    def typical(self) -> Array:
+        return np.array(self.knobs.typical)
+
+    @property
+    def low(self) -> Array:
+        return np.array(self.knobs.low)
+
+    @property
+    def high(self) -> Array:
+        return np.array(self.knobs.high)
+
+    @property
+    def linear(self) -> Array:
+        return np.zeros((0, 0))
+
+    @cached_property
+    def _bare(self) -> Array:
+        fit = self.fit
+        return fit.surprise if fit.extra is None else fit.surprise - fit.extra.columns @ fit.extra.amounts
+
+    def at(self, at: Array) -> Point:
+        settings = settings_of([*self.fit.parts, (self.knobs, at)])
+        changed = self.change_of(settings, self._bare, frozenset({block_of(self.knobs.id)}))
+        return Point(at, self.project(linear_extra(changed, self.fit.extra)))
+
+    def left(self, at: Array, start: Point) -> Array:
+        return self.at(at).left
+
+    def change(self, at: Array, axis: int, start: Point) -> Array:
+        return self.at(at).left - start.left
+
+
+def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, iterations: int = ITERATIONS) -> Tried:
+    """Fit one more effect while the coordinates of the others follow linearly.
+
+    `change_of` is Bench.change, `project` takes out the columns of the fit.
+    """
+    problem = _OneMore(change_of, fit, knobs, project)
+    best = without = Point(np.array(knobs.neutral), project(fit.surprise))
+    for start in knobs.starts:
+        if start != knobs.neutral:
+            other = problem.at(np.array(start))
+            best = other if other.loss < best.loss else best
+
+    def settled(before: Point, after: Point) -> bool:
+        return bool(np.all(np.abs(after.at - before.at) < SETTLED * problem.typical))
+
+    def worthwhile(point: Point) -> bool:
+        return not without.loss - point.loss + _promise(point) < HOPELESS
+
+    end = descend(problem, best, Rule(iterations, settled, worthwhile=worthwhile))
+    return Tried(knobs, end.at, without.loss - end.loss, end.slope)
+
+
+def _promise(point: Point) -> float:
+    """Loss that a straight line takes away."""
+    slope, left = point.slope, point.left
+    side = slope.T @ left
+    square = slope.T @ slope
+    scale = np.maximum(np.diag(square), 1e-12)
+    return float(side @ np.linalg.solve(square + 1e-9 * np.diag(scale), side))
+
+
+def strengths(bench: Bench, candidates: Sequence[Tried], left: Array) -> tuple[list[float], float]:
+    """Strength of every candidate, and the strength that the best of all reaches by chance in 1 of 100 draws.
+
+    Strength is the squared slope of the loss over its scatter between blocks of ten seconds (never less than the noise
+    alone gives). Chance is what is left after the best candidate, with the sign of every block drawn at random.
+    """
+    rng = np.random.default_rng(20)
+    count = len(bench.block_runs)
+    signs = rng.choice([-1.0, 1.0], size=(NULL_DRAWS, count))
+    largest, strength = np.zeros(NULL_DRAWS), []
+    for one in candidates:
+        square = one.columns.T @ one.columns
+        if not np.all(np.diag(square) > 1e-9):
+            strength.append(0.0)
+            continue
+        moved = left - one.columns @ np.linalg.solve(square, one.columns.T @ left)
+        sides = np.stack([np.bincount(bench.blocks, column * moved, count) for column in one.columns.T], axis=1)
+        spread = sides.T @ sides
+        scatter = square * max(1.0, float(np.trace(np.linalg.solve(square, spread))) / len(square))
+        inverse = np.linalg.inv(scatter)
+        strength.append(one.gain * float(np.trace(square @ inverse)) / len(square))
+        drawn = signs @ sides
+        largest = np.maximum(largest, np.einsum("di,ij,dj->d", drawn, inverse, drawn))
+    return strength, float(np.quantile(largest, NULL_QUANTILE))

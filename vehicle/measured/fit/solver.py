@@ -1,0 +1,141 @@
+"""Least squares by bounded Gauss-Newton steps with one-sided slopes: the one solver of all fits.
+
+Effects such as a dead band or a limit have no trace on one side of where they stand, so slopes are taken over a good
+share of a usual size and on one side only, the other one where the box ends. A step that does not lower the loss is
+shortened, twice at most: further the slope does not hold, and the next one will not either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from vehicle.measured.logs.record import Array
+
+FIRST_STEP, LATER_STEP = 0.3, 0.1  # of a typical size: chosen, wide enough to cross a dead band, then finer
+SHORTENED = (1.0, 0.4, 0.15)  # shares of a step that are tried: chosen, nearly a decade in three simulations
+RIDGE = 1e-6  # of every diagonal entry: chosen, keeps columns that look alike from running apart
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Coordinates, what is left there (n,), and a slope (n, m): its own if `own`, else that of the step before."""
+
+    at: Array
+    left: Array
+    slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    own: bool = False
+
+    @property
+    def loss(self) -> float:
+        """Sum of squares."""
+        return float(self.left @ self.left)
+
+
+class Problem(Protocol):
+    """What is left at coordinates (m + k,): m that bend what is left, then k that move it along `linear` (n, k).
+
+    `typical` (m,) are usual sizes, `low` and `high` (m + k,) the box.
+    """
+
+    @property
+    def typical(self) -> Array:
+        """Usual sizes of the first m coordinates."""
+
+    @property
+    def low(self) -> Array:
+        """Lower ends of the box."""
+
+    @property
+    def high(self) -> Array:
+        """Upper ends of the box."""
+
+    @property
+    def linear(self) -> Array:
+        """Columns of the last k coordinates."""
+
+    def left(self, at: Array, start: Point) -> Array:
+        """What is left at coordinates (n,), when it is known at a start."""
+
+    def change(self, at: Array, axis: int, start: Point) -> Array:
+        """What is left at coordinates that differ from a start on one axis, minus what is left at the start (n,)."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When to stop: after `iterations` steps, or when a step takes no more than `least_gain` off the loss.
+
+    `settled` sees the points before and after a step and says whether that was the last; `worthwhile` sees a point with
+    its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes.
+    """
+
+    iterations: int
+    settled: Callable[[Point, Point], bool]
+    least_gain: float = 0.0
+    first_step: float = FIRST_STEP
+    worthwhile: Callable[[Point], bool] = lambda _: True
+
+
+def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
+    """Slope (n, m + k - first) of what is left on the axes from `first` on, by one-sided differences."""
+    columns = []
+    for axis in range(first, len(problem.typical)):
+        moved = aside(problem, start.at, axis, share)
+        columns.append(problem.change(moved, axis, start) / (moved[axis] - start.at[axis]))
+    columns += list(problem.linear.T)
+    return np.stack(columns, axis=1) if columns else np.zeros((len(start.left), 0))
+
+
+def aside(problem: Problem, at: Array, axis: int, share: float) -> Array:
+    """Coordinates with one of them a share of its typical size larger, or smaller where the box ends before."""
+    moved = at.copy()
+    moved[axis] += share * problem.typical[axis]
+    if moved[axis] > problem.high[axis]:
+        moved[axis] = at[axis] - share * problem.typical[axis]
+    return moved
+
+
+def solve(slope: Array, left: Array) -> Array:
+    """Change of the coordinates (m,) that lowers the loss most, for a slope (n, m) and what is left (n,)."""
+    square = slope.T @ slope
+    scale = np.diag(square).copy()
+    scale[scale <= 0.0] = 1.0
+    return np.asarray(np.linalg.solve(square + RIDGE * np.diag(scale), -slope.T @ left))
+
+
+def downhill(problem: Problem, start: Point, least_gain: float = 0.0) -> Point | None:
+    """One step inside the box, shortened until the loss is lower; None when it never is."""
+    change = solve(start.slope, start.left)
+    for share in SHORTENED:
+        at = np.clip(start.at + share * change, problem.low, problem.high)
+        after = Point(at, problem.left(at, start), start.slope)
+        if after.loss < start.loss - least_gain:
+            return after
+    return None
+
+
+def descend(problem: Problem, start: Point, rule: Rule) -> Point:
+    """The point that steps lead to until the rule ends them; its slope may be that of the step before."""
+    point = start
+    for number in range(rule.iterations):
+        point = with_slope(problem, point, rule.first_step if number == 0 else LATER_STEP)
+        after = downhill(problem, point, rule.least_gain) if rule.worthwhile(point) else None
+        if after is None:
+            break
+        before, point = point, after
+        if rule.settled(before, after):
+            break
+    return point
+
+
+def with_slope(problem: Problem, point: Point, share: float = LATER_STEP) -> Point:
+    """The point with its own slope."""
+    return Point(point.at, point.left, slope_of(problem, point, share), True)
+
+
+def with_own_slope(problem: Problem, point: Point) -> Point:
+    """The point as it is where it has its own slope, else with one."""
+    return point if point.own else with_slope(problem, point)

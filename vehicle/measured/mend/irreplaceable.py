@@ -1,0 +1,39 @@
+"""Names for effects where parts of the error have none: nothing else lowers the error as they do."""
+
+from __future__ import annotations
+
+from vehicle.measured.fit.openloop import Model, OpenLoop, fitted
+from vehicle.measured.mend.mending import Mended, beyond_tolerance
+from vehicle.measured.mend.proposals import Step, proposals, simulated
+from vehicle.measured.thresholds import CLEARLY_LARGE, DRIVEN, LEAST_LEFT, MARKED, RIVALS_LEAVE, TRIED
+from vehicle.rest import BY_NAME
+from vehicle.tractor import Tractor
+
+
+def irreplaceable(mended: Mended, tractor: Tractor, noise: float, step: Step) -> list[str]:
+    """Effects that may carry a name though parts of the error have none.
+
+    Without such an effect the others, fitted again, leave clearly more, and so does the best other effect or term of
+    the rest in its place (of those that may enter here). Losses count from what `noise` alone leaves, a share of the
+    loss without terms, and are never less than LEAST_LEFT of what can be taken away.
+    """
+    loop, model = mended.loop, mended.model
+
+    def left(loss: float) -> float:
+        return max(loss - noise, LEAST_LEFT * (1.0 - noise))
+
+    names = []
+    for name in sorted(model.ids - frozenset(BY_NAME)):
+        smaller = fitted(loop, tuple(term for term in model.terms if term.knobs.id != name), 2)
+        step()
+        if left(model.loss) > (1.0 - MARKED) * left(smaller.loss) or not _clearly_large(loop, model, name):
+            continue
+        others = proposals(loop, smaller, tractor, step, frozenset({name}))
+        rivals = simulated(loop, smaller, sorted(others, key=lambda one: one.loss)[:DRIVEN])[:TRIED]
+        if all(left(fitted(loop, terms, 2).loss) > RIVALS_LEAVE * left(model.loss) for terms, _ in rivals):
+            names.append(name)
+    return names
+
+
+def _clearly_large(loop: OpenLoop, model: Model, name: str) -> bool:
+    return any(beyond_tolerance(loop, term, CLEARLY_LARGE) for term in model.terms if term.knobs.id == name)
