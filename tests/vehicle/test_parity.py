@@ -41,9 +41,9 @@ def effects() -> dict[str, Tractor]:
 
 
 TRACTORS = effects()
-# On ground that is carried along, a replay keeps the speed on that ground through a change of direction, as a log measures
-# it; the world keeps the body's own momentum and lets the speed controller follow. A push of 5 cm/s carries 1.25 m in a
-# drive of 25 s; the two differ by up to 7 cm of that.
+# On ground that is carried along, a replay keeps the speed on that ground through a change of direction, as a log
+# measures it; the world keeps the body's own momentum and lets the speed controller follow. A push of 5 cm/s carries
+# 1.25 m in a drive of 25 s; the two differ by up to 7 cm of that.
 CARRIED, CARRIED_M, CARRIED_RAD = ("rest push_to_east", "rest push_to_north"), 0.08, 0.01
 POSITIONS = [entry.id for entry in CATALOGUE if entry.block == POSITION]
 
