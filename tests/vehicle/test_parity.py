@@ -15,7 +15,7 @@ from vehicle.guidance import project, steering_command, target_point, wrapped
 from vehicle.layout import DT_S
 from vehicle.measured.answer.demo import draw_hidden
 from vehicle.measured.replay.replaying import ANGLE, STEERING, X, Y
-from vehicle.missions import Leg, Mission
+from vehicle.missions import Leg, Mission, Task
 from vehicle.rest import REST
 from vehicle.tractor import Tractor, load_tractor
 
@@ -77,7 +77,7 @@ def test_what_is_compared_shows(name: str) -> None:
 def test_guidance_steers_by_what_a_log_would_show(name: str, track: str) -> None:
     """The commands of guidance, replayed, show antenna and heading: Eq. 2.5 on these gives the commands again."""
     tractor = TRACTORS.get(name, EG105)
-    leg = Leg(TRACKS[track], SPEED_MPS, ground=GROUND, kind="work", implement=True)
+    leg = Leg(TRACKS[track], SPEED_MPS, ground=GROUND, implement=True, task=Task("track"))
     driven = by_plan(tractor, Mission((leg,)), 14.0, working=1.0)
     states, antenna, heading = replayed(tractor, driven, np.full(len(driven.rows), SPEED_MPS))
     assert np.abs(states[:, [X, Y]] - driven.place).max() < 1e-6
