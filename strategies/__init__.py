@@ -1,6 +1,7 @@
 """Strategies: how a fleet shares a field. Each turns a job into a plan of legs and gates and knows no clock.
 
     paths, turns            geometry of turns in closed form
+    sizing, timing          the headland that turns need; the seconds they take, simulated
     connect, routes         the quickest drivable way between two poses inside the field
     job                     what a strategy is given: layout, manner of driving, ways
     sequence                the order in which one tractor takes its tracks

@@ -5,6 +5,7 @@ reads a file has to know what they name.
 """
 
 import ast
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -198,3 +199,12 @@ def test_every_package_says_that_it_is_typed() -> None:
     assert {str(package.relative_to(ROOT)) for package in packages if not (package / "py.typed").is_file()} == set()
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     assert settings["tool"]["setuptools"]["package-data"]["*"] == ["py.typed"]
+
+
+@pytest.mark.parametrize("package", [*ROOMS, "vehicle/measured", "vehicle/trials"])
+def test_the_map_of_a_room_names_every_module(package: str) -> None:
+    folder = ROOT / package
+    words = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+    inside = {path.stem for path in folder.glob("[a-z]*.py")}
+    inside |= {path.parent.name for path in folder.glob("*/__init__.py")}
+    assert inside - {"errors"} - set(re.findall(r"\w+", words)) == set()

@@ -24,9 +24,14 @@ def imported(path: Path) -> set[str]:
     return names
 
 
+@pytest.fixture(scope="module")
+def tested() -> set[str]:
+    """Modules that some test imports."""
+    return set().union(*(imported(path) for path in TESTS.rglob("test_*.py")))
+
+
 @pytest.mark.parametrize("storey", STOREYS)
-def test_every_module_is_imported_by_a_test(storey: str) -> None:
-    tested = set().union(*(imported(path) for path in TESTS.rglob("test_*.py")))
+def test_every_module_is_imported_by_a_test(storey: str, tested: set[str]) -> None:
     for path in (ROOM / storey).glob("[a-z]*.py"):
         assert f"vehicle.measured.{storey}.{path.stem}" in tested, path.name
 

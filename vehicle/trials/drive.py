@@ -18,7 +18,7 @@ from vehicle.engine import Engine
 from vehicle.errors import VehicleError
 from vehicle.gnss import NO_ERROR, Table, error_keys
 from vehicle.ground import Tyres
-from vehicle.layout import DT_S, GATE, GROUND, LEG, STATE
+from vehicle.layout import BODY_PLACE, DT_S, GATE, GROUND, LEG, STATE
 from vehicle.missions import Mission, Plan
 from vehicle.tractor import Implement, Steering, Tractor
 from vehicle.trials.loop import COLUMNS, run_trials
@@ -54,14 +54,14 @@ class Trace:
     def place(self, ahead_m: float | None = None) -> Array:
         """Path (t, 2) of a point of the centre line; by default the controlled one."""
         reach = self.point_m if ahead_m is None else ahead_m
-        angle = self.rows[:, 2:3]
-        return np.asarray(self.rows[:, :2] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
+        angle = self.column("angle")[:, None]
+        return np.asarray(self.rows[:, BODY_PLACE] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
 
     def velocity(self) -> tuple[Array, Array, Array]:
         """Forward and rightward speed of the centre of mass (m/s) and clockwise spin (rad/s), (t,) each."""
-        cosine, sine = np.cos(self.rows[:, 2]), np.sin(self.rows[:, 2])
-        vx, vy = self.rows[:, 3], self.rows[:, 4]
-        return vx * cosine + vy * sine, vx * sine - vy * cosine, -self.rows[:, 5]
+        cosine, sine = np.cos(self.column("angle")), np.sin(self.column("angle"))
+        vx, vy = self.column("vx"), self.column("vy")
+        return vx * cosine + vy * sine, vx * sine - vy * cosine, -self.column("spin")
 
     def slips(self) -> tuple[Array, Array]:
         """Slip angles of front and rear axle (t,), radians, Eq. 4.1 and 4.2."""
