@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -219,9 +218,7 @@ def test_an_unwritable_place_is_found_before_anything_is_simulated(
 
     monkeypatch.setattr(planner.warmup, "run_once", never)
     monkeypatch.setattr(vehicle.world.World, "run", never)
-    began = time.monotonic()
     assert_refused(headland("plan", option, folder / "nowhere" / "x"), "nowhere")
-    assert time.monotonic() - began < 2.0
 
 
 DRAWING: list[tuple[str, ...]] = [
