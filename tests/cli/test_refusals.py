@@ -329,13 +329,14 @@ class TestFaults:
 class TestTerminals:
     """A table is printed whatever the terminal: its width unknown or tiny, its characters few."""
 
-    @pytest.mark.parametrize(("columns", "widest"), [("0", 100), ("1", 40), ("30", 40), ("60", 60), ("500", 100)])
+    @pytest.mark.parametrize(("columns", "widest"), [("0", 80), ("1", 20), ("30", 30), ("60", 60), ("500", 160)])
     def test_widths(
         self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch, columns: str, widest: int
     ) -> None:
         monkeypatch.setenv("COLUMNS", columns)
         text = headland("field", "good.geojson", "--local").out
-        assert "Area (ha)" in text and "0.60" in text.replace("0.6 ", "0.60") and "tracks" in text.lower()
+        told = " ".join(text.split())
+        assert "Area (ha) 0.6 " in told and "tracks" in told.lower()
         assert max(map(len, text.splitlines())) <= widest
 
     @pytest.mark.parametrize("settings", [
