@@ -1,4 +1,15 @@
-"""Fields: boundaries, obstacles, ground zones, field files and the tracks laid on them."""
+"""Fields: boundaries, obstacles, ground zones, field files and the tracks laid on them.
+
+    field               a field in local metres
+    layout, lines, bearings   tracks on it: where they run, how they are trimmed, directions worth trying
+    free                where the guided point may be, and what of that lies beside the tracks
+    read, write         field files, in and out
+    source, samples_index   what a name stands for: a sample or a file
+    document            what a GeoJSON text holds, before its numbers are believed
+    outline, frame, projection   its rings checked; from its numbers to local metres
+    reading             the text of any file that somebody named
+    errors              the base of all refusals
+"""
 
 from fields.errors import FieldError
 from fields.field import Field, GroundZone
