@@ -70,6 +70,7 @@ def prepare(
     `field` and `tractor`, as objects, names or files, take the place of those that the scenario names. Raises
     FieldError, VehicleError, StrategyError or ScenarioError.
     """
+    scenario = _with_names(scenario, field, tractor)
     with about("field"):
         if not isinstance(field, Field):
             field = read_field(scenario.field if field is None else str(field), local=scenario.local)
@@ -98,6 +99,16 @@ def prepare(
     beside = beside_tracks(layout, free)
     fits = tuple(seconds is not None for seconds in timed)
     return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors)
+
+
+def _with_names(
+    scenario: Scenario, field: Field | str | Path | None, tractor: Tractor | str | Path | None
+) -> Scenario:
+    """The scenario naming the field and tractor that take the place of its own."""
+    def name(given: Field | Tractor | str | Path | None, asked: str) -> str:
+        return asked if given is None else given.name if isinstance(given, Field | Tractor) else str(given)
+
+    return replace(scenario, field=name(field, scenario.field), tractor=name(tractor, scenario.tractor))
 
 
 def gnss_errors(scenario: Scenario) -> Table:

@@ -1,4 +1,4 @@
-"""Forms of field files: one record each, chosen by the ending of a file; a new one is used wherever a field is named."""
+"""Forms of field files: one record each, chosen by the ending; a new one is used wherever a field is named."""
 
 from pathlib import Path
 

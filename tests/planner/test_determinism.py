@@ -82,7 +82,9 @@ def test_objects_and_names_are_the_same_question(scenario: Scenario, first: str,
 
     field, tractor = read_field(scenario.field, local=True), load_tractor("eg105")
     nameless = replace(scenario, field="no such file", tractor="no such tractor")
-    assert ranking_json(plan(nameless, field=field, tractor=tractor, executor=pool).ranking) == first
+    answer = plan(nameless, field=field, tractor=tractor, executor=pool)
+    assert ranking_json(answer.ranking) == first
+    assert (answer.site.scenario.field, answer.site.scenario.tractor) == (field.name, tractor.name)
     assert ranking_json(plan(nameless, field=scenario.field, tractor="eg105", executor=pool).ranking) == first
 
 
