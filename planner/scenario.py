@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Integral, Real
+from os import PathLike
 
 from planner.errors import ScenarioError, named, nearest
 from strategies.registry import STRATEGIES
@@ -49,12 +51,15 @@ class Scenario:
     gnss_table: str | None = None
 
     def __post_init__(self) -> None:
+        _check_types(self)
         _check_fleet(self)
         _check_names(self)
         _check_lengths(self)
         _check_speeds(self)
         _check_prices(self)
         _check_times(self)
+        if self.gnss_table is not None and not self.gnss:
+            raise ScenarioError(f"{named('gnss_table')} is used with {named('gnss')} alone; set that as well.")
 
     @property
     def turning_mps(self) -> float:
@@ -67,6 +72,27 @@ class Scenario:
         if self.before_s is None or self.start_s is None:
             return None
         return float((self.before_s - self.start_s) % DAY_S)
+
+
+_TYPES: dict[str, tuple[tuple[type, ...], str]] = {
+    "str": ((str, PathLike), "a text"),
+    "bool": ((bool,), "true or false"),
+    "int": ((Integral,), "a whole number"),
+    "float": ((Real,), "a number"),
+    "tuple[int, ...]": ((tuple, list), "several whole numbers, for instance (1, 2)"),
+    "tuple[str, ...]": ((tuple, list), "several names, for instance ('split-field',)"),
+}
+
+
+def _check_types(scenario: Scenario) -> None:
+    """A program may hand over anything; what is no number is found here and not in the middle of a simulation."""
+    for one in fields(scenario):
+        value, kind = getattr(scenario, one.name), str(one.type)
+        if value is None and kind.endswith(" | None"):
+            continue
+        types, words = _TYPES[kind.removesuffix(" | None")]
+        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+            raise ScenarioError(f"{named(one.name)} is {value!r}; give {words}.")
 
 
 def _check_fleet(scenario: Scenario) -> None:
@@ -102,7 +128,7 @@ def _check_lengths(scenario: Scenario) -> None:
     }
     for name, value in positive.items():
         if value is not None and not (math.isfinite(value) and value > 0):
-            raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
+            raise ScenarioError(f"The {name} is {value:g}; it must be above 0{_and_finite(value)}.")
     if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
         raise ScenarioError(
             f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg}; give degrees clockwise from north."
@@ -119,7 +145,7 @@ def _check_speeds(scenario: Scenario) -> None:
             continue
         kmh = speed / KMH
         if not (math.isfinite(speed) and speed > 0):
-            raise ScenarioError(f"The {name} is {kmh:g} km/h; it must be above 0.")
+            raise ScenarioError(f"The {name} is {kmh:g} km/h; it must be above 0{_and_finite(kmh)}.")
         if kmh < SLOWEST_KMH * (1 - 1e-9):
             raise ScenarioError(
                 f"The {name} of {kmh:g} km/h is slower than a tractor creeps; use {SLOWEST_KMH:g} km/h or more."
@@ -132,7 +158,12 @@ def _check_prices(scenario: Scenario) -> None:
     for name in ("price_per_hour", "price_per_tractor"):
         price = getattr(scenario, name)
         if not (math.isfinite(price) and price >= 0):
-            raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more.")
+            raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more{_and_finite(price)}.")
+
+
+def _and_finite(value: float) -> str:
+    """What more to ask of a number that is none, or without end."""
+    return "" if math.isfinite(value) else " and finite"
 
 
 def _check_times(scenario: Scenario) -> None:
