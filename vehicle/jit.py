@@ -70,7 +70,7 @@ class _Kept(FunctionCache):
 
 @cache
 def _sources(home: Path) -> str:
-    """A digest of the modules whose functions or constants may be compiled in: this room's, and its users' at `home`."""
+    """A digest of the modules that may be compiled in: this room's, and those at `home` that use it."""
     room = Path(__file__).parent
     texts = {path: path.read_bytes() for path in sorted({*room.rglob("*.py"), *home.glob("*.py")})}
     digest = hashlib.sha256()
