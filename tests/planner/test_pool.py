@@ -1,6 +1,7 @@
 """Processes that take tasks: clean ones, that end with whoever started them; and executors of other makes."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -89,6 +90,29 @@ class TestLocalPool:
             executor.submit(time.sleep, 600)
             raise KeyError
         assert time.monotonic() - began < 60
+
+    @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
+    def test_processes_are_deaf_to_interrupts_from_their_first_moment(self) -> None:
+        with LocalPool(1) as executor:
+            (process,) = executor._processes
+            heard = int(re.search(r"SigBlk:\s*(\w+)", Path(f"/proc/{process}/status").read_text())[1], 16)
+        assert heard >> (signal.SIGINT - 1) & 1
+
+    def test_an_interrupt_ends_the_caller_with_large_tasks_not_yet_handed_over(self, tmp_path: Path) -> None:
+        script = tmp_path / "script.py"
+        script.write_text(
+            "import multiprocessing, time\nfrom planner.pool import LocalPool, completed\n"
+            "def wait(load):\n"
+            "    time.sleep(0.05)\n"
+            "    if multiprocessing.parent_process() is None:\n"
+            "        raise KeyboardInterrupt\n"
+            "if __name__ == '__main__':\n"
+            "    with LocalPool(2) as pool:\n"
+            "        list(completed(pool, wait, [(bytes(10**7),)] * 40))\n"
+        )
+        run = subprocess.run([sys.executable, script], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+                             capture_output=True, text=True, timeout=60)  # fmt: skip
+        assert run.stderr.splitlines()[-1] == "KeyboardInterrupt" and "Exception in thread" not in run.stderr
 
 
 def busy(seconds: float) -> int:
