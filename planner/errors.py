@@ -6,9 +6,9 @@ with status 2; anything else is a fault of Headland and exits with status 1.
 
 from __future__ import annotations
 
-from fields.errors import HeadlandError, named, nearest
+from fields.errors import HeadlandError, blamed, named, nearest
 
-__all__ = ["HeadlandError", "ScenarioError", "named", "nearest"]
+__all__ = ["HeadlandError", "ScenarioError", "blamed", "named", "nearest"]
 
 
 class ScenarioError(HeadlandError):

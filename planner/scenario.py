@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Integral, Real
+from pathlib import Path
 
+from fields.reading import brief
 from planner.errors import ScenarioError, named, nearest
 from strategies.registry import STRATEGIES
 from strategies.turns import TURN_KINDS
@@ -16,7 +19,20 @@ SLOWEST_KMH, FASTEST_KMH = 0.5, 30.0
 DEFAULT_SPEED_MPS = 5.0 * KMH  # thesis, section 6.3.1
 TURNING_MPS = 5.0 * KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
 DAY_S = 24 * 3600
+LONGEST_M = 1000.0  # wider, deeper and farther round than anything that works a field
+HIGHEST_PRICE = 1e9  # in whatever currency
 MOST_DIGITS = 40  # more are no number that anyone typed
+
+
+_OR_NONE = " | None"
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "str": ((str, Path), "a text"),
+    "bool": ((bool,), "True or False"),
+    "int": ((Integral,), "a whole number"),
+    "float": ((Real,), "a number"),
+    "tuple[int, ...]": ((tuple, list, range), "whole numbers in a tuple"),
+    "tuple[str, ...]": ((tuple, list), "names in a tuple"),
+}
 
 
 @dataclass(frozen=True)
@@ -49,6 +65,7 @@ class Scenario:
     gnss_table: str | None = None
 
     def __post_init__(self) -> None:
+        _check_types(self)
         _check_fleet(self)
         _check_names(self)
         _check_lengths(self)
@@ -67,6 +84,17 @@ class Scenario:
         if self.before_s is None or self.start_s is None:
             return None
         return float((self.before_s - self.start_s) % DAY_S)
+
+
+def _check_types(scenario: Scenario) -> None:
+    """Refuse what is not of the kind that the parameter says; a file may be a path."""
+    for each in fields(scenario):
+        value, kind = getattr(scenario, each.name), str(each.type)
+        if value is None and kind.endswith(_OR_NONE):
+            continue
+        types, words = _KINDS[kind.removesuffix(_OR_NONE)]
+        if not isinstance(value, types) or (isinstance(value, bool) and kind != "bool"):
+            raise ScenarioError(f"{named(each.name)} is {brief(value)}; give {words}.")
 
 
 def _check_fleet(scenario: Scenario) -> None:
@@ -101,8 +129,10 @@ def _check_lengths(scenario: Scenario) -> None:
         f"turning radius ({named('radius_m')})": scenario.radius_m,
     }
     for name, value in positive.items():
-        if value is not None and not (math.isfinite(value) and value > 0):
+        if value is not None and not value > 0:
             raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
+        if value is not None and value > LONGEST_M:
+            raise ScenarioError(f"The {name} is {value:g} m; use {LONGEST_M:g} m or less.")
     if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
         raise ScenarioError(
             f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg}; give degrees clockwise from north."
@@ -131,8 +161,10 @@ def _check_speeds(scenario: Scenario) -> None:
 def _check_prices(scenario: Scenario) -> None:
     for name in ("price_per_hour", "price_per_tractor"):
         price = getattr(scenario, name)
-        if not (math.isfinite(price) and price >= 0):
+        if not price >= 0:
             raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more.")
+        if price > HIGHEST_PRICE:
+            raise ScenarioError(f"{named(name)} is {price:g}; use {HIGHEST_PRICE:g} or less.")
 
 
 def _check_times(scenario: Scenario) -> None:

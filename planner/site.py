@@ -11,7 +11,7 @@ from fields.field import Field
 from fields.free import beside_tracks, free_space
 from fields.layout import Layout, lay_tracks
 from fields.read import read_field
-from planner.errors import ScenarioError, named
+from planner.errors import ScenarioError, blamed, named
 from planner.scenario import KMH, Scenario
 from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
@@ -70,11 +70,14 @@ def prepare(
     `field` and `tractor`, as objects, names or files, take the place of those that the scenario names. Raises
     FieldError, VehicleError, StrategyError or ScenarioError.
     """
-    if not isinstance(field, Field):
-        field = read_field(scenario.field if field is None else str(field), local=scenario.local)
-    _check_field(field)
-    fixes = gnss_errors(scenario)
-    tractor = as_tractor(scenario.tractor if tractor is None else tractor)
+    with blamed("field"):
+        if not isinstance(field, Field):
+            field = read_field(scenario.field if field is None else str(field), local=scenario.local)
+        _check_field(field)
+    with blamed("gnss_table"):
+        fixes = gnss_errors(scenario)
+    with blamed("tractor"):
+        tractor = as_tractor(scenario.tractor if tractor is None else tractor)
     implement = Implement(width_m=scenario.width_m)
     radius = _planned_radius(scenario, tractor, field.default_ground)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
