@@ -2,15 +2,18 @@
 
 import math
 import re
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from planner import HeadlandError, diagnose, replay
 from planner.commands.options import option_of
 from planner.errors import ScenarioError, named
 from planner.scenario import Scenario, clock, nearest, parse_clock, parse_counts, parse_strategies
+from planner.site import prepare
 
 QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 
@@ -131,3 +134,42 @@ def test_defaults_are_those_of_the_thesis() -> None:
     scenario = Scenario("f")
     assert scenario.width_m == 3.0
     assert scenario.speed_mps == scenario.turning_mps == pytest.approx(5 / 3.6)
+
+
+class TestBlame:
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("field", None), ("field", 3), ("local", 1), ("width_m", "3"), ("width_m", None), ("width_m", True),
+            ("bearing_deg", "n"), ("tractor", None), ("tractors", 3), ("tractors", "1-3"),
+            ("strategies", "split-field"), ("turn", None), ("start_s", "13:00"), ("seed", 1.5), ("gnss", "yes"),
+            ("gnss_table", 3),
+        ],
+    )  # fmt: skip
+    def test_another_kind_of_value_is_refused_by_name(self, name: str, value: Any) -> None:
+        with pytest.raises(ScenarioError, match=rf"^{name} is .*; give (a|names|whole|True)") as caught:
+            Scenario(**{name: value})
+        assert caught.value.parameter == name
+
+    @pytest.mark.parametrize("name", ["width_m", "headland_m", "radius_m", "price_per_hour", "price_per_tractor"])
+    @pytest.mark.parametrize("value", [1e300, math.inf])
+    def test_what_is_far_too_large(self, name: str, value: float) -> None:
+        with pytest.raises(ScenarioError, match="or less") as caught:
+            Scenario(**{name: value})
+        assert caught.value.parameter == name
+
+    @pytest.mark.parametrize(
+        ("ask", "parameter"),
+        [
+            (lambda: prepare(Scenario("nowhere.geojson")), "field"),
+            (lambda: prepare(Scenario(), tractor="none"), "tractor"),
+            (lambda: prepare(Scenario(gnss=True, gnss_table="none.csv")), "gnss_table"),
+            (lambda: replay("none.csv"), "log"),
+            (lambda: replay("none.csv", tractor="none"), "tractor"),
+            (lambda: diagnose("none.csv"), "logs"),
+        ],
+    )
+    def test_files_that_cannot_be_used(self, ask: Callable[[], object], parameter: str) -> None:
+        with pytest.raises(HeadlandError, match=r"none|nowhere") as caught:
+            ask()
+        assert caught.value.parameter == parameter
