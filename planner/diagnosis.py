@@ -44,14 +44,14 @@ def diagnose(
 ) -> Diagnosis:
     """What the simulation of a tractor gets wrong in measured logs, why, and what mending it gains.
 
-    `logs` are Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object, a name or
-    a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
+    `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an
+    object, a name or a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
     """
     with about("tractor"):
         machine = as_tractor(tractor)
     with about("logs"):
-        measured = logs_of(logs, fixes, machine)
-    return _with_gain(find_causes(measured, machine, ground, progress), machine)
+        read = logs_of(logs, fixes, machine)
+    return _with_gain(find_causes(read, machine, ground, progress), machine)
 
 
 def demonstrate(

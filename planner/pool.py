@@ -12,6 +12,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from types import TracebackType
@@ -44,14 +45,15 @@ class LocalPool(ProcessPoolExecutor):
     def __init__(self, processes: int) -> None:
         context = multiprocessing.get_context("spawn")
         listen, self._lifeline = context.Pipe(duplex=False)
-        super().__init__(processes, context, _begin, (listen,))
+        with _lost():
+            super().__init__(processes, context, _begin, (listen,))
         self.window = AHEAD * processes
         for _ in range(processes):
             self.submit(_load)
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """As every executor's; a process that this starts is deaf to Ctrl-C from its first moment."""
-        with _deaf():
+        with _lost(), _deaf():
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(
@@ -62,6 +64,15 @@ class LocalPool(ProcessPoolExecutor):
             self._call_queue.cancel_join_thread()  # type: ignore[attr-defined]
             self._lifeline.close()
         return super().__exit__(kind, error, trace)
+
+
+@contextmanager
+def _lost() -> Iterator[None]:
+    """A process that cannot even be started is a lost one: its broken pipe is not that of standard output."""
+    try:
+        yield
+    except BrokenPipeError as error:
+        raise BrokenProcessPool("a process could not be started") from error
 
 
 @contextmanager

@@ -46,8 +46,9 @@ def replay(
         machine = as_tractor(tractor)
     with about("log"):
         run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
-    course = make_course([run])
-    rig, settings = own_rig(machine, ground, course.origin)
+        course = make_course([run])
+    with about("ground"):
+        rig, settings = own_rig(machine, ground, course.origin)
     errors = errors_of(run_squares(course, rig, {0: settings}))
     stretches = tuple(_stretch(rig, stretch, settings) for stretch in course.stretches)
     left_out = course.rows_read - course.rows

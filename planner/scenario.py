@@ -6,8 +6,9 @@ import math
 import re
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
-from os import PathLike
+from pathlib import Path
 
+from fields.reading import brief
 from planner.errors import ScenarioError, named, nearest
 from strategies.registry import STRATEGIES
 from strategies.turns import TURN_KINDS
@@ -18,7 +19,20 @@ SLOWEST_KMH, FASTEST_KMH = 0.5, 30.0
 DEFAULT_SPEED_MPS = 5.0 * KMH  # thesis, section 6.3.1
 TURNING_MPS = 5.0 * KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
 DAY_S = 24 * 3600
+LONGEST_M = 1000.0  # wider, deeper and farther round than anything that works a field
+HIGHEST_PRICE = 1e9  # in whatever currency
 MOST_DIGITS = 40  # more are no number that anyone typed
+
+
+_OR_NONE = " | None"
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "str": ((str, Path), "a text"),
+    "bool": ((bool,), "True or False"),
+    "int": ((Integral,), "a whole number"),
+    "float": ((Real,), "a number"),
+    "tuple[int, ...]": ((tuple, list, range), "whole numbers in a tuple"),
+    "tuple[str, ...]": ((tuple, list), "names in a tuple"),
+}
 
 
 @dataclass(frozen=True)
@@ -74,25 +88,15 @@ class Scenario:
         return float((self.before_s - self.start_s) % DAY_S)
 
 
-_TYPES: dict[str, tuple[tuple[type, ...], str]] = {
-    "str": ((str, PathLike), "a text"),
-    "bool": ((bool,), "true or false"),
-    "int": ((Integral,), "a whole number"),
-    "float": ((Real,), "a number"),
-    "tuple[int, ...]": ((tuple, list), "several whole numbers, for instance (1, 2)"),
-    "tuple[str, ...]": ((tuple, list), "several names, for instance ('split-field',)"),
-}
-
-
 def _check_types(scenario: Scenario) -> None:
-    """A program may hand over anything; what is no number is found here and not in the middle of a simulation."""
-    for one in fields(scenario):
-        value, kind = getattr(scenario, one.name), str(one.type)
-        if value is None and kind.endswith(" | None"):
+    """Refuse what is not of the kind that the parameter says; a file may be a path."""
+    for each in fields(scenario):
+        value, kind = getattr(scenario, each.name), str(each.type)
+        if value is None and kind.endswith(_OR_NONE):
             continue
-        types, words = _TYPES[kind.removesuffix(" | None")]
-        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
-            raise ScenarioError(f"{named(one.name)} is {value!r}; give {words}.")
+        types, words = _KINDS[kind.removesuffix(_OR_NONE)]
+        if not isinstance(value, types) or (isinstance(value, bool) and kind != "bool"):
+            raise ScenarioError(f"{named(each.name)} is {brief(value)}; give {words}.")
 
 
 def _check_fleet(scenario: Scenario) -> None:
@@ -127,8 +131,10 @@ def _check_lengths(scenario: Scenario) -> None:
         f"turning radius ({named('radius_m')})": scenario.radius_m,
     }
     for name, value in positive.items():
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise ScenarioError(f"The {name} is {value:g}; it must be above 0{_and_finite(value)}.")
+        if value is not None and not value > 0:
+            raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
+        if value is not None and value > LONGEST_M:
+            raise ScenarioError(f"The {name} is {value:g} m; use {LONGEST_M:g} m or less.")
     if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
         raise ScenarioError(
             f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg}; give degrees clockwise from north."
@@ -144,8 +150,8 @@ def _check_speeds(scenario: Scenario) -> None:
         if speed is None:
             continue
         kmh = speed / KMH
-        if not (math.isfinite(speed) and speed > 0):
-            raise ScenarioError(f"The {name} is {kmh:g} km/h; it must be above 0{_and_finite(kmh)}.")
+        if not speed > 0:
+            raise ScenarioError(f"The {name} is {kmh:g} km/h; it must be above 0.")
         if kmh < SLOWEST_KMH * (1 - 1e-9):
             raise ScenarioError(
                 f"The {name} of {kmh:g} km/h is slower than a tractor creeps; use {SLOWEST_KMH:g} km/h or more."
@@ -157,13 +163,10 @@ def _check_speeds(scenario: Scenario) -> None:
 def _check_prices(scenario: Scenario) -> None:
     for name in ("price_per_hour", "price_per_tractor"):
         price = getattr(scenario, name)
-        if not (math.isfinite(price) and price >= 0):
-            raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more{_and_finite(price)}.")
-
-
-def _and_finite(value: float) -> str:
-    """What more to ask of a number that is none, or without end."""
-    return "" if math.isfinite(value) else " and finite"
+        if not price >= 0:
+            raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more.")
+        if price > HIGHEST_PRICE:
+            raise ScenarioError(f"{named(name)} is {price:g}; use {HIGHEST_PRICE:g} or less.")
 
 
 def _check_times(scenario: Scenario) -> None:

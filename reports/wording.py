@@ -231,7 +231,8 @@ def _at_cost(plan: PlanResult) -> str:
 
 
 def _deadline_name(ranking: Ranking, article: str) -> str:
-    return f"{article} deadline ({ranking.before})" if ranking.before else f"{article} deadline"
+    at = clock(ranking, ranking.allowed_s) or ranking.before
+    return f"{article} deadline ({at})" if at else f"{article} deadline"
 
 
 def _deadline_words(ranking: Ranking, best_is_cheapest: bool) -> list[str]:

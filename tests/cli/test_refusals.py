@@ -140,7 +140,7 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--headland 0", ("--headland",)),
     ("--headland -2", ("-2",)),
     ("--headland nan", ("nan",)),
-    ("--headland 1e308", ("1e+308 m", "0 to 100000 m")),
+    ("--headland 1e308", ("1e+308 m", "1000 m or less")),
     ("--headland 1000", ("1000 m", "smaller headland")),
     ("--bearing nan", ("bearing", "nan")),
     ("--bearing inf", ("inf",)),

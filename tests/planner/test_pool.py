@@ -1,5 +1,6 @@
 """Processes that take tasks: clean ones, that end with whoever started them; and executors of other makes."""
 
+import multiprocessing.context
 import os
 import re
 import signal
@@ -78,6 +79,14 @@ class TestLocalPool:
     def test_a_lost_process_is_told(self) -> None:
         with LocalPool(1) as executor, pytest.raises(BrokenExecutor):
             executor.submit(os._exit, 3).result(60)
+
+    def test_a_process_that_cannot_be_started_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def broken(*_: Any) -> None:
+            raise BrokenPipeError
+
+        monkeypatch.setattr(multiprocessing.context.SpawnProcess, "_Popen", broken)
+        with pytest.raises(BrokenExecutor, match="could not be started"), LocalPool(1):
+            pass
 
     def test_the_caller_helps(self, pool: LocalPool) -> None:
         hands = {process for _, process in completed(pool, busy, [(0.05,)] * 40)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -131,7 +132,7 @@ def log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
             if not matches:
                 raise LogError(f"{text} matches no file; check the pattern.")
         for path in matches:
-            files.setdefault(path.resolve(), []).append(path)
+            files.setdefault(Path(os.path.realpath(path)), []).append(path)
     if not files:
         raise LogError("No log was given; name at least one file or pattern, for example runs/*.csv.")
     return {first: tuple(map(str, again)) for first, *again in files.values()}
