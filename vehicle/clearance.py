@@ -1,10 +1,13 @@
-"""How close two tractors come: distance between their outlines, tractor box and implement box each."""
+"""How close two tractors come: distance between their outlines, tractor box and implement box each, and who is near."""
 
 from __future__ import annotations
 
 import math
 
 from vehicle.jit import compiled
+
+# Nobody gains more speed between two looks than this makes up for, and none comes and goes at every look.
+NEAR_M, APART_M = 0.5, 0.5
 
 
 @compiled
@@ -73,3 +76,28 @@ def closest_pair(states, models, clearances) -> tuple[float, int, int]:  # type:
             if distance < best:
                 best, first, second = distance, j, i
     return best, first, second
+
+
+@compiled
+def look_around(states, models, interval, near, wanted) -> bool:  # type: ignore[no-untyped-def]
+    """Mark in `wanted` (n,) every tractor that could touch another before the next look; whether it is not `near`.
+
+    Two are near when their enclosing circles could meet at twice the way that both drive in the `interval` (s) between
+    two looks; those that are `near` already must be a little farther apart to leave.
+    """
+    for i in range(len(states)):
+        wanted[i] = False
+    for i in range(len(states)):
+        a = states[i]
+        for j in range(i):
+            if wanted[i] and wanted[j]:
+                continue
+            b = states[j]
+            limit = models[a.model].reach + models[b.model].reach + NEAR_M
+            limit += 2.0 * interval * (abs(a.forward) + abs(b.forward))
+            if near[i] and near[j]:
+                limit += APART_M
+            dx, dy = a.x - b.x, a.y - b.y
+            if dx * dx + dy * dy < limit * limit:
+                wanted[i] = wanted[j] = True
+    return (wanted != near).any()  # type: ignore[no-any-return]

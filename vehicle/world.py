@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from vehicle.bodies import make_body
+from vehicle.bodies import ContactBoxes, make_body
 from vehicle.calibration import steering_tables
 from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compile_plan
 from vehicle.engine import Engine, EngineUnavailable
 from vehicle.gnss import NO_ERROR, error_keys
 from vehicle.layout import DT_S, RECORD
-from vehicle.loop import ALL_DONE, RUNNING, STALLED, TOO_CLOSE, run_loop
+from vehicle.loop import ALL_DONE, NEIGHBOURS, RUNNING, STALLED, TOO_CLOSE, run_loop
 from vehicle.missions import Plan, check_plan
 from vehicle.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, Run
 from vehicle.slow import Scene, run_slow
@@ -49,7 +49,8 @@ class World:
         self.every = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))
         self.space = pymunk.Space()
         poses = [(float(s["x"]), float(s["y"]), float(s["angle"])) for s in self.program.states]
-        self.bodies = [make_body(self.space, tractor, implement, pose) for pose in poses]
+        self.bodies = [make_body(self.space, tractor, pose) for pose in poses]
+        self.boxes = ContactBoxes(self.space, self.bodies, tractor, implement)
         self.clock = np.zeros(3)
         self.clearances = np.full(plan.tractors, np.inf)
         self.contacts = np.zeros((256, 3))
@@ -82,7 +83,6 @@ class World:
         return self._result(outcome, np.concatenate(chunks))
 
     def _chooser(self, slow: bool) -> Callable[[int, Array, float], Any]:
-        program = self.program
         if not slow:
             try:
                 engine = Engine(self.space, self.bodies)
@@ -90,19 +90,30 @@ class World:
                 warnings.warn(f"{error} Simulating in plain Python, about 100 times slower.", stacklevel=3)
             else:
                 self.ids = engine.ids
-                return lambda steps, record, stop: run_loop(
-                    steps, DT_S, self.every, self.clock, engine.addresses, engine.read, engine.write, engine.touching,
-                    engine.read_count, engine.write_count, engine.touch_count,
-                    program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
-                    program.points, program.cumulative, record, self.clearances, self.contacts, stop, STALL_S,
-                    self.fixes,
-                )  # fmt: skip
+                return lambda steps, record, stop: self._advance(engine, steps, record, stop)
         self.ids = np.array([body.id for body in self.bodies])
+        self.boxes.bring_all()
         scene = Scene(
-            self.space, self.bodies, program, self.models, self.grounds, self.tables, self.fixes, self.every,
+            self.space, self.bodies, self.program, self.models, self.grounds, self.tables, self.fixes, self.every,
             self.clock, self.clearances, self.contacts,
         )  # fmt: skip
         return lambda steps, record, stop: run_slow(scene, steps, DT_S, record, stop, STALL_S)
+
+    def _advance(self, engine: Engine, steps: int, record: Array, stop: float) -> tuple[int, int, int, int]:
+        """Run the compiled loop for so many steps, with contact boxes in the space where tractors are near others."""
+        program, last, rows = self.program, int(self.clock[0]) + steps, 0
+        while True:
+            outcome, more, first, second = run_loop(
+                last - int(self.clock[0]), DT_S, self.every, self.clock, engine.addresses, engine.read, engine.write,
+                engine.touching, engine.read_count, engine.write_count, engine.touch_count,
+                program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
+                program.points, program.cumulative, record[rows:], self.clearances, self.contacts, stop, STALL_S,
+                self.fixes, self.boxes.near, self.boxes.wanted,
+            )  # fmt: skip
+            rows += more
+            if outcome != NEIGHBOURS:
+                return outcome, rows, first, second
+            self.boxes.bring()
 
     def _result(self, outcome: int, record: Array) -> Run:
         names = {ALL_DONE: DONE, TOO_CLOSE: CONFLICT, STALLED: STALL, RUNNING: TIMEOUT}
