@@ -17,8 +17,8 @@ from strategies.job import Job
 from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
+from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
-from vehicle.world import World
 
 SAFE_M = 0.05
 FARTHEST_OUTSIDE_M = 0.5
@@ -99,9 +99,12 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
 
 def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+    rehearsal = Rehearsal(
+        site.tractor, site.implement, stop_clearance_m=SAFE_M, fixes=site.fixes, seed=site.scenario.seed
+    )
+
     def simulate(plan: Plan) -> Run:
-        world = World(plan, site.tractor, site.implement, fixes=site.fixes, seed=site.scenario.seed)
-        return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
+        return rehearsal.simulate(plan, _patience_s(plan))
 
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))

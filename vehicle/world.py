@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,26 @@ from vehicle.tractor import Implement, Tractor
 CHUNK_S = 600.0  # of simulated time between two calls of `progress`
 STALL_S = 120.0  # in which no tractor of the plan gets on: far longer than a change of gear
 Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A world in the middle of a run without contacts: all it takes to go on from there bit for bit.
+
+    `motion` (n, 6) are x, y, angle, velocity and spin of the bodies, `chunks` the record so far.
+    """
+
+    clock: Array
+    states: Array
+    clearances: Array
+    motion: Array
+    near: Array
+    chunks: tuple[Array, ...]
+
+    @property
+    def time_s(self) -> float:
+        """When it was taken."""
+        return float(self.clock[0] * DT_S)
 
 
 class World:
@@ -55,6 +76,8 @@ class World:
         self.clearances = np.full(plan.tractors, np.inf)
         self.contacts = np.zeros((256, 3))
         self.pair = (-1, -1)
+        self.chunks: list[Array] = []
+        self.outcome = RUNNING
 
     def run(
         self,
@@ -63,24 +86,45 @@ class World:
         max_time_s: float = 4 * 86400.0,
         progress: Callable[[float], None] | None = None,
         slow: bool = False,
+        chunk_s: float = CHUNK_S,
     ) -> Run:
         """Simulate until every tractor is done, two come closer than `stop_clearance_m`, or nothing moves any more.
 
-        `progress` is called with the share of all path length driven. `slow` takes the plain Python loop.
+        `progress` is called with the share of all path length driven, every `chunk_s` of simulated time. `slow` takes
+        the plain Python loop.
         """
         advance = self._chooser(slow)
         most = math.ceil(max_time_s / DT_S)
-        chunks: list[Array] = []
         outcome = RUNNING
         total = float(sum(self.program.legs["end"][s["last_leg"]] for s in self.program.states))
         while outcome == RUNNING and self.clock[0] < most:
-            chunk = np.empty((math.ceil(CHUNK_S / (DT_S * self.every)) + 1, self.plan.tractors, len(RECORD)))
-            steps = min(round(CHUNK_S / DT_S), most - int(self.clock[0]))
+            chunk = np.empty((math.ceil(chunk_s / (DT_S * self.every)) + 1, self.plan.tractors, len(RECORD)))
+            steps = min(round(chunk_s / DT_S), most - int(self.clock[0]))
             outcome, rows, *self.pair = advance(steps, chunk, stop_clearance_m)
-            chunks.append(chunk[:rows])
+            self.outcome = outcome
+            self.chunks.append(chunk[:rows])
             if progress:
                 progress(min(1.0, float(self.program.states["progress"].sum()) / total))
-        return self._result(outcome, np.concatenate(chunks))
+        return self._result(outcome, np.concatenate(self.chunks))
+
+    def snapshot(self) -> Snapshot | None:
+        """The world between two steps; None when it has stopped in one, or tractors have touched: pymunk remembers."""
+        if self.outcome != RUNNING or self.contacts[-1, 0] > 0:
+            return None
+        motion = [(*body.position, body.angle, *body.velocity, body.angular_velocity) for body in self.bodies]
+        return Snapshot(
+            self.clock.copy(), self.program.states.copy(), self.clearances.copy(), np.array(motion),
+            self.boxes.near.copy(), tuple(self.chunks),
+        )  # fmt: skip
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot of a world whose plan has the same paths, and was the same as far as it was driven."""
+        self.clock[:], self.program.states[:] = snapshot.clock, snapshot.states
+        self.clearances[:], self.boxes.wanted[:] = snapshot.clearances, snapshot.near
+        for body, (x, y, angle, vx, vy, spin) in zip(self.bodies, snapshot.motion.tolist(), strict=True):
+            body.position, body.angle, body.velocity, body.angular_velocity = (x, y), angle, (vx, vy), spin
+        self.boxes.bring()
+        self.chunks = list(snapshot.chunks)
 
     def _chooser(self, slow: bool) -> Callable[[int, Array, float], Any]:
         if not slow:
