@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from vehicle.chassis import body_step
-from vehicle.clearance import closest_pair, look_around
+from vehicle.clearance import look_around, too_close
 from vehicle.control import control_tick
 from vehicle.driveline import propel, turn_wheels
 from vehicle.engine import (
@@ -96,7 +96,7 @@ def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, every, clock, addresses, read, write, touching, read_count, write_count, touch_count,
     states, models, grounds, tables, legs, gates, points, cumulative, record, clearances, contacts, stop_clearance,
-    stall_s, fixes, near, wanted,
+    beside_clearance, stall_s, fixes, near, wanted,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `every` steps.
 
@@ -132,8 +132,8 @@ def run_loop(  # type: ignore[no-untyped-def]
             note(record, rows, states)
             rows += 1
             if count > 1:
-                closest, first, second = closest_pair(states, models, clearances)
-                if closest < stop_clearance:
+                _, first, second = too_close(states, models, clearances, stop_clearance, beside_clearance)
+                if first >= 0:
                     return TOO_CLOSE, rows, first, second
             if running == 0:
                 return ALL_DONE, rows, -1, -1

@@ -22,13 +22,15 @@ FASTER = 1.5  # than any leg asks for nobody drives
 
 
 class Rehearsal:
-    """Drives the plans of one fleet; `fixes` and `seed` as for World. `began_s` is where the last run went on from."""
+    """Drives the plans of a fleet; arguments as of World and its run. `began_s` is where the last run went on from."""
 
     def __init__(
-        self, tractor: Tractor, implement: Implement, *, stop_clearance_m: float, fixes: Any = None, seed: int = 1
-    ) -> None:
+        self, tractor: Tractor, implement: Implement, *, stop_clearance_m: float,
+        beside_clearance_m: float | None = None, fixes: Any = None, seed: int = 1,
+    ) -> None:  # fmt: skip
         self.tractor, self.implement = tractor, implement
-        self.stop_clearance_m, self.fixes, self.seed = stop_clearance_m, fixes, seed
+        self.stop_clearance_m, self.beside_clearance_m = stop_clearance_m, beside_clearance_m
+        self.fixes, self.seed = fixes, seed
         self.began_s = 0.0
         self._plan: Plan | None = None
         self._kept: list[Snapshot] = []
@@ -52,8 +54,9 @@ class Rehearsal:
                 self._kept.append(snapshot)
 
         return world.run(
-            stop_clearance_m=self.stop_clearance_m, max_time_s=max_time_s, progress=keep, chunk_s=SNAPSHOT_S
-        )
+            stop_clearance_m=self.stop_clearance_m, beside_clearance_m=self.beside_clearance_m,
+            max_time_s=max_time_s, progress=keep, chunk_s=SNAPSHOT_S,
+        )  # fmt: skip
 
     def _limits(self, world: World) -> npt.NDArray[np.float64]:
         """How far each tractor may have driven (m) without heeding what this plan has other than the last one."""

@@ -83,6 +83,7 @@ class World:
         self,
         *,
         stop_clearance_m: float = -1.0,
+        beside_clearance_m: float | None = None,
         max_time_s: float = 4 * 86400.0,
         progress: Callable[[float], None] | None = None,
         slow: bool = False,
@@ -90,17 +91,19 @@ class World:
     ) -> Run:
         """Simulate until every tractor is done, two come closer than `stop_clearance_m`, or nothing moves any more.
 
+        Two on parallel lines beside each other (vehicle.clearance) may come as close as `beside_clearance_m`.
         `progress` is called with the share of all path length driven, every `chunk_s` of simulated time. `slow` takes
         the plain Python loop.
         """
         advance = self._chooser(slow)
+        stop = stop_clearance_m, stop_clearance_m if beside_clearance_m is None else beside_clearance_m
         most = math.ceil(max_time_s / DT_S)
         outcome = RUNNING
         total = float(sum(self.program.legs["end"][s["last_leg"]] for s in self.program.states))
         while outcome == RUNNING and self.clock[0] < most:
             chunk = np.empty((math.ceil(chunk_s / (DT_S * self.every)) + 1, self.plan.tractors, len(RECORD)))
             steps = min(round(chunk_s / DT_S), most - int(self.clock[0]))
-            outcome, rows, *self.pair = advance(steps, chunk, stop_clearance_m)
+            outcome, rows, *self.pair = advance(steps, chunk, stop)
             self.outcome = outcome
             self.chunks.append(chunk[:rows])
             if progress:
@@ -126,7 +129,7 @@ class World:
         self.boxes.bring()
         self.chunks = list(snapshot.chunks)
 
-    def _chooser(self, slow: bool) -> Callable[[int, Array, float], Any]:
+    def _chooser(self, slow: bool) -> Callable[[int, Array, tuple[float, float]], Any]:
         if not slow:
             try:
                 engine = Engine(self.space, self.bodies)
@@ -143,7 +146,7 @@ class World:
         )  # fmt: skip
         return lambda steps, record, stop: run_slow(scene, steps, DT_S, record, stop, STALL_S)
 
-    def _advance(self, engine: Engine, steps: int, record: Array, stop: float) -> tuple[int, int, int, int]:
+    def _advance(self, engine: Engine, steps: int, record: Array, stop: tuple[float, float]) -> Any:
         """Run the compiled loop for so many steps, with contact boxes in the space where tractors are near others."""
         program, last, rows = self.program, int(self.clock[0]) + steps, 0
         while True:
@@ -151,7 +154,7 @@ class World:
                 last - int(self.clock[0]), DT_S, self.every, self.clock, engine.addresses, engine.read, engine.write,
                 engine.touching, engine.read_count, engine.write_count, engine.touch_count,
                 program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
-                program.points, program.cumulative, record[rows:], self.clearances, self.contacts, stop, STALL_S,
+                program.points, program.cumulative, record[rows:], self.clearances, self.contacts, *stop, STALL_S,
                 self.fixes, self.boxes.near, self.boxes.wanted,
             )  # fmt: skip
             rows += more
