@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.deconflict import without_conflicts
 from planner.measure import coverage, excursion, finite_or_none, reversals
+from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from reports.results import PlanResult
@@ -17,10 +18,10 @@ from strategies.job import Job
 from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
+from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
-from vehicle.world import World
 
-SAFE_M = 0.05
+ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 MOST_SLOWED = 2
@@ -29,7 +30,7 @@ SMALLEST_GAIN_M = 0.02
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination to try; `jump` fixes the pattern of tracks for a strategy that takes one."""
+    """A combination to try; `jump` position_errors the pattern of tracks for a strategy that takes one."""
 
     strategy: str
     tractors: int
@@ -99,9 +100,13 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
 
 def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+    rehearsal = Rehearsal(
+        site.tractor, site.implement, stop_clearance_m=site.scenario.clearance_m,
+        beside_clearance_m=beside_clearance_m(site), position_errors=site.position_errors, seed=site.scenario.seed,
+    )  # fmt: skip
+
     def simulate(plan: Plan) -> Run:
-        world = World(plan, site.tractor, site.implement, position_errors=site.position_errors, seed=site.scenario.seed)
-        return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
+        return rehearsal.simulate(plan, _patience_s(plan))
 
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
@@ -110,6 +115,13 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
         run, aside = _steadied(site, run, simulate, strategy.most_repairs)
         reason = _fault(site, run, aside)
     return CandidateRun(run, reason, _turns(job), refined.remark)
+
+
+def beside_clearance_m(site: Site) -> float:
+    """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
+    machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
+    room = ROOM_KEPT * (site.implement.width_m - machine_m)
+    return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
 
 
 def _driven(refined: Refined, simulate: Simulate, most_repairs: int) -> tuple[Run, str | None]:

@@ -73,6 +73,7 @@ def asked(site: Site) -> dict[str, Any]:
         "bearing_deg": layout.bearing_deg,
         "tracks": len(layout.tracks),
         "radius_m": site.manner.radius_m,
+        "clearance_m": scenario.clearance_m,
         "tractor": site.tractor.name,
         "turn": scenario.turn,
         "speed_kmh": scenario.speed_mps / KMH,

@@ -21,6 +21,7 @@ TURNING_MPS = 5.0 * KMH  # faster, the wheels cannot be turned over in time for 
 DAY_S = 24 * 3600
 LONGEST_M = 1000.0  # wider, deeper and farther round than anything that works a field
 HIGHEST_PRICE = 1e9  # in whatever currency
+LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -41,7 +42,8 @@ class Scenario:
 
     `field` and `tractor` are names or files. What is None is decided by planning: the headland by the turn that must
     fit it, the bearing by the least driving, the radius by full lock, the speed of turns by `turning_mps`. A deadline
-    `before_s` that is earlier than `start_s` is on the next day. Raises ScenarioError.
+    `before_s` that is earlier than `start_s` is on the next day. `clearance_m` is kept between machines with their
+    implements; beside each other on neighbouring tracks they have what the tracks leave. Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -50,6 +52,7 @@ class Scenario:
     headland_m: float | None = None
     bearing_deg: float | None = None
     radius_m: float | None = None
+    clearance_m: float = 0.05
     tractor: str = "eg105"
     tractors: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     strategies: tuple[str, ...] = tuple(STRATEGIES)
@@ -135,6 +138,11 @@ def _check_lengths(scenario: Scenario) -> None:
             raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
         if value is not None and value > LONGEST_M:
             raise ScenarioError(f"The {name} is {value:g} m; use {LONGEST_M:g} m or less.")
+    if not LEAST_CLEARANCE_M <= scenario.clearance_m <= MOST_CLEARANCE_M:
+        raise ScenarioError(
+            f"The clearance between tractors ({named('clearance_m')}) is {scenario.clearance_m:g} m; use "
+            f"{LEAST_CLEARANCE_M:g} to {MOST_CLEARANCE_M:g} m."
+        )
     if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
         raise ScenarioError(
             f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg}; give degrees clockwise from north."

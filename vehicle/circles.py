@@ -38,7 +38,7 @@ def fixed_circle(
     `ground` is its place among vehicle.ground.GROUNDS, `tables` (grounds, n) are steering tables (vehicle.calibration).
     """
     space = pymunk.Space()
-    engine = Engine(space, [make_body(space, tractor, Implement(), (0.0, 0.0, math.pi / 2))])
+    engine = Engine(space, [make_body(space, tractor, (0.0, 0.0, math.pi / 2))])
     states = np.zeros(1, dtype=STATE)
     # The wheels stand at the angle from the start: Eq. 2.8 would leave them up to its dead band short of it.
     states["command"] = states["steering"] = math.radians(steering_deg)

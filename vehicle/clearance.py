@@ -1,10 +1,14 @@
-"""How close two tractors come: distance between their outlines, tractor box and implement box each."""
+"""How close two tractors come: distance between their outlines, tractor box and implement box each, and who is near."""
 
 from __future__ import annotations
 
 import math
 
 from vehicle.jit import compiled
+
+# Nobody gains more speed between two looks than this makes up for, and none comes and goes at every look.
+NEAR_M, APART_M = 0.5, 0.5
+PARALLEL = math.sin(math.radians(10.0))
 
 
 @compiled
@@ -53,23 +57,72 @@ def outline_distance(a, am, b, bm) -> float:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def closest_pair(states, models, clearances) -> tuple[float, int, int]:  # type: ignore[no-untyped-def]
-    """Update the smallest clearance so far per tractor; return the smallest of this moment below that, and its pair.
+def beside(a, am, b, bm) -> bool:  # type: ignore[no-untyped-def]
+    """Whether two tractors are on nearly parallel lines, and neither's tractor is in line with anything of the other.
 
-    Pairs whose enclosing circles are farther apart than what either has already come close to are skipped.
+    That is how they work neighbouring tracks, queue and pass each other on them.
+    """
+    acos, asin, bcos, bsin = math.cos(a.angle), math.sin(a.angle), math.cos(b.angle), math.sin(b.angle)
+    if abs(acos * bsin - asin * bcos) > PARALLEL:
+        return False
+    dx, dy = b.x - a.x, b.y - a.y
+    aside = min(abs(acos * dy - asin * dx), abs(bcos * dy - bsin * dx))
+    in_line = max(
+        am.half_width + max(bm.half_width, bm.tool_half_width), bm.half_width + max(am.half_width, am.tool_half_width)
+    )
+    return aside > in_line  # type: ignore[no-any-return]
+
+
+@compiled
+def too_close(  # type: ignore[no-untyped-def]
+    states, models, clearances, clearance, beside_clearance
+) -> tuple[float, int, int]:
+    """Update the smallest clearance so far per tractor; return the pair that is closest of those too close.
+
+    Two are too close within `clearance`, or where they are `beside` each other within `beside_clearance`; where none
+    are, the distance returned is 1e9. Pairs whose enclosing circles are farther apart than that and than what either
+    has already come close to are skipped.
     """
     best, first, second = 1e9, -1, -1
     for i in range(len(states)):
         a = states[i]
         for j in range(i):
             b = states[j]
-            limit = max(clearances[i], clearances[j]) + models[a.model].reach + models[b.model].reach
+            limit = max(clearances[i], clearances[j], clearance) + models[a.model].reach + models[b.model].reach
             dx, dy = a.x - b.x, a.y - b.y
             if dx * dx + dy * dy >= limit * limit:
                 continue
             distance = outline_distance(a, models[a.model], b, models[b.model])
             clearances[i] = min(clearances[i], distance)
             clearances[j] = min(clearances[j], distance)
-            if distance < best:
-                best, first, second = distance, j, i
+            if distance >= min(clearance, best):
+                continue
+            if distance >= beside_clearance and beside(a, models[a.model], b, models[b.model]):
+                continue
+            best, first, second = distance, j, i
     return best, first, second
+
+
+@compiled
+def look_around(states, models, interval, near, wanted) -> bool:  # type: ignore[no-untyped-def]
+    """Mark in `wanted` (n,) every tractor that could touch another before the next look; whether it is not `near`.
+
+    Two are near when their enclosing circles could meet at twice the way that both drive in the `interval` (s) between
+    two looks; those that are `near` already must be a little farther apart to leave.
+    """
+    for i in range(len(states)):
+        wanted[i] = False
+    for i in range(len(states)):
+        a = states[i]
+        for j in range(i):
+            if wanted[i] and wanted[j]:
+                continue
+            b = states[j]
+            limit = models[a.model].reach + models[b.model].reach + NEAR_M
+            limit += 2.0 * interval * (abs(a.forward) + abs(b.forward))
+            if near[i] and near[j]:
+                limit += APART_M
+            dx, dy = a.x - b.x, a.y - b.y
+            if dx * dx + dy * dy < limit * limit:
+                wanted[i] = wanted[j] = True
+    return (wanted != near).any()  # type: ignore[no-any-return]

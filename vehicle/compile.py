@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.ground import GROUNDS, ground_index
+from vehicle.joining import join_legs
 from vehicle.layout import GATE, GROUND, LEG, MODEL, STATE
 from vehicle.learnt import learnt
-from vehicle.missions import Leg, Mission, Plan
+from vehicle.missions import Mission, Plan
 from vehicle.tractor import Implement, Tractor
 
 Array = npt.NDArray[Any]
-SAME_M = 1e-6
 
 
 def outline(tractor: Tractor, implement: Implement) -> dict[str, float]:
@@ -98,25 +98,18 @@ class CompiledPlan:
 def compile_plan(plan: Plan, tractor: Tractor) -> CompiledPlan:
     """All missions of a plan, one after another in shared arrays. Every tractor is of the same model."""
     states = np.zeros(plan.tractors, dtype=STATE)
-    legs = np.zeros(sum(len(mission.legs) for mission in plan.missions), dtype=LEG)
-    points: list[Array] = []
-    cumulative: list[Array] = []
-    first_leg = first_point = 0
+    counts = np.array([len(mission.legs) for mission in plan.missions])
+    ends = np.cumsum(counts)
+    states["leg"] = states["first_leg"] = ends - counts
+    states["last_leg"] = ends - 1
+    states["stage"], states["status"] = 1, 3
     for state, mission in zip(states, plan.missions, strict=True):
-        path, along = _lay_path(mission, legs[first_leg : first_leg + len(mission.legs)], first_point)
-        for row, leg in zip(legs[first_leg:], mission.legs, strict=False):
-            _fill_leg(row, leg, tractor)
         state["x"], state["y"], state["angle"] = _body_start(mission, tractor)
-        state["leg"] = state["first_leg"] = first_leg
-        state["last_leg"] = first_leg + len(mission.legs) - 1
-        state["segment"] = first_point
-        state["stage"], state["status"] = 1, 3
-        points.append(path)
-        cumulative.append(along)
-        first_leg += len(mission.legs)
-        first_point += len(path)
+    legs = _leg_rows(plan, tractor)
+    points, cumulative = _lay_paths(plan, legs, states["first_leg"])
+    states["segment"] = legs["first_segment"][states["first_leg"]]
     gates = _link(plan, states, legs)
-    return CompiledPlan(states, legs, gates, np.concatenate(points), np.concatenate(cumulative))
+    return CompiledPlan(states, legs, gates, points, cumulative)
 
 
 def _body_start(mission: Mission, tractor: Tractor) -> tuple[float, float, float]:
@@ -127,55 +120,50 @@ def _body_start(mission: Mission, tractor: Tractor) -> tuple[float, float, float
     return x - reach * math.cos(heading), y - reach * math.sin(heading), heading
 
 
-def _lay_path(mission: Mission, rows: Array, offset: int) -> tuple[Array, Array]:
-    """Join the polylines of a mission; legs of one gear form a run in which the lookahead may pass leg ends.
-
-    Within a run a leg continues from where the one before ended, so that the distance along the path is that of the
-    joined polyline.
-    """
-    path: list[Array] = []
-    along: list[Array] = []
-    done, size, run_start = 0.0, 0, 0
-    for index, leg in enumerate(mission.legs):
-        new_run = index == 0 or leg.gear != mission.legs[index - 1].gear
-        points = leg.points if new_run else np.concatenate([path[-1][-1:], leg.points[1:]])
-        step = np.hypot(*np.diff(points, axis=0).T)
-        keep = np.concatenate(([new_run], step > SAME_M))
-        distance = done + np.concatenate(([0.0], np.cumsum(step)))
-        path.append(points[keep] if keep.any() else points[:1])
-        along.append(distance[keep] if keep.any() else distance[:1])
-        if new_run:
-            run_start = index
-        rows[index]["first_segment"] = offset + (size if new_run else size - 1)
-        size += len(path[-1])
-        done = float(distance[-1])
-        rows[index]["end"] = done
-        for row in rows[run_start : index + 1]:
-            row["last_segment"] = offset + size - 2
-    return np.concatenate(path), np.concatenate(along)
-
-
-def _fill_leg(row: Any, leg: Leg, tractor: Tractor) -> None:
+def _leg_rows(plan: Plan, tractor: Tractor) -> Array:
+    """LEG records of all legs with what each says by itself."""
     guidance = tractor.guidance
-    row["speed"] = leg.speed_mps
-    row["lookahead"] = guidance.lookahead_m if leg.task.works else guidance.turn_lookahead_m
-    row["gear"], row["implement"], row["ground"] = leg.gear, int(leg.implement), ground_index(leg.ground)
+    legs = [leg for mission in plan.missions for leg in mission.legs]
+    rows = np.zeros(len(legs), dtype=LEG)
+    rows["speed"] = [leg.speed_mps for leg in legs]
+    rows["lookahead"] = np.where([leg.task.works for leg in legs], guidance.lookahead_m, guidance.turn_lookahead_m)
+    rows["gear"] = [leg.gear for leg in legs]
+    rows["implement"] = [leg.implement for leg in legs]
+    index = {name: ground_index(name) for name in {leg.ground for leg in legs}}
+    rows["ground"] = [index[leg.ground] for leg in legs]
+    rows["leader"], rows["leader_leg"] = -1, -1
+    return rows
+
+
+def _lay_paths(plan: Plan, rows: Array, first_legs: Array) -> tuple[Array, Array]:
+    """Points of the joined paths and the distance along them; ends and segments are written to the rows."""
+    polylines = [leg.points for mission in plan.missions for leg in mission.legs]
+    sizes = np.array([len(points) for points in polylines])
+    begins = np.zeros(len(rows), dtype=np.bool_)
+    begins[first_legs] = True
+    new_run = begins | (rows["gear"] != np.roll(rows["gear"], 1))
+    points = np.concatenate(polylines, dtype=np.float64)
+    path, along = np.empty_like(points), np.empty(len(points))
+    size = join_legs(
+        points, sizes, begins, new_run, path, along, rows["end"], rows["first_segment"], rows["last_segment"]
+    )
+    return path[:size].copy(), along[:size].copy()
 
 
 def _link(plan: Plan, states: Array, legs: Array) -> Array:
     """Resolve gates and follow orders to absolute legs and progress; returns the gate rows."""
-    rows: list[tuple[int, float]] = []
-    for state, mission in zip(states, plan.missions, strict=True):
-        for index, leg in enumerate(mission.legs):
-            row = legs[int(state["first_leg"]) + index]
-            row["first_gate"] = len(rows)
-            for gate in leg.gates:
-                target = int(states[gate.tractor]["first_leg"]) + gate.leg
-                before = legs[target - 1]["end"] if gate.leg else 0.0
-                rows.append((gate.tractor, float(before) + gate.after_m))
-            row["last_gate"] = len(rows)
-            row["leader"], row["leader_leg"] = -1, -1
-            if leg.follow:
-                row["leader"], row["gap"] = leg.follow.tractor, leg.follow.gap_m
-                row["leader_leg"] = int(states[leg.follow.tractor]["first_leg"]) + leg.follow.leg
-    return np.array(rows, dtype=GATE) if rows else np.zeros(0, dtype=GATE)
+    first_legs, ends = states["first_leg"].tolist(), legs["end"].tolist()
+    gates: list[tuple[int, float]] = []
+    counts = []
+    for index, leg in enumerate(leg for mission in plan.missions for leg in mission.legs):
+        counts.append(len(leg.gates))
+        for gate in leg.gates:
+            before = ends[first_legs[gate.tractor] + gate.leg - 1] if gate.leg else 0.0
+            gates.append((gate.tractor, before + gate.after_m))
+        if leg.follow:
+            row = legs[index]
+            row["leader"], row["gap"] = leg.follow.tractor, leg.follow.gap_m
+            row["leader_leg"] = first_legs[leg.follow.tractor] + leg.follow.leg
+    legs["last_gate"] = np.cumsum(counts)
+    legs["first_gate"] = legs["last_gate"] - counts
+    return np.array(gates, dtype=GATE) if gates else np.zeros(0, dtype=GATE)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from vehicle.chassis import body_step
-from vehicle.clearance import closest_pair
+from vehicle.clearance import look_around, too_close
 from vehicle.control import control_tick
 from vehicle.driveline import propel, turn_wheels
 from vehicle.engine import (
@@ -34,7 +34,7 @@ from vehicle.layout import REC_ANGLE, REC_LEG, REC_SPEED, REC_STATUS, REC_STEERI
 from vehicle.steering import corrected_angle
 from vehicle.terms import affected_tangent, ground_drift
 
-RUNNING, ALL_DONE, TOO_CLOSE, STALLED = 0, 1, 2, 3
+RUNNING, ALL_DONE, TOO_CLOSE, STALLED, NEIGHBOURS = 0, 1, 2, 3, 4
 
 
 @compiled
@@ -96,16 +96,19 @@ def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, every, clock, addresses, read, write, touching, read_count, write_count, touch_count,
     states, models, grounds, tables, legs, gates, points, cumulative, record, clearances, contacts, stop_clearance,
-    stall_s, position_errors,
+    beside_clearance, stall_s, position_errors, near, wanted,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `every` steps.
 
     `clock` (3,) holds the step count, the best total progress and the time it was reached, and is carried on.
     `tables` (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last
-    row counts. `position_errors` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. Returns an outcome
-    of this module, the number of record rows, and the closest pair.
+    row counts. `position_errors` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. `near` (n,) tells
+    which tractors have their contact boxes in the space: before a tick at which these are the wrong ones the loop ends with
+    NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows, and
+    the closest pair.
     """
     count = len(states)
+    touchable = near.any()
     rows = 0
     for _ in range(steps):
         step = int(clock[0])
@@ -117,8 +120,11 @@ def run_loop(  # type: ignore[no-untyped-def]
             for i in range(count):
                 state = states[i]
                 state.x, state.y, state.angle = read[READ_WIDTH * i], read[READ_WIDTH * i + 1], read[READ_WIDTH * i + 2]
+            if count > 1 and look_around(states, models, every * dt, near, wanted):
+                return NEIGHBOURS, rows, -1, -1
+            for i in range(count):
                 if len(position_errors) > 0:
-                    draw_error(state, position_errors)
+                    draw_error(states[i], position_errors)
             for i in range(count):
                 control_tick(i, states, models, legs, gates, points, cumulative, time, every * dt)
                 total += states[i].progress
@@ -126,8 +132,8 @@ def run_loop(  # type: ignore[no-untyped-def]
             note(record, rows, states)
             rows += 1
             if count > 1:
-                closest, first, second = closest_pair(states, models, clearances)
-                if closest < stop_clearance:
+                _, first, second = too_close(states, models, clearances, stop_clearance, beside_clearance)
+                if first >= 0:
                     return TOO_CLOSE, rows, first, second
             if running == 0:
                 return ALL_DONE, rows, -1, -1
@@ -146,6 +152,8 @@ def run_loop(  # type: ignore[no-untyped-def]
         call_each(addresses[EACH_BODY], addresses[SPACE], addresses[SET_BODY], addresses[WRITE_DATA])
         call_step(addresses[STEP], addresses[SPACE], dt)
         clock[0] += 1.0
+        if not touchable:
+            continue
         touch_count[0] = 0
         call_each(addresses[EACH_CONTACT], addresses[SPACE], addresses[GET_CONTACT], addresses[TOUCH_DATA])
         for pair in range(touch_count[0] // 2):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -83,10 +84,15 @@ class Leg:
     gates: tuple[Gate, ...] = ()
     follow: Follow | None = None
 
-    @property
+    @cached_property
     def length_m(self) -> float:
         """Length of the polyline."""
         return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+
+    @cached_property
+    def fault(self) -> str:
+        """Why no world can drive it, whatever the legs around it; "" when one can."""
+        return _leg_fault(self) or _task_fault(self.task)
 
     def with_gates(self, gates: Iterable[Gate]) -> Leg:
         """The same leg with further gates."""
@@ -138,40 +144,40 @@ def check_plan(plan: Plan) -> None:
             raise MissionError(f"Tractor {number} has no legs; give it at least one or leave it out.")
         for index, leg in enumerate(mission.legs):
             where = f"Tractor {number}, leg {index}"
-            _check_leg(leg, where)
+            if leg.fault:
+                raise MissionError(f"{where}: {leg.fault}")
             _check_links(plan, number, leg, where)
             if index:
                 _check_joint(mission.legs[index - 1], leg, where)
 
 
-def _check_leg(leg: Leg, where: str) -> None:
+def _leg_fault(leg: Leg) -> str:
     points = leg.points
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-        raise MissionError(f"{where}: points have shape {points.shape}; a leg needs two or more (x, y) points.")
+        return f"points have shape {points.shape}; a leg needs two or more (x, y) points."
     if not np.isfinite(points).all():
-        raise MissionError(f"{where}: a coordinate is not a number; every point needs finite metres.")
+        return "a coordinate is not a number; every point needs finite metres."
     if leg.length_m < 1e-3:
-        raise MissionError(f"{where}: the leg is {leg.length_m:.4f} m long; it must be at least 1 mm.")
+        return f"the leg is {leg.length_m:.4f} m long; it must be at least 1 mm."
     if np.hypot(*(points[1] - points[0])) < 1e-6:
-        raise MissionError(f"{where}: the first two points coincide, which gives no direction; leave one out.")
+        return "the first two points coincide, which gives no direction; leave one out."
     if leg.gear not in (1, -1):
-        raise MissionError(f"{where}: gear {leg.gear} is unknown; use 1 (forward) or -1 (reverse).")
+        return f"gear {leg.gear} is unknown; use 1 (forward) or -1 (reverse)."
     if not (leg.speed_mps > 0 and math.isfinite(leg.speed_mps)):
-        raise MissionError(f"{where}: speed {leg.speed_mps} m/s is not above 0; gear -1 drives backwards.")
+        return f"speed {leg.speed_mps} m/s is not above 0; gear -1 drives backwards."
     if leg.ground not in ground_names():
-        raise MissionError(f"{where}: ground {leg.ground!r} is unknown; use one of: {', '.join(ground_names())}.")
+        return f"ground {leg.ground!r} is unknown; use one of: {', '.join(ground_names())}."
     if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):
-        raise MissionError(f"{where}: a follow gap of {leg.follow.gap_m} m is not a distance; use one above 0.")
-    _check_task(leg.task, where)
+        return f"a follow gap of {leg.follow.gap_m} m is not a distance; use one above 0."
+    return ""
 
 
-def _check_task(task: Task, where: str) -> None:
+def _task_fault(task: Task) -> str:
     if task.kind not in TASKS:
-        raise MissionError(f"{where}: task {task.kind!r} is unknown; use one of: {', '.join(TASKS)}.")
+        return f"task {task.kind!r} is unknown; use one of: {', '.join(TASKS)}."
     if (task.number is not None and task.number < 0) or task.piece < 0:
-        raise MissionError(
-            f"{where}: task {task.kind!r} has number {task.number} and piece {task.piece}; both count from 0."
-        )
+        return f"task {task.kind!r} has number {task.number} and piece {task.piece}; both count from 0."
+    return ""
 
 
 def _check_joint(before: Leg, after: Leg, where: str) -> None:

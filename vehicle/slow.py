@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from vehicle.clearance import closest_pair
+from vehicle.clearance import too_close
 from vehicle.compile import CompiledPlan
 from vehicle.control import control_tick
 from vehicle.gnss import draw_error
@@ -40,7 +40,7 @@ class Scene:
 
 
 def run_slow(
-    scene: Scene, steps: int, dt: float, record: Any, stop_clearance: float, stall_s: float
+    scene: Scene, steps: int, dt: float, record: Any, stop: tuple[float, float], stall_s: float
 ) -> tuple[int, int, int, int]:
     """As vehicle.loop.run_loop, for a scene; returns outcome, record rows and the closest pair."""
     program, states = scene.program, scene.program.states.view(np.recarray)
@@ -62,7 +62,7 @@ def run_slow(
                 )
             note(record, rows, states)
             rows += 1
-            outcome, pair = _judge(scene, time, stop_clearance, stall_s)
+            outcome, pair = _judge(scene, time, stop, stall_s)
             if outcome != RUNNING:
                 return outcome, rows, *pair
         for index, body in enumerate(scene.bodies):
@@ -85,11 +85,11 @@ def _read_poses(scene: Scene) -> None:
         state["angle"] = body.angle
 
 
-def _judge(scene: Scene, time: float, stop_clearance: float, stall_s: float) -> tuple[int, tuple[int, int]]:
+def _judge(scene: Scene, time: float, stop: tuple[float, float], stall_s: float) -> tuple[int, tuple[int, int]]:
     states = scene.program.states
     if len(states) > 1:
-        closest, first, second = closest_pair(states, scene.models, scene.clearances)
-        if closest < stop_clearance:
+        _, first, second = too_close(states, scene.models, scene.clearances, *stop)
+        if first >= 0:
             return TOO_CLOSE, (first, second)
     if (states["done"] == 1).all():
         return ALL_DONE, (-1, -1)

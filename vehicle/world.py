@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from vehicle.bodies import make_body
+from vehicle.bodies import ContactBoxes, make_body
 from vehicle.calibration import steering_tables
 from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compile_plan
 from vehicle.engine import Engine, EngineUnavailable
 from vehicle.gnss import NO_ERROR, error_keys
 from vehicle.layout import DT_S, RECORD
-from vehicle.loop import ALL_DONE, RUNNING, STALLED, TOO_CLOSE, run_loop
+from vehicle.loop import ALL_DONE, NEIGHBOURS, RUNNING, STALLED, TOO_CLOSE, run_loop
 from vehicle.missions import Plan, check_plan
 from vehicle.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, Run
 from vehicle.slow import Scene, run_slow
@@ -26,6 +27,26 @@ from vehicle.tractor import Implement, Tractor
 CHUNK_S = 600.0  # of simulated time between two calls of `progress`
 STALL_S = 120.0  # in which no tractor of the plan gets on: far longer than a change of gear
 Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A world in the middle of a run without contacts: all it takes to go on from there bit for bit.
+
+    `motion` (n, 6) are x, y, angle, velocity and spin of the bodies, `chunks` the record so far.
+    """
+
+    clock: Array
+    states: Array
+    clearances: Array
+    motion: Array
+    near: Array
+    chunks: tuple[Array, ...]
+
+    @property
+    def time_s(self) -> float:
+        """When it was taken."""
+        return float(self.clock[0] * DT_S)
 
 
 class World:
@@ -49,40 +70,66 @@ class World:
         self.every = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))
         self.space = pymunk.Space()
         poses = [(float(s["x"]), float(s["y"]), float(s["angle"])) for s in self.program.states]
-        self.bodies = [make_body(self.space, tractor, implement, pose) for pose in poses]
+        self.bodies = [make_body(self.space, tractor, pose) for pose in poses]
+        self.boxes = ContactBoxes(self.space, self.bodies, tractor, implement)
         self.clock = np.zeros(3)
         self.clearances = np.full(plan.tractors, np.inf)
         self.contacts = np.zeros((256, 3))
         self.pair = (-1, -1)
+        self.chunks: list[Array] = []
+        self.outcome = RUNNING
 
     def run(
         self,
         *,
         stop_clearance_m: float = -1.0,
+        beside_clearance_m: float | None = None,
         max_time_s: float = 4 * 86400.0,
         progress: Callable[[float], None] | None = None,
         slow: bool = False,
+        chunk_s: float = CHUNK_S,
     ) -> Run:
         """Simulate until every tractor is done, two come closer than `stop_clearance_m`, or nothing moves any more.
 
-        `progress` is called with the share of all path length driven. `slow` takes the plain Python loop.
+        Two on parallel lines beside each other (vehicle.clearance) may come as close as `beside_clearance_m`.
+        `progress` is called with the share of all path length driven, every `chunk_s` of simulated time. `slow` takes
+        the plain Python loop.
         """
         advance = self._chooser(slow)
+        stop = stop_clearance_m, stop_clearance_m if beside_clearance_m is None else beside_clearance_m
         most = math.ceil(max_time_s / DT_S)
-        chunks: list[Array] = []
         outcome = RUNNING
         total = float(sum(self.program.legs["end"][s["last_leg"]] for s in self.program.states))
         while outcome == RUNNING and self.clock[0] < most:
-            chunk = np.empty((math.ceil(CHUNK_S / (DT_S * self.every)) + 1, self.plan.tractors, len(RECORD)))
-            steps = min(round(CHUNK_S / DT_S), most - int(self.clock[0]))
-            outcome, rows, *self.pair = advance(steps, chunk, stop_clearance_m)
-            chunks.append(chunk[:rows])
+            chunk = np.empty((math.ceil(chunk_s / (DT_S * self.every)) + 1, self.plan.tractors, len(RECORD)))
+            steps = min(round(chunk_s / DT_S), most - int(self.clock[0]))
+            outcome, rows, *self.pair = advance(steps, chunk, stop)
+            self.outcome = outcome
+            self.chunks.append(chunk[:rows])
             if progress:
                 progress(min(1.0, float(self.program.states["progress"].sum()) / total))
-        return self._result(outcome, np.concatenate(chunks))
+        return self._result(outcome, np.concatenate(self.chunks))
 
-    def _chooser(self, slow: bool) -> Callable[[int, Array, float], Any]:
-        program = self.program
+    def snapshot(self) -> Snapshot | None:
+        """The world between two steps; None when it has stopped in one, or tractors have touched: pymunk remembers."""
+        if self.outcome != RUNNING or self.contacts[-1, 0] > 0:
+            return None
+        motion = [(*body.position, body.angle, *body.velocity, body.angular_velocity) for body in self.bodies]
+        return Snapshot(
+            self.clock.copy(), self.program.states.copy(), self.clearances.copy(), np.array(motion),
+            self.boxes.near.copy(), tuple(self.chunks),
+        )  # fmt: skip
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot of a world whose plan has the same paths, and was the same as far as it was driven."""
+        self.clock[:], self.program.states[:] = snapshot.clock, snapshot.states
+        self.clearances[:], self.boxes.wanted[:] = snapshot.clearances, snapshot.near
+        for body, (x, y, angle, vx, vy, spin) in zip(self.bodies, snapshot.motion.tolist(), strict=True):
+            body.position, body.angle, body.velocity, body.angular_velocity = (x, y), angle, (vx, vy), spin
+        self.boxes.bring()
+        self.chunks = list(snapshot.chunks)
+
+    def _chooser(self, slow: bool) -> Callable[[int, Array, tuple[float, float]], Any]:
         if not slow:
             try:
                 engine = Engine(self.space, self.bodies)
@@ -90,19 +137,30 @@ class World:
                 warnings.warn(f"{error} Simulating in plain Python, about 100 times slower.", stacklevel=3)
             else:
                 self.ids = engine.ids
-                return lambda steps, record, stop: run_loop(
-                    steps, DT_S, self.every, self.clock, engine.addresses, engine.read, engine.write, engine.touching,
-                    engine.read_count, engine.write_count, engine.touch_count,
-                    program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
-                    program.points, program.cumulative, record, self.clearances, self.contacts, stop, STALL_S,
-                    self.position_errors,
-                )  # fmt: skip
+                return lambda steps, record, stop: self._advance(engine, steps, record, stop)
         self.ids = np.array([body.id for body in self.bodies])
+        self.boxes.bring_all()
         scene = Scene(
-            self.space, self.bodies, program, self.models, self.grounds, self.tables, self.position_errors, self.every,
-            self.clock, self.clearances, self.contacts,
+            self.space, self.bodies, self.program, self.models, self.grounds, self.tables, self.position_errors,
+            self.every, self.clock, self.clearances, self.contacts,
         )  # fmt: skip
         return lambda steps, record, stop: run_slow(scene, steps, DT_S, record, stop, STALL_S)
+
+    def _advance(self, engine: Engine, steps: int, record: Array, stop: tuple[float, float]) -> Any:
+        """Run the compiled loop for so many steps, with contact boxes in the space where tractors are near others."""
+        program, last, rows = self.program, int(self.clock[0]) + steps, 0
+        while True:
+            outcome, more, first, second = run_loop(
+                last - int(self.clock[0]), DT_S, self.every, self.clock, engine.addresses, engine.read, engine.write,
+                engine.touching, engine.read_count, engine.write_count, engine.touch_count,
+                program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
+                program.points, program.cumulative, record[rows:], self.clearances, self.contacts, *stop, STALL_S,
+                self.position_errors, self.boxes.near, self.boxes.wanted,
+            )  # fmt: skip
+            rows += more
+            if outcome != NEIGHBOURS:
+                return outcome, rows, first, second
+            self.boxes.bring()
 
     def _result(self, outcome: int, record: Array) -> Run:
         names = {ALL_DONE: DONE, TOO_CLOSE: CONFLICT, STALLED: STALL, RUNNING: TIMEOUT}

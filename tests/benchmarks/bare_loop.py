@@ -10,7 +10,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from vehicle.clearance import closest_pair
+from vehicle.clearance import too_close
 from vehicle.control import control_tick
 from vehicle.layout import DT_S
 from vehicle.loop import drive_tractor, note
@@ -31,7 +31,7 @@ def bare_steps(  # type: ignore[no-untyped-def]
             for i in range(count):
                 control_tick(i, states, models, legs, gates, points, cumulative, step * dt, every * dt)
             note(record, step // every, states)
-            closest_pair(states, models, clearances)
+            too_close(states, models, clearances, -1.0, -1.0)
         for i in range(count):
             model = models[states[i].model]
             ground = legs[states[i].leg].ground

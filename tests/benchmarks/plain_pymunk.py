@@ -48,6 +48,7 @@ class PlainWorld:
     def __init__(self, world: World) -> None:
         program = world.program
         self.space = world.space
+        world.boxes.bring_all()
         self.every = world.every
         self.tractors = [PlainTractor(world, i) for i in range(len(world.bodies))]
         self.legs = [plain(leg) for leg in program.legs]

@@ -180,6 +180,7 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--turn-speed-kmh inf", ("inf",)),
     ("--radius 1", ("tighter", "EG105")),
     ("--radius 0", ("--radius",)),
+    ("--clearance 0", ("--clearance", "0.05")),
     ("--radius 1000", ("headland",)),
     ("--json --csv", ("choose one",)),
     ("--processes 0", ("--processes is 0",)),

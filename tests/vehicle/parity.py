@@ -80,7 +80,7 @@ def _drive(
     cumulative: Any, commands: Array, working: float, steps: int = 0,
 ) -> Driven:  # fmt: skip
     space = pymunk.Space()
-    engine = Engine(space, [make_body(space, tractor, Implement(), pose)])
+    engine = Engine(space, [make_body(space, tractor, pose)])
     steps = steps or len(commands)
     track = np.empty((steps, 1, len(COLUMNS)))
     rows = run_trials(

@@ -35,7 +35,7 @@ def energy(model: Any, forward: float, right: float, spin: float) -> float:
 def fixed_run(tractor: Tractor, steering_deg: float, dt: float, seconds: float) -> npt.NDArray[np.float64]:
     """Raw body track (t, 6) in pymunk with the wheels at a fixed angle, from standstill to 5 km/h."""
     space = pymunk.Space()
-    engine = Engine(space, [make_body(space, tractor, Implement(), (0.0, 0.0, 0.0))])
+    engine = Engine(space, [make_body(space, tractor, (0.0, 0.0, 0.0))])
     states = np.zeros(1, dtype=STATE)
     states["command"] = states["steering"] = math.radians(steering_deg)
     states["target_speed"], states["stage"] = SPEED, 1

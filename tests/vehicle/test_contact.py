@@ -11,7 +11,7 @@ from shapely import Polygon
 from shapely.affinity import rotate, translate
 from shapely.ops import unary_union
 
-from vehicle.clearance import closest_pair, outline_distance, point_box
+from vehicle.clearance import beside, outline_distance, point_box, too_close
 from vehicle.compile import compile_model, outline
 from vehicle.layout import STATE
 from vehicle.tractor import Implement, Tractor, load_tractor
@@ -22,6 +22,7 @@ SPEED = 5.0 / 3.6
 START_LOSS_S = SPEED / (2 * 0.7)
 POSES = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-math.pi, math.pi))
 TRACTOR = load_tractor("eg105")
+MODEL_3M = np.array([compile_model(TRACTOR, Implement(width_m=3.0))])[0]
 NARROW, WIDE = Implement(width_m=1.5), Implement(width_m=6.0, hitch_m=2.5)
 
 
@@ -77,12 +78,13 @@ def test_smallest_clearances_agree_with_all_pairs(poses: list[tuple[float, float
     table = np.array([[a.distance(b) if a is not b else np.inf for b in shapes] for a in shapes])
     assume((table > 0.0).all())
     states, models = states_at(*spread), np.array([compile_model(TRACTOR, NARROW)])
-    clearances = np.full(len(poses), np.inf)
-    closest, first, second = closest_pair(states, models, clearances)
+    for clearance in (-1.0, 1e8):
+        clearances = np.full(len(poses), np.inf)
+        closest, first, second = too_close(states, models, clearances, clearance, clearance)
+        assert clearances.min() == pytest.approx(table.min(), abs=1e-9)
+        assert (clearances >= table.min(axis=1) - 1e-9).all(), "never closer than the true neighbour"
     assert closest == pytest.approx(table.min(), abs=1e-9)
     assert table[first, second] == pytest.approx(table.min(), abs=1e-9)
-    assert clearances.min() == pytest.approx(table.min(), abs=1e-9)
-    assert (clearances >= table.min(axis=1) - 1e-9).all(), "never closer than the true neighbour"
 
 
 def test_head_on_is_reported_when_the_noses_meet(build: Any, eg105: Tractor, implement: Implement) -> None:
@@ -145,3 +147,47 @@ def test_clearance_in_a_crossing_agrees_with_shapely_along_the_record(
 def test_a_single_tractor_has_no_clearance(build: Any, eg105: Tractor, implement: Implement) -> None:
     run = simulate(build.plan([build.leg((0, 0), (0, 5))]), eg105, implement)
     assert math.isinf(run.min_clearance_m) and run.contacts == () and run.conflict is None
+
+
+@pytest.mark.parametrize(("pose", "expected"), [
+    ((3.0, 0.0, 0.0), True),  # the next track of a 3 m implement, abreast
+    ((3.0, 5.2, math.pi), True),  # passing on it
+    ((-3.0, 5.2, math.radians(3.0)), True),  # 3 cos 3 - 5.2 sin 3 = 2.72 m aside
+    ((-3.0, 5.2, math.radians(8.0)), False),  # 2.25 m
+    ((2.3, 0.0, 0.0), False),  # 1.02 m of tractor and 1.35 m of implement are in line within 2.37 m
+    ((0.0, 6.0, 0.0), False),  # behind each other
+    ((4.0, 0.0, math.radians(12.0)), False),
+    ((4.0, 0.0, math.radians(90.0)), False),
+])  # fmt: skip
+def test_who_is_beside_whom(pose: tuple[float, float, float], expected: bool) -> None:
+    x, y, turned = pose
+    states, model = states_at((5.0, 7.0, math.pi / 2), (5.0 + x, 7.0 + y, math.pi / 2 + turned)), MODEL_3M
+    assert beside(states[0], model, states[1], model) == beside(states[1], model, states[0], model) == expected
+
+
+@pytest.mark.parametrize("slow", [False, True])
+@pytest.mark.parametrize(("beside_m", "outcome"), [(0.2, "done"), (0.4, "conflict"), (None, "conflict")])
+def test_beside_each_other_another_clearance_counts(
+    build: Any, eg105: Tractor, slow: bool, beside_m: float | None, outcome: str
+) -> None:
+    """Two pass each other 3 m apart, with 3 - 2.7 m between their implements."""
+    plan = build.plan([build.leg((0, 0), (0, 25))], [build.leg((3, 25), (3, 0))])
+    run = simulate(
+        plan, eg105, Implement(width_m=3.0), stop_clearance_m=0.5, beside_clearance_m=beside_m, slow=slow
+    )
+    assert run.outcome == outcome
+    assert outcome == "conflict" or run.min_clearance_m == pytest.approx(0.3, abs=1e-6)
+
+
+def test_behind_each_other_the_whole_clearance_counts(build: Any, eg105: Tractor, implement: Implement) -> None:
+    plan = build.plan([build.leg((0, 10), (0, 12))], [build.leg((0, 0), (0, 20))])
+    run = simulate(plan, eg105, implement, stop_clearance_m=0.5, beside_clearance_m=0.05)
+    assert run.outcome == "conflict" and 0.2 < run.min_clearance_m < 0.5
+
+
+def test_a_pair_that_is_too_close_counts_however_close_another_has_been() -> None:
+    """Without that, a pair at 0.4 m would pass unseen once others had been at 0.3 m."""
+    states = states_at((0.0, 0.0, 0.0), (0.0, 3.0, 0.0), (60.0, 0.0, 0.0), (65.0 + 0.22, 0.0, math.pi))
+    models, clearances = np.array([MODEL_3M]), np.full(4, 0.3)
+    found = too_close(states, models, clearances, 0.5, 0.1)
+    assert found[1:] == (2, 3) and found[0] == pytest.approx(5.22 - 2 * 2.42)

@@ -92,7 +92,7 @@ def test_a_tractor_drives_alone_as_it_does_among_others(build: Any, eg105: Tract
 def bodies(eg105: Tractor, implement: Implement) -> tuple[pymunk.Space, list[pymunk.Body]]:
     """Three bodies in motion, all numbers different."""
     space = pymunk.Space()
-    made = [make_body(space, eg105, implement, (20.0 * i, 1.5 - i, 0.3 * i + 0.1)) for i in range(3)]
+    made = [make_body(space, eg105, (20.0 * i, 1.5 - i, 0.3 * i + 0.1)) for i in range(3)]
     for i, body in enumerate(made):
         body.velocity = (0.5 + i, -0.25 * (i + 1))
         body.angular_velocity = 0.01 * (i + 1)
@@ -140,7 +140,7 @@ def test_a_layout_that_shows_only_in_motion_is_refused_at_rest_too(
     eg105: Tractor, implement: Implement, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     space = pymunk.Space()
-    body = make_body(space, eg105, implement, (1.0, 2.0, 0.0))
+    body = make_body(space, eg105, (1.0, 2.0, 0.0))
     monkeypatch.setattr(vehicle.engine, "READ", FIELDS.POSITION | FIELDS.ANGLE | FIELDS.FORCE | FIELDS.TORQUE)
     with pytest.raises(EngineUnavailable, match="batch read has another order"):
         Engine(space, [body])

@@ -1,0 +1,96 @@
+"""A plan that is driven again with a change goes on from where it changes, with the result of a world of its own."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from vehicle.gnss import default_table
+from vehicle.missions import Gate, Mission, Plan
+from vehicle.rehearsal import SNAPSHOT_S, Rehearsal
+from vehicle.run import Run
+from vehicle.tractor import Implement, Tractor
+from vehicle.world import World
+
+LONG_M = 400.0
+FOREVER_S = 4000.0
+
+
+def crossing(build: Any) -> Plan:
+    """One tractor drives north in two legs; another crosses its way after 300 m of it, in legs of its own."""
+    north = [build.leg((0, 0), (0, 200)), build.leg((0, 200), (0, LONG_M))]
+    east = [build.leg((-300, 300), (-100, 300)), build.leg((-100, 300), (-40, 300)), build.leg((-40, 300), (60, 300))]
+    return build.plan(north, east)  # type: ignore[no-any-return]
+
+
+def slower(plan: Plan, tractor: int, leg: int) -> Plan:
+    legs = list(plan.missions[tractor].legs)
+    legs[leg] = replace(legs[leg], speed_mps=0.6 * legs[leg].speed_mps)
+    missions = list(plan.missions)
+    missions[tractor] = Mission(tuple(legs))
+    return replace(plan, missions=tuple(missions))
+
+
+def assert_same_bits(run: Run, other: Run) -> None:
+    assert run.outcome == other.outcome
+    assert run.record.tobytes() == other.record.tobytes()
+    assert run.time_s.tobytes() == other.time_s.tobytes()
+    assert run.finish_s.tobytes() == other.finish_s.tobytes()
+    assert (run.contacts, run.conflict) == (other.contacts, other.conflict)
+    assert run.min_clearance_m == other.min_clearance_m
+
+
+@pytest.mark.parametrize("gnss", [False, True])
+def test_every_plan_is_driven_as_in_a_world_of_its_own(
+    build: Any, eg105: Tractor, implement: Implement, gnss: bool
+) -> None:
+    position_errors = default_table() if gnss else None
+    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5, position_errors=position_errors, seed=3)
+    plan = crossing(build)
+    gated = plan.with_gate(1, 2, Gate(0, 1, 130.0))
+    plans = [plan, gated, slower(gated, 0, 1), slower(plan, 1, 1), plan.with_gate(1, 0, Gate(0, 0, 5.0)), plan]
+    began, outcomes = [], []
+    for one in plans:
+        run = rehearsal.simulate(one, FOREVER_S)
+        world = World(one, eg105, implement, position_errors=position_errors, seed=3)
+        alone = world.run(stop_clearance_m=0.5, max_time_s=FOREVER_S)
+        assert_same_bits(run, alone)
+        began.append(rehearsal.began_s)
+        outcomes.append(run.outcome)
+    assert outcomes[:2] == ["conflict", "done"]
+    # 5 km/h are 83 m a minute: the hold is after 260 m, the slower legs after 200 m; then the first leg is another.
+    assert began == [0.0, 3 * SNAPSHOT_S, 2 * SNAPSHOT_S, 2 * SNAPSHOT_S, 0.0, 0.0]
+
+
+def test_nothing_is_kept_of_another_plan_or_of_a_longer_time(
+    build: Any, eg105: Tractor, implement: Implement
+) -> None:
+    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=-1.0)
+    plan = crossing(build)
+    rehearsal.simulate(plan, FOREVER_S)
+    short = rehearsal.simulate(plan, 100.0)
+    assert (rehearsal.began_s, short.outcome) == (SNAPSHOT_S, "timeout") and 99.8 < short.time_s[-1] < 100.0
+    for other in (crossing(build), build.plan([build.leg((0, 0), (0, 200))])):
+        run = rehearsal.simulate(other, FOREVER_S)
+        assert rehearsal.began_s == 0.0
+        assert_same_bits(run, World(other, eg105, implement).run(max_time_s=FOREVER_S))
+
+
+def test_a_world_in_contact_or_at_its_end_gives_no_snapshot(
+    build: Any, eg105: Tractor, implement: Implement
+) -> None:
+    head_on = build.plan([build.leg((0, 0), (0, 40))], [build.leg((0, 40), (0, 0))])
+    world = World(head_on, eg105, implement)
+    assert world.run(max_time_s=10.0).contacts == ()
+    assert world.snapshot() is not None
+    assert world.run(max_time_s=20.0).contacts
+    assert world.snapshot() is None
+    done = World(build.plan([build.leg((0, 0), (0, 5))]), eg105, implement)
+    assert done.run().outcome == "done" and done.snapshot() is None
+
+
+def test_a_run_in_two_parts_is_one_run(build: Any, eg105: Tractor, implement: Implement) -> None:
+    plan = crossing(build)
+    world = World(plan, eg105, implement)
+    world.run(max_time_s=33.3)
+    assert_same_bits(world.run(), World(plan, eg105, implement).run())
