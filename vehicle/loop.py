@@ -103,9 +103,9 @@ def run_loop(  # type: ignore[no-untyped-def]
     `clock` (3,) holds the step count, the best total progress and the time it was reached, and is carried on.
     `tables` (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last
     row counts. `position_errors` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. `near` (n,) tells
-    which tractors have their contact boxes in the space: before a tick at which these are the wrong ones the loop ends with
-    NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows, and
-    the closest pair.
+    which tractors have their contact boxes in the space: before a tick at which these are the wrong ones the loop ends
+    with NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows,
+    and the closest pair.
     """
     count = len(states)
     touchable = near.any()
