@@ -26,7 +26,8 @@ Points = npt.NDArray[np.float64]
 class Coverage:
     """Areas in m2: of the field without its obstacles, worked, worked again, and missed; worked + missed = field.
 
-    `missed` are the pieces of missed ground wider than SLIVER_M, the largest first.
+    `missed` are the pieces of missed ground wider than SLIVER_M, the largest first. `largest` is the largest one that
+    an implement could work in one go: half a working width or less does not join two of them. None where there is none.
     """
 
     field_m2: float
@@ -34,6 +35,7 @@ class Coverage:
     overlap_m2: float
     missed_m2: float
     missed: tuple[shapely.Polygon, ...]
+    largest: MissedPiece | None
 
     @property
     def worked_pct(self) -> float:
@@ -44,14 +46,6 @@ class Coverage:
     def overlap_pct(self) -> float:
         """Ground worked once more than needed, percent of the field."""
         return 100.0 * self.overlap_m2 / self.field_m2
-
-    @property
-    def largest(self) -> MissedPiece | None:
-        """The largest missed piece and a place in it, in metres of the field; None where none is wide enough."""
-        if not self.missed:
-            return None
-        place = shapely.point_on_surface(self.missed[0])
-        return MissedPiece(float(self.missed[0].area), float(place.x), float(place.y))
 
     def finished(self, driven: float) -> float:
         """Time or hourly cost of the whole field for `driven` until now: missed ground at the plan's own rate."""
@@ -75,7 +69,10 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
     worked = shapely.union_all(inside, grid_size=GRID_M)
     missed = shapely.difference(boundary, worked, grid_size=GRID_M)
     area, total = float(worked.area), float(shapely.area(inside).sum())
-    return Coverage(boundary.area, area, max(total - area, 0.0), float(missed.area), _wide_pieces(missed))
+    largest = _largest(missed, 0.5 * site.implement.width_m)
+    return Coverage(
+        boundary.area, area, max(total - area, 0.0), float(missed.area), tuple(_wide(missed, SLIVER_M)), largest
+    )
 
 
 def _clipped(areas: Areas, boundary: shapely.Polygon) -> Areas:
@@ -87,13 +84,27 @@ def _clipped(areas: Areas, boundary: shapely.Polygon) -> Areas:
     return inside
 
 
-def _wide_pieces(missed: shapely.Geometry) -> tuple[shapely.Polygon, ...]:
-    """Pieces of missed ground that hang together by more than SLIVER_M, the largest first."""
-    half = 0.5 * SLIVER_M
+def _largest(missed: shapely.Geometry, neck_m: float) -> MissedPiece | None:
+    """The largest piece of missed ground and a place in it; narrower than `neck_m` two pieces do not hang together."""
+    pieces = _wide(missed, neck_m)
+    rest = missed if not pieces else shapely.difference(missed, shapely.union_all(pieces), grid_size=GRID_M)
+    pieces = sorted((*pieces, *_wide(rest, SLIVER_M)), key=_by_size)
+    if not pieces:
+        return None
+    place = shapely.point_on_surface(pieces[0])
+    return MissedPiece(float(pieces[0].area), float(place.x), float(place.y))
+
+
+def _wide(missed: shapely.Geometry, least_m: float) -> list[shapely.Polygon]:
+    """Pieces of missed ground without what is narrower than `least_m` of it, the largest first."""
+    half = 0.5 * least_m
     core = missed.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    parts = shapely.get_parts(only_areas(shapely.intersection(wide, missed, grid_size=GRID_M)))
-    return tuple(sorted(parts, key=lambda part: (-part.area, part.bounds)))
+    return sorted(shapely.get_parts(only_areas(shapely.intersection(wide, missed, grid_size=GRID_M))), key=_by_size)
+
+
+def _by_size(piece: shapely.Polygon) -> tuple[float, tuple[float, ...]]:
+    return -piece.area, piece.bounds
 
 
 @dataclass(frozen=True)
