@@ -18,6 +18,7 @@ from vehicle.run import Run
 
 EVERY = 5  # rows of the 10 Hz record between looks at the outline: under a metre of driving
 SLIVER_M = 0.2  # ground narrower than this is missed like any other, but no piece that anybody would be sent to
+TOUCHING_M = 1e-3
 MITRE_LIMIT = 2.0
 Points = npt.NDArray[np.float64]
 
@@ -85,22 +86,32 @@ def _clipped(areas: Areas, boundary: shapely.Polygon) -> Areas:
 
 
 def _largest(missed: shapely.Geometry, neck_m: float) -> MissedPiece | None:
-    """The largest piece of missed ground and a place in it; narrower than `neck_m` two pieces do not hang together."""
+    """The largest piece of missed ground and a place in it.
+
+    Pieces are cut where missed ground is narrower than `neck_m`; a thin end stays with its piece, a thin link between
+    two is a piece of its own.
+    """
     pieces = _wide(missed, neck_m)
-    rest = missed if not pieces else shapely.difference(missed, shapely.union_all(pieces), grid_size=GRID_M)
-    pieces = sorted((*pieces, *_wide(rest, SLIVER_M)), key=_by_size)
-    if not pieces:
+    thin = _wide(shapely.difference(missed, shapely.multipolygons(pieces), grid_size=GRID_M), SLIVER_M)
+    if not len(pieces) + len(thin):
         return None
-    place = shapely.point_on_surface(pieces[0])
-    return MissedPiece(float(pieces[0].area), float(place.x), float(place.y))
+    areas = np.concatenate([shapely.area(pieces), np.zeros(len(thin))])
+    link, piece = shapely.STRtree(pieces).query(thin, predicate="dwithin", distance=TOUCHING_M)
+    for number, part in enumerate(thin):
+        near = piece[link == number]
+        areas[near[0] if len(near) == 1 else len(pieces) + number] += part.area
+    best = int(np.argmax(areas))
+    place = shapely.point_on_surface((*pieces, *thin)[best])
+    return MissedPiece(float(areas[best]), float(place.x), float(place.y))
 
 
-def _wide(missed: shapely.Geometry, least_m: float) -> list[shapely.Polygon]:
+def _wide(missed: shapely.Geometry, least_m: float) -> Areas:
     """Pieces of missed ground without what is narrower than `least_m` of it, the largest first."""
     half = 0.5 * least_m
     core = missed.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    return sorted(shapely.get_parts(only_areas(shapely.intersection(wide, missed, grid_size=GRID_M))), key=_by_size)
+    parts = shapely.get_parts(only_areas(shapely.intersection(wide, missed, grid_size=GRID_M)))
+    return np.array(sorted(parts, key=_by_size), dtype=np.object_)
 
 
 def _by_size(piece: shapely.Polygon) -> tuple[float, tuple[float, ...]]:

@@ -16,7 +16,7 @@ from vehicle.run import Run
 
 EVERY = 3  # rows of the 10 Hz record between corners of a swath: under half a metre of driving, in a bend as well
 BEND_RAD = math.radians(20.0)  # a polygon ends where the bar has turned so far: neither side of it crosses itself
-SIMPLIFY_M = 0.01
+SIMPLIFY_M = 0.003  # a corner driven round is short of what its outer end sweeps by two thirds of that
 SHORTEST_M = 0.1
 GRID_M = 1e-6  # without a grid GEOS loses area when it unites swaths whose edges all but coincide
 STILL_M = 1e-9
@@ -133,4 +133,4 @@ def only_areas(shape: shapely.Geometry) -> shapely.Geometry:
     parts = shapely.get_parts(shape)
     if shape.geom_type == "GeometryCollection":
         parts = shapely.get_parts(parts)
-    return shapely.multipolygons(parts[shapely.get_dimensions(parts) == 2])
+    return shapely.multipolygons(parts[shapely.area(parts) > 0.0])
