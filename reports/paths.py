@@ -63,11 +63,10 @@ def check_drive(drive: Drive, least: int = 1) -> None:
     for name in ("status", "finish_s"):
         if len(getattr(drive, name)) != count:
             raise ReportError(f"The drive has {count} paths and {len(getattr(drive, name))} of {name}; give one each.")
-    for ring in (drive.boundary, *drive.holes, *drive.missed):
-        if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
-            raise ReportError(
-                f"A ring of the field or of missed ground has shape {ring.shape}; give 3 or more finite (x, y) points."
-            )
+    for what, rings in (("the field", (drive.boundary, *drive.holes)), ("missed ground", drive.missed)):
+        for ring in rings:
+            if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
+                raise ReportError(f"A ring of {what} has shape {ring.shape}; give three or more finite (x, y) points.")
     for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True), start=1):
         if xy.ndim != 2 or xy.shape[1:] != (2,) or not len(xy) or status.shape != (len(xy),):
             raise ReportError(

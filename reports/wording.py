@@ -239,8 +239,8 @@ def _left_words(ranking: Ranking, plan: PlanResult) -> list[str]:
     if left(plan) is None:
         return []
     late = plan.meets_deadline and ranking.allowed_s is not None and finish_s(plan) > ranking.allowed_s
-    cost = "" if plan.finished_cost is None else f" and cost {price(plan.finished_cost)}"
-    said = f"To finish what it leaves at its own rate would make that {_when(ranking, plan.finished_s)}{cost}"
+    cost = "" if plan.finished_cost is None else f", cost {price(plan.finished_cost)}"
+    said = f"With that finished at its own rate: {_when(ranking, plan.finished_s)}{cost}"
     said += ", too late for the deadline" if late else ""
     sentences = [] if plan.finished_s is None else [f"{said}."]
     if plan.largest_missed is not None:

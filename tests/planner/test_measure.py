@@ -261,7 +261,8 @@ class TestTrampled:
         return trampled_m2(run, site, swept_ground(run, site))
 
     def test_wheels_over_a_finished_swath(self, small_site: Any) -> None:
-        assert self.trampled(small_site, self.run(small_site, self.crossing(30.0))) == pytest.approx(self.ONCE, rel=1e-6)
+        run = self.run(small_site, self.crossing(30.0))
+        assert self.trampled(small_site, run) == pytest.approx(self.ONCE, rel=1e-6)
 
     def test_each_place_once(self, small_site: Any) -> None:
         twice = self.crossing(30.0)[::2] + self.crossing(30.0)[::-2]
@@ -282,7 +283,7 @@ class TestTrampled:
 
     @pytest.mark.parametrize(("y", "spoilt"), [(8.0, True), (18.0, True), (40.0, False)])
     def test_while_it_is_being_worked_only_what_is_done_counts(self, small_site: Any, y: float, spoilt: bool) -> None:
-        # Both set out together: the bar is at y = 22 after 10 s, when the first of the crossing wheels come to its swath.
+        # Both set out together: the bar is at y = 22 after 10 s, when the first crossing wheels are at its swath.
         run = run_of(small_site, pass_north(10.0, 5.0, 55.0, 300), self.crossing(y, count=300))
         assert self.trampled(small_site, run) == pytest.approx(self.ONCE if spoilt else 0.0, rel=1e-6)
 
