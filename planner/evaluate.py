@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.deconflict import without_conflicts
-from planner.measure import coverage, excursion, finite_or_none, reversals
+from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
+from planner.swept import swept_ground
+from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
@@ -182,9 +184,11 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         return PlanResult(
             candidate.strategy, candidate.tractors, turn, False, reason, collisions=len(run.contacts)
         )
-    scenario, shares, worked = site.scenario, run.time_shares(), coverage(run, site)
+    scenario, shares, swept = site.scenario, run.time_shares(), swept_ground(run, site)
+    worked = coverage(run, site, swept)
     tractor_time = float(np.sum(run.finish_s))
-    hired = run.duration_s * candidate.tractors
+    hourly = run.duration_s * candidate.tractors / 3600.0 * scenario.price_per_hour
+    hiring = candidate.tractors * scenario.price_per_tractor
     allowed = scenario.allowed_s
     return PlanResult(
         strategy=candidate.strategy,
@@ -194,12 +198,18 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         reason=reason,
         time_s=run.duration_s,
         tractor_time_s=tractor_time,
-        cost=hired / 3600.0 * scenario.price_per_hour + candidate.tractors * scenario.price_per_tractor,
+        cost=hourly + hiring,
         meets_deadline=None if allowed is None else run.duration_s <= allowed,
         worked_pct=worked.worked_pct,
         overlap_pct=worked.overlap_pct,
+        missed_m2=worked.missed_m2,
+        largest_missed=worked.largest,
+        finished_s=worked.finished(run.duration_s),
+        finished_cost=worked.finished(hourly) + hiring,
+        trampled_m2=trampled_m2(run, site, swept),
         outside_m=outside.length_m,
         excursion_m=outside.depth_m,
+        outside_outline_m=outline_excursion_m(run, site),
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
         waiting_s=float(shares["waiting"].sum()),
         reversals=reversals(run),

@@ -144,13 +144,14 @@ def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
 
 def _results(planned: Planned, html: Path | None, png: Path | None, save: Path | None) -> list[tuple[Path, Content]]:
     """Pictures and files of the best plan; says on standard error where it is none or late."""
-    from reports.wording import duration
+    from reports.wording import closest, duration
 
     best, late = planned.ranking.best, planned.ranking.missed_by_s
     drive = None if best is None else planned.drives[best.strategy, best.tractors]
     results: list[tuple[Path, Content]] = []
     if late is not None:
-        typer.echo(f"No plan meets the deadline; the closest misses it by {duration(late)}.", err=True)
+        which = closest(planned.ranking)
+        typer.echo(f"No plan meets the deadline; the {which} misses it by {duration(late)}.", err=True)
     if drive is None and (html or png or save):
         typer.echo("No plan is feasible, so there is no map and no plan to save.", err=True)
     if html:
