@@ -124,7 +124,8 @@ def _polygons(ends: list[Points]) -> Areas:
 def _simplified(lines: list[Points]) -> tuple[Points, Rows]:
     """Points of polylines to SIMPLIFY_M, and the number of the line of each."""
     owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    plain = shapely.simplify(shapely.linestrings(np.concatenate(lines), indices=owner), SIMPLIFY_M)
+    whole = shapely.linestrings(np.concatenate(lines), indices=owner)
+    plain = shapely.simplify(whole, SIMPLIFY_M, preserve_topology=False)
     return shapely.get_coordinates(plain, return_index=True)  # type: ignore[no-any-return]
 
 
