@@ -53,8 +53,8 @@ class HeadlandError(ValueError):
 
 
 @contextmanager
-def blamed(parameter: str) -> Iterator[None]:
-    """What is refused inside is the fault of this parameter, unless the refusal names another."""
+def about(parameter: str) -> Iterator[None]:
+    """Refusals of the body that name no parameter are about this one."""
     try:
         yield
     except HeadlandError as refusal:

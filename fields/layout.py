@@ -126,7 +126,8 @@ def lay_tracks(
     if span_m > MOST_LINES * width_m:
         raise FieldError(
             f"Working width {width_m:g} m would give more than {MOST_LINES} lines on field '{field.name}', "
-            f"{span_m:.0f} m across; give the width in metres."
+            f"{span_m:.0f} m across; give the width in metres.",
+            parameter="width_m",
         )
     trim = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
     rules = CombRules(width_m, trim, min_length_m, EDGE_SLACK_M, field.area_m2)
@@ -144,11 +145,15 @@ def lay_tracks(
 def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
     """Refuse numbers that mean nothing."""
     if not (math.isfinite(width_m) and width_m > 0.0):
-        raise FieldError(f"Working width {width_m} m is not usable; give a width above 0 m.")
+        raise FieldError(f"Working width {width_m} m is not usable; give a width above 0 m.", parameter="width_m")
     if not 0.0 <= headland_m <= DEEPEST_M:
-        raise FieldError(f"Headland {headland_m:g} m is not usable; give 0 to {DEEPEST_M:g} m.")
+        raise FieldError(
+            f"Headland {headland_m:g} m is not usable; give 0 to {DEEPEST_M:g} m.", parameter="headland_m"
+        )
     if bearing_deg is not None and not math.isfinite(bearing_deg):
-        raise FieldError(f"Bearing {bearing_deg} is not usable; give degrees clockwise from north, or none.")
+        raise FieldError(
+            f"Bearing {bearing_deg} is not usable; give degrees clockwise from north, or none.", parameter="bearing_deg"
+        )
     if not (math.isfinite(min_length_m) and min_length_m > 0.0):
         raise FieldError(f"Shortest track {min_length_m} m is not usable; give a length above 0 m.")
 

@@ -1,4 +1,4 @@
-"""Read a field from a sample or from a GeoJSON file (RFC 7946)."""
+"""Read a field from a sample or from a file of a form in fields.formats."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.document import Document, RawPolygon, parse
+from fields.document import Document, RawPolygon
 from fields.errors import FieldError, named
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
@@ -44,7 +44,7 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
     """
     source = source_of(str(where))
     label = f"'{source.name}'"
-    document = parse(source.text(), label)
+    document = source.document()
     chosen = _choose(document, source.key, local, label)
     shape, frame = _outline(document, chosen, local, label)
     check_area(shape, label)
@@ -94,7 +94,7 @@ def list_fields(where: str | Path, *, local: bool = False) -> tuple[Listed, ...]
         FieldError: the file cannot be read or holds no field.
     """
     source = source_of(str(where))
-    document = parse(source.text(), f"'{source.name}'")
+    document = source.document()
     return tuple(_listed(document, position, local) for position in range(len(document.polygons)))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import HeadlandError, ScenarioError, blamed, named
+from planner.errors import HeadlandError, ScenarioError, about, named
 from planner.evaluate import Candidate, run_candidate
 from planner.measure import guided_point
 from planner.scenario import Scenario
@@ -31,6 +31,7 @@ PATIENCE = 3.0  # times as long as the plan takes by the file: whoever is not do
 
 
 Logs = Sequence[Log | str | Path] | Log | str | Path
+"""Logs, or one of them."""
 
 
 def diagnose(
@@ -46,9 +47,9 @@ def diagnose(
     `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an
     object, a name or a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
     """
-    with blamed("tractor"):
+    with about("tractor"):
         machine = as_tractor(tractor)
-    with blamed("logs"):
+    with about("logs"):
         read = logs_of(logs, fixes, machine)
     return _with_gain(find_causes(read, machine, ground, progress), machine)
 
@@ -67,14 +68,16 @@ def demonstrate(
     """
     if seed < 0:
         raise ScenarioError(f"{named('seed')} {seed} is negative; use 0 or more.")
-    machine = as_tractor(tractor)
-    hidden = draw_hidden(seed, machine, hide)
+    with about("tractor"):
+        machine = as_tractor(tractor)
+    with about("hide"):
+        hidden = draw_hidden(seed, machine, hide)
     return _with_gain(find_causes(demo_logs(hidden, machine, ground, seed), machine, ground, progress), machine), hidden
 
 
 def logs_of(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:
     """Logs as objects: those that are, then those read from files, together, as they share an origin."""
-    if isinstance(logs, Log | str | Path):
+    if isinstance(logs, str | Path | Log):
         logs = [logs]
     if not logs:
         raise ScenarioError(f"No log is given; name one file or more in {named('logs')}.")

@@ -6,9 +6,9 @@ with status 2; anything else is a fault of Headland and exits with status 1.
 
 from __future__ import annotations
 
-from fields.errors import HeadlandError, blamed, named, nearest
+from fields.errors import HeadlandError, about, named, nearest
 
-__all__ = ["HeadlandError", "ScenarioError", "blamed", "named", "nearest"]
+__all__ = ["HeadlandError", "ScenarioError", "about", "named", "nearest"]
 
 
 class ScenarioError(HeadlandError):

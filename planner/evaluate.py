@@ -100,7 +100,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
 def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
-        world = World(plan, site.tractor, site.implement, fixes=site.fixes, seed=site.scenario.seed)
+        world = World(plan, site.tractor, site.implement, position_errors=site.position_errors, seed=site.scenario.seed)
         return world.run(stop_clearance_m=SAFE_M, max_time_s=_patience_s(plan))
 
     refine = strategy.refine

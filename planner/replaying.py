@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import blamed
+from planner.errors import about
 from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
 from vehicle.measured.logs.reading import read_log, remarks
@@ -42,12 +42,12 @@ def replay(
 
     Raises LogError and VehicleError.
     """
-    with blamed("tractor"):
+    with about("tractor"):
         machine = as_tractor(tractor)
-    with blamed("log"):
+    with about("log"):
         run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
         course = make_course([run])
-    with blamed("ground"):
+    with about("ground"):
         rig, settings = own_rig(machine, ground, course.origin)
     errors = errors_of(run_squares(course, rig, {0: settings}))
     stretches = tuple(_stretch(rig, stretch, settings) for stretch in course.stretches)

@@ -72,6 +72,8 @@ class Scenario:
         _check_speeds(self)
         _check_prices(self)
         _check_times(self)
+        if self.gnss_table is not None and not self.gnss:
+            raise ScenarioError(f"{named('gnss_table')} is used with {named('gnss')} alone; set that as well.")
 
     @property
     def turning_mps(self) -> float:
@@ -148,7 +150,7 @@ def _check_speeds(scenario: Scenario) -> None:
         if speed is None:
             continue
         kmh = speed / KMH
-        if not (math.isfinite(speed) and speed > 0):
+        if not speed > 0:
             raise ScenarioError(f"The {name} is {kmh:g} km/h; it must be above 0.")
         if kmh < SLOWEST_KMH * (1 - 1e-9):
             raise ScenarioError(

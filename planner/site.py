@@ -11,7 +11,7 @@ from fields.field import Field
 from fields.free import beside_tracks, free_space
 from fields.layout import Layout, lay_tracks
 from fields.read import read_field
-from planner.errors import ScenarioError, blamed, named
+from planner.errors import ScenarioError, about, named
 from planner.scenario import KMH, Scenario
 from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
@@ -33,7 +33,7 @@ class Site:
 
     The guided point may be anywhere in `free`, and tramples no track in `beside`. `turn_fits[k]` tells whether a turn
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
-    not simulated. `fixes` are the errors of positions.
+    not simulated. `position_errors` is the GNSS table that errors of positions are drawn from.
     """
 
     scenario: Scenario
@@ -46,7 +46,7 @@ class Site:
     beside: shapely.Geometry
     kinds: tuple[str, ...]
     turn_fits: tuple[bool, ...]
-    fixes: Table
+    position_errors: Table
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors, with an empty memory of ways."""
@@ -70,13 +70,14 @@ def prepare(
     `field` and `tractor`, as objects, names or files, take the place of those that the scenario names. Raises
     FieldError, VehicleError, StrategyError or ScenarioError.
     """
-    with blamed("field"):
+    scenario = _with_names(scenario, field, tractor)
+    with about("field"):
         if not isinstance(field, Field):
             field = read_field(scenario.field if field is None else str(field), local=scenario.local)
         _check_field(field)
-    with blamed("gnss_table"):
-        fixes = gnss_errors(scenario)
-    with blamed("tractor"):
+    with about("gnss_table"):
+        position_errors = gnss_errors(scenario)
+    with about("tractor"):
         tractor = as_tractor(scenario.tractor if tractor is None else tractor)
     implement = Implement(width_m=scenario.width_m)
     radius = _planned_radius(scenario, tractor, field.default_ground)
@@ -97,7 +98,17 @@ def prepare(
     free = free_space(field, reach.margin_m)
     beside = beside_tracks(layout, free)
     fits = tuple(seconds is not None for seconds in timed)
-    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, fixes)
+    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors)
+
+
+def _with_names(
+    scenario: Scenario, field: Field | str | Path | None, tractor: Tractor | str | Path | None
+) -> Scenario:
+    """The scenario naming the field and tractor that take the place of its own."""
+    def name(given: Field | Tractor | str | Path | None, asked: str) -> str:
+        return asked if given is None else given.name if isinstance(given, Field | Tractor) else str(given)
+
+    return replace(scenario, field=name(field, scenario.field), tractor=name(tractor, scenario.tractor))
 
 
 def gnss_errors(scenario: Scenario) -> Table:

@@ -139,4 +139,3 @@ class Study:
     tables: dict[str, tuple[StudyRow, ...]]
     claims: tuple[Claim, ...]
     assumptions: tuple[str, ...]
-    details: dict[str, Any] = field(default_factory=dict)

@@ -96,14 +96,14 @@ def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, every, clock, addresses, read, write, touching, read_count, write_count, touch_count,
     states, models, grounds, tables, legs, gates, points, cumulative, record, clearances, contacts, stop_clearance,
-    stall_s, fixes,
+    stall_s, position_errors,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `every` steps.
 
     `clock` (3,) holds the step count, the best total progress and the time it was reached, and is carried on.
     `tables` (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last
-    row counts. `fixes` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. Returns an outcome of this
-    module, the number of record rows, and the closest pair.
+    row counts. `position_errors` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. Returns an outcome
+    of this module, the number of record rows, and the closest pair.
     """
     count = len(states)
     rows = 0
@@ -117,8 +117,8 @@ def run_loop(  # type: ignore[no-untyped-def]
             for i in range(count):
                 state = states[i]
                 state.x, state.y, state.angle = read[READ_WIDTH * i], read[READ_WIDTH * i + 1], read[READ_WIDTH * i + 2]
-                if len(fixes) > 0:
-                    draw_error(state, fixes)
+                if len(position_errors) > 0:
+                    draw_error(state, position_errors)
             for i in range(count):
                 control_tick(i, states, models, legs, gates, points, cumulative, time, every * dt)
                 total += states[i].progress

@@ -16,6 +16,7 @@ from planner.commands.options import (
     TractorOption,
     Width,
 )
+from strategies.names import NAMES
 
 if TYPE_CHECKING:
     from planner.commands.outputs import Content
@@ -34,10 +35,7 @@ def plan(
     tractors: Annotated[str, typer.Option(help="Tractor counts to try: 3, 1-6 or 1,3,5.")] = "1-6",
     strategies: Annotated[
         str,
-        typer.Option(
-            help="Strategies to try, separated by commas: row-by-row, row-by-row-optimised, col-by-col, split-field, "
-            "interleaved; or all."
-        ),
+        typer.Option(help=f"Strategies to try, separated by commas: {', '.join(NAMES)}; or all."),
     ] = "all",
     turn: Annotated[str, typer.Option(help="auto, u, omega or switch-back.")] = "auto",
     start: Annotated[Optional[str], typer.Option(help="Start of work, hh:mm.")] = None,  # noqa: UP045

@@ -104,7 +104,7 @@ def test_keys_belong_to_seed_and_tractor() -> None:
 
 
 def errant(plan: Any, tractor: Any, implement: Any, seed: int, *, slow: bool = False) -> Any:
-    world = World(plan, tractor, implement, fixes=default_table(), seed=seed)
+    world = World(plan, tractor, implement, position_errors=default_table(), seed=seed)
     return world.run(max_time_s=20.0, slow=slow).record
 
 

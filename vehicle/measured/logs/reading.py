@@ -108,11 +108,12 @@ def _fix_set(fixes: Iterable[Fix | str]) -> frozenset[Fix]:
     try:
         given = frozenset(Fix(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
     except ValueError as error:
-        raise LogError(f"{error}; the fixes are: {', '.join(Fix)}.") from error
+        raise LogError(f"{error}; the fixes are: {', '.join(Fix)}.", parameter="fixes") from error
     speeds = [str(fix) for fix in _SPEED_FIXES if fix in given]
     if len(speeds) > 1:
         raise LogError(
-            f"The fixes {' and '.join(speeds)} would convert a speed twice or say the same; give one of them."
+            f"The fixes {' and '.join(speeds)} would convert a speed twice or say the same; give one of them.",
+            parameter="fixes",
         )
     return given
 
