@@ -100,7 +100,7 @@ def list_fields(where: str | Path, *, local: bool = False) -> tuple[Listed, ...]
 
 def _listed(document: Document, position: int, local: bool) -> Listed:
     raw = document.polygons[position]
-    key = raw.keys[0] if raw.keys else str(position)
+    key = _printable(raw.keys[0]) if raw.keys else str(position)
     try:
         shape = _outline(document, raw, local, key)[0]
     except FieldError as fault:
@@ -179,5 +179,10 @@ def _name(raw: RawPolygon, stem: str) -> str:
     properties: dict[str, Any] = raw.properties
     for key in ("name", "Name"):
         if isinstance(properties.get(key), str) and properties[key].strip():
-            return str(properties[key]).strip()
-    return raw.keys[0] if raw.keys else stem
+            return _printable(properties[key].strip())
+    return _printable(raw.keys[0] if raw.keys else stem)
+
+
+def _printable(name: str) -> str:
+    """A name out of a file for a terminal: what a terminal would obey is shown as a question mark."""
+    return "".join(one if one.isprintable() else "?" for one in name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
@@ -20,6 +19,7 @@ DEFAULT_SPEED_MPS = 5.0 * KMH  # thesis, section 6.3.1
 TURNING_MPS = 5.0 * KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
 DAY_S = 24 * 3600
 LONGEST_M = 1000.0  # wider, deeper and farther round than anything that works a field
+WHOLE_TURN_DEG = 360.0
 HIGHEST_PRICE = 1e9  # in whatever currency
 LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
 MOST_DIGITS = 40  # more are no number that anyone typed
@@ -143,9 +143,10 @@ def _check_lengths(scenario: Scenario) -> None:
             f"The clearance between tractors ({named('clearance_m')}) is {scenario.clearance_m:g} m; use "
             f"{LEAST_CLEARANCE_M:g} to {MOST_CLEARANCE_M:g} m."
         )
-    if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
+    if scenario.bearing_deg is not None and not abs(scenario.bearing_deg) <= WHOLE_TURN_DEG:
         raise ScenarioError(
-            f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg}; give degrees clockwise from north."
+            f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg:g}; give degrees clockwise from north, at "
+            f"most {WHOLE_TURN_DEG:g} either way."
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import itertools
+import json
 import os
 import re
 from pathlib import Path
@@ -145,3 +146,13 @@ class TestNames:
     @pytest.mark.parametrize("size", ["1e-308", "1e308", "-1e308"])
     def test_numbers_at_the_ends_of_floats(self, saved: Any, size: str) -> None:
         refusal(saved(f'{{"type": "Polygon", "coordinates": [[[0, 0], [{size}, 0], [{size}, {size}]]]}}'), local=True)
+
+
+def test_a_name_cannot_command_a_terminal(tmp_path: Path) -> None:
+    place = tmp_path / "odd.geojson"
+    ring = [[0, 0], [90, 0], [90, 90], [0, 90], [0, 0]]
+    feature = {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [ring]}, "id": "a\u0007",
+               "properties": {"name": "\u001b[31mred"}}  # fmt: skip
+    place.write_text(json.dumps(feature))
+    assert read_field(place, local=True).name == "?[31mred"
+    assert [one.key for one in list_fields(place, local=True)] == ["a?"]

@@ -1,5 +1,6 @@
 """Processes that take tasks: clean ones, that end with whoever started them; and executors of other makes."""
 
+import multiprocessing
 import multiprocessing.context
 import os
 import re
@@ -16,6 +17,9 @@ from typing import Any
 
 import pytest
 
+import planner.tasks
+from planner.errors import HeadlandError
+from planner.evaluate import Candidate
 from planner.pool import AHEAD, LocalPool, SerialExecutor, completed, local_pool
 
 ROOT = Path(__file__).parents[2]
@@ -213,3 +217,18 @@ def test_a_script_may_plan_from_threads(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout == "once\n"
+
+
+def test_a_lost_process_refuses_the_plan_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner.tasks, "work_out", lose_the_process)
+    words = r"is gone or could not be started.* fewer .processes."
+    with pytest.raises(HeadlandError, match=words) as refusal, LocalPool(1) as executor:
+        list(planner.tasks.outcomes(executor, [(b"", Candidate("split-field", 1), False)] * 9, None))
+    assert refusal.value.parameter == "processes" and refusal.value.status == 1
+
+
+def lose_the_process(*_: Any) -> None:
+    """End the process without a word, but not the one that runs the tests."""
+    if multiprocessing.parent_process() is not None:
+        os._exit(3)
+    time.sleep(0.05)

@@ -171,7 +171,7 @@ def test_bad_files_are_refused(tmp_path: Path, rows: list[str], header: str, wor
 def test_fixes_beyond_the_grid_are_refused() -> None:
     east = np.zeros(200)
     east[-1] = 40.0
-    with pytest.raises(VehicleError, match=r"reach 40 mm from their mean, beyond the 32 mm grid"):
+    with pytest.raises(VehicleError, match=r"reach 40 mm from their mean, and the grid 16 mm each way"):
         make_table(east, np.zeros(200))
 
 
