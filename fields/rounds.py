@@ -124,6 +124,8 @@ def _lines(
         for ring in (part.exterior, *part.interiors):
             if ring.length >= SHORTEST * width_m:
                 yield _sides(np.asarray(ring.simplify(SIMPLIFY_M).coords)[:-1, :2], bend_m), True
+    if number == 1:
+        return  # what is narrower than the implement has no room for it
     worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=RESTORE_LIMIT)
     left = _inset(boundary, (number - 1) * width_m).difference(worked)
     for part in _parts(left):

@@ -14,8 +14,9 @@ from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
 from strategies.job import Job
-from strategies.record import Refined, Simulate, Strategy
+from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
+from strategies.rounds import driven_s, with_rounds
 from vehicle.missions import Plan
 from vehicle.run import DONE, Run
 from vehicle.world import World
@@ -105,9 +106,43 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
-    run, reason = _driven(refined, simulate, strategy.most_repairs)
+    first: CandidateRun | None = None
+    for each in _whole(site, job, refined):
+        latest = _run_plan(site, strategy, job, each, simulate)
+        if latest.reason is None:
+            return latest
+        first = first or latest
+    assert first is not None
+    return first
+
+
+def _whole(site: Site, job: Job, refined: Refined) -> list[Refined]:
+    """The plan with the rounds of the headland in every order that may be, what promises most first."""
+    if not job.rounds:
+        return [refined]
+    plans, refusal = [], None
+    for order in site.scenario.headland_orders:
+        try:
+            plans.append(with_rounds(job, refined.plan, order))
+        except StrategyError as error:
+            refusal = refusal or error
+    if refusal and not plans:
+        raise refusal
+    return [Refined(plan, None, _remark(refined, plan)) for plan in sorted(plans, key=lambda p: round(driven_s(p), 3))]
+
+
+def _remark(refined: Refined, plan: Plan) -> str | None:
+    """What a reader would not expect of a plan with rounds."""
+    left = plan.notes["left_m"]
+    told = [refined.remark, f"{left:.0f} m of the rounds are left out, as no way leads there" if left else None]
+    return "; ".join(each for each in told if each) or None
+
+
+def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate) -> CandidateRun:
+    repairs = strategy.most_repairs + (MOST_REPAIRS if job.rounds else 0)
+    run, reason = _driven(refined, simulate, repairs)
     if reason is None:
-        run, aside = _steadied(site, run, simulate, strategy.most_repairs)
+        run, aside = _steadied(site, run, simulate, repairs)
         reason = _fault(site, run, aside)
     return CandidateRun(run, reason, _turns(job), refined.remark)
 

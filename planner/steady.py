@@ -59,7 +59,7 @@ def _tracks_begun(mission: Mission) -> list[int]:
 def _turn_start(mission: Mission, leg: int) -> int:
     """First of the legs that lead to the track of a working leg."""
     goal = mission.legs[leg].task
-    while leg > 0 and mission.legs[leg - 1].task.same_goal(goal):
+    while leg > 0 and not mission.legs[leg - 1].implement and mission.legs[leg - 1].task.same_goal(goal):
         leg -= 1
     return leg
 
