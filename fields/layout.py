@@ -167,10 +167,9 @@ def _inside_rounds(
         choice = _choose(field, edges, replace(rules, shortest_m=SLIVER_M), bearing_deg)
     teeth = filled(region, choice[0], rules) if choice else None
     if choice is None or teeth is None:
-        plural = "s" if rounds > 1 else ""
         raise FieldError(
-            f"Nothing is left for tracks on field '{field.name}' ({field.area_ha:.3g} ha) inside {rounds} round{plural} "
-            f"of the headland {width_m:g} m wide{_along(bearing_deg)}; use a smaller {named('headland_m')}."
+            f"No track is left on field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {depth:g} m, "
+            f"worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller {named('headland_m')}."
         )
     return Layout(field, choice[0], width_m, depth, _tracks(teeth, axes(choice[0])), region, rounds)
 

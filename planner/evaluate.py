@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.deconflict import without_conflicts
+from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, reversals
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
@@ -16,7 +17,6 @@ from strategies.formation import corners_by_promise
 from strategies.job import Job
 from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
-from strategies.rounds import driven_s, with_rounds
 from vehicle.missions import Plan
 from vehicle.run import DONE, Run
 from vehicle.world import World
@@ -107,35 +107,13 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
     first: CandidateRun | None = None
-    for each in _whole(site, job, refined):
+    for each in with_headland(site, job, refined):
         latest = _run_plan(site, strategy, job, each, simulate)
         if latest.reason is None:
             return latest
         first = first or latest
-    assert first is not None
+    assert first is not None  # a plan that cannot be written is refused
     return first
-
-
-def _whole(site: Site, job: Job, refined: Refined) -> list[Refined]:
-    """The plan with the rounds of the headland in every order that may be, what promises most first."""
-    if not job.rounds:
-        return [refined]
-    plans, refusal = [], None
-    for order in site.scenario.headland_orders:
-        try:
-            plans.append(with_rounds(job, refined.plan, order))
-        except StrategyError as error:
-            refusal = refusal or error
-    if refusal and not plans:
-        raise refusal
-    return [Refined(plan, None, _remark(refined, plan)) for plan in sorted(plans, key=lambda p: round(driven_s(p), 3))]
-
-
-def _remark(refined: Refined, plan: Plan) -> str | None:
-    """What a reader would not expect of a plan with rounds."""
-    left = plan.notes["left_m"]
-    told = [refined.remark, f"{left:.0f} m of the rounds are left out, as no way leads there" if left else None]
-    return "; ".join(each for each in told if each) or None
 
 
 def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate) -> CandidateRun:
@@ -229,4 +207,6 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
         remark=tried.remark,
+        rounds=site.layout.rounds,
+        headland_s=headland_s(run),
     )

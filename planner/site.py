@@ -114,7 +114,7 @@ def prepare(
 
 
 def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
-    """Tracks and, unless there are to be tracks only, so many rounds as the headland takes, or as the field has room for."""
+    """The tracks and, unless there are to be none, as many rounds as the headland takes and the field has room for."""
     width, bearing = scenario.width_m, scenario.bearing_deg
     if scenario.tracks_only:
         return lay_tracks(field, width, headland_m, bearing)

@@ -33,6 +33,8 @@ PLAN_KEYS = (
     "reason",
     "on_pareto_front",
     "remark",
+    "rounds",
+    "headland_s",
 )
 CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
 _DECIMALS = 6

@@ -19,6 +19,7 @@ class PlanResult:
 
     `rank` counts feasible plans from 1 by time, then tractors; infeasible ones have none. `worked_pct` and
     `overlap_pct` are shares of the field, `outside_m` the path length outside its boundary, `excursion_m` how far.
+    `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
     """
 
     strategy: str
@@ -42,6 +43,8 @@ class PlanResult:
     collisions: int | None = None
     on_pareto_front: bool = False
     remark: str | None = None
+    rounds: int | None = None
+    headland_s: float | None = None
 
 
 def quickness(plan: PlanResult) -> tuple[float, int, str]:

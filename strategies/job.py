@@ -48,9 +48,9 @@ class Job:
 
     `connector` finds ways anywhere in the field, `headland` only beside the tracks. `corner` is where to begin
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
-    to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may be
-    anywhere on the field, and `square` tells whether corners are worked whole. Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the
-    turns driven by kind.
+    to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
+    be anywhere on the field, and `square` tells whether corners are worked whole. Ways once worked out are kept in
+    `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
     """
 
     layout: Layout

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import numpy.typing as npt
@@ -54,23 +54,38 @@ class _Strip:
 
 
 def shift_of(job: Job, share: Sequence[Stretch]) -> Shift | None:
-    """The legs of a share; None where nothing of it can be driven."""
-    legs: list[Leg] = []
-    here: Pose | None = None
-    start: Pose | None = None
+    """The legs of a share; None where nothing of it can be driven.
+
+    Where no way leads on from a side, that side is left out if it is shorter than the next, and else the next.
+    """
+    driven: list[tuple[_Strip, Path | None]] = []
     left = 0.0
     for strip in _strips(job, share):
-        begin = _pose(strip.points, 0)
-        if not strip.joined_in and here is not None:
-            way = link(job, here, begin)
-            if way is None:
-                left += strip.length_m
-                continue
+        way = _onward(job, driven, strip)
+        if way is None and driven and not strip.joined_in and driven[-1][0].length_m < strip.length_m:
+            way = _onward(job, driven[:-1], strip)
+            if way is not None or len(driven) == 1:
+                left += driven.pop()[0].length_m
+        if way is None and driven and not strip.joined_in:
+            left += strip.length_m
+            continue
+        driven.append((strip, way))
+    if not driven:
+        return None
+    legs: list[Leg] = []
+    for strip, way in driven:
+        if way is not None:
             job.used[way.kind] = job.used.get(way.kind, 0) + 1
             legs += driven_legs(job, way, replace(strip.task, kind=WAY if way.kind == "route" else TURN))
         legs += _working(job, strip)
-        start, here = start or begin, _pose(strip.points, -1)
-    return None if start is None or here is None else Shift(tuple(legs), start, here, left)
+    return Shift(tuple(legs), _pose(driven[0][0].points, 0), _pose(driven[-1][0].points, -1), left)
+
+
+def _onward(job: Job, driven: list[tuple[_Strip, Path | None]], strip: _Strip) -> Path | None:
+    """The way from the last strip driven to one that follows; None where there is none, or none is needed."""
+    if strip.joined_in or not driven:
+        return None
+    return link(job, _pose(driven[-1][0].points, -1), _pose(strip.points, 0))
 
 
 def link(job: Job, a: Pose, b: Pose) -> Path | None:
@@ -78,10 +93,14 @@ def link(job: Job, a: Pose, b: Pose) -> Path | None:
     rim = job.rim or job.connector
     ways = [way for way in corner_ways(a, b, job.manner.radius_m) if rim.reversing or not way.reverse_m]
     most = math.dist(a[:2], b[:2]) + LONGEST_CORNER * job.manner.radius_m
-    fitting = [way for way in ways if way.length_m <= most and rim.fits(way)]
-    if fitting:
-        return min(fitting, key=lambda way: round(rim.costs.time_s(way), 6))
-    return next((way for p, q in _freed(job, rim, a, b) if (way := _between(job, p, q))), None)
+    timed = [(rim.costs.time_s(way), way) for way in ways if way.length_m <= most and rim.fits(way)]
+    turn = job.turn(a, b)
+    if turn is not None:
+        timed.append((rim.cost(turn), turn))
+    if timed:
+        return min(timed, key=lambda pair: round(pair[0], 6))[1]
+    between = (way for p, q in _freed(job, rim, a, b) if (way := _between(job, p, q)))
+    return next(between, None) or rim.connect(a, b)
 
 
 def _freed(job: Job, rim: Connector, a: Pose, b: Pose) -> Iterator[tuple[Path, Path]]:
@@ -103,7 +122,7 @@ def _between(job: Job, lead: Path, tail: Path) -> Path | None:
 
 def _strips(job: Job, share: Sequence[Stretch]) -> list[_Strip]:
     """The stretches of a share as they are driven; those that their corners work anyhow are left out."""
-    arcs = [_arc(job, a, b) for a, b in zip(share, share[1:], strict=False)]
+    arcs = [_arc(job, a, b) for a, b in pairwise(share)]
     strips = []
     for index, stretch in enumerate(share):
         into, out = arcs[index - 1] if index else None, arcs[index] if index < len(arcs) else None

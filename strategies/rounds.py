@@ -15,25 +15,31 @@ from strategies.laps import Shift, link, shift_of
 from strategies.legs import driven_legs, mission_from
 from strategies.paths import Pose
 from strategies.shifts import shared
-from vehicle.missions import TURN, WAY, Gate, Leg, Mission, Plan
+from vehicle.missions import DRIVE_IN, ROUND, TURN, WAY, Gate, Leg, Mission, Plan
 
 FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
+WELL_BEGUN_M = 15.0  # a tractor on its first side of a round leaves room behind it from here on
 ARRIVED_M = 0.2  # a tractor counts as through this far before the end of a leg
 
 
 @dataclass(frozen=True)
 class _Whole:
-    """All legs of a tractor; those from `border` on are driven when the others are through with what comes first."""
+    """All legs of a tractor; those from `border` on are driven when the others are through with what comes first.
+
+    `before` legs stand before those of the strategy.
+    """
 
     legs: tuple[Leg, ...]
     border: int
+    before: int
 
 
-def with_rounds(job: Job, plan: Plan, order: str) -> Plan:
+def with_rounds(job: Job, plan: Plan, order: str, *, in_turn: bool = False) -> Plan:
     """The plan with the rounds of the job driven "first", from the outside in, or "last", from the inside out.
 
-    Raises StrategyError where no way leads from the rounds to the tracks or back.
+    With `in_turn` a tractor goes on to what comes second only when the one before it has begun with it. Raises
+    StrategyError where no way leads from the rounds to the tracks or back.
     """
     if not job.rounds:
         return plan
@@ -43,11 +49,11 @@ def with_rounds(job: Job, plan: Plan, order: str) -> Plan:
     shifts = [shift_of(job, share) for share in shared(job, outside_in=first, begin=begin)]
     own = _dealt(shifts, ends, first)
     wholes = [_joined(job, *three, first=first) for three in zip(plan.missions, own, ends, strict=True)]
-    moved = [len(whole.legs) - len(mission.legs) if first else 0 for whole, mission in zip(wholes, plan.missions, strict=True)]
+    moved = [whole.before for whole in wholes]
     legs = [_renumbered(whole.legs, moved) for whole in wholes]
     for tractor, whole in enumerate(wholes):
         if whole.border < len(whole.legs):
-            gates = _through(wholes, tractor)
+            gates = _through(wholes, tractor) + (_begun(wholes, tractor) if in_turn else [])
             legs[tractor][whole.border] = replace(legs[tractor][whole.border], may_wait=True).with_gates(gates)
     left = math.fsum(shift.left_m for shift in shifts if shift)
     notes = {**plan.notes, "headland": order, "rounds": max(lap.number for lap in job.rounds), "left_m": round(left, 1)}
@@ -84,18 +90,18 @@ def _dealt(shifts: list[Shift | None], ends: list[Pose], first: bool) -> list[Sh
 def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first: bool) -> _Whole:
     """The legs of a tractor with its share of the rounds."""
     if shift is None:
-        return _Whole(mission.legs, 0 if first else len(mission.legs))
+        return _Whole(mission.legs, 0 if first else len(mission.legs), 0)
     a, b = (shift.end, end) if first else (end, shift.start)
     way = link(job, a, b)
     if way is None:
         there, back = ("rounds", "tracks") if first else ("tracks", "rounds")
         raise StrategyError(
-            f"No way of turning radius {job.manner.radius_m:.1f} m leads from the {there} to the {back} (at {a[0]:.0f}, "
-            f"{a[1]:.0f} m) inside the field; a wider headland may."
+            f"No way of turning radius {job.manner.radius_m:.1f} m leads from the {there} to the {back} (at "
+            f"{a[0]:.0f}, {a[1]:.0f} m) inside the field; a wider headland may."
         )
     one, two = (shift.legs, mission.legs) if first else (mission.legs, shift.legs)
     between = driven_legs(job, way, replace(two[0].task, kind=WAY if way.kind == "route" else TURN))
-    return _Whole((*one, *between, *two), len(one))
+    return _Whole((*one, *between, *two), len(one), len(one) + len(between) if first else 0)
 
 
 def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
@@ -117,3 +123,28 @@ def _through(wholes: list[_Whole], me: int) -> list[Gate]:
         for other, whole in enumerate(wholes)
         if other != me and whole.border > 0
     ]
+
+
+def _begun(wholes: list[_Whole], me: int) -> list[Gate]:
+    """A gate that opens when the tractor before this one is where it waits for others, or through with its first leg.
+
+    Those that drive farthest before they first wait go first.
+    """
+    settled = [_settled(whole) for whole in wholes]
+    turn = sorted(range(len(wholes)), key=lambda one: (-settled[one][1], one))
+    place = turn.index(me)
+    if place == 0:
+        return []
+    other, leg = turn[place - 1], settled[turn[place - 1]][0]
+    begun = wholes[other].legs[leg]
+    most = WELL_BEGUN_M if begun.task.kind == ROUND else math.inf
+    return [Gate(other, leg, min(max(0.0, begun.length_m - ARRIVED_M), most))]
+
+
+def _settled(whole: _Whole) -> tuple[int, float]:
+    """The leg with which a tractor has begun what comes second, and the metres of that up to it."""
+    legs, begin = whole.legs, max(whole.border, whole.before)
+    while begin < len(legs) - 1 and not legs[begin].task.works and legs[begin].task.kind != DRIVE_IN:
+        begin += 1
+    last = next((leg for leg in range(begin + 1, min(begin + 4, len(legs))) if legs[leg].gates), begin + 1) - 1
+    return last, math.fsum(leg.length_m for leg in legs[begin : last + 1])

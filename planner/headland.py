@@ -1,0 +1,61 @@
+"""Rounds of the headland before or after the tracks of a plan, and how long they took."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from planner.site import Site
+from strategies.errors import StrategyError
+from strategies.job import Job
+from strategies.record import Refined
+from strategies.rounds import driven_s, with_rounds
+from vehicle.layout import FINISHED
+from vehicle.missions import ROUND, Plan
+from vehicle.run import Run
+
+
+def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[Refined]:
+    """The plan with the rounds of the headland in every order that may be, what promises most first.
+
+    After these the same with tractors that go on to what comes second one after another. Raises StrategyError where no
+    order can be driven.
+    """
+    if not job.rounds:
+        yield refined
+        return
+    for in_turn in (False, True)[: job.tractors]:
+        for plan in _plans(site, job, refined.plan, in_turn=in_turn):
+            yield Refined(plan, None, _remark(refined, plan))
+
+
+def _plans(site: Site, job: Job, plan: Plan, *, in_turn: bool) -> list[Plan]:
+    """One plan for every order that can be driven: that which leaves least of the rounds out, then the quickest."""
+    plans: list[Plan] = []
+    refusal: StrategyError | None = None
+    for order in site.scenario.headland_orders:
+        try:
+            plans.append(with_rounds(job, plan, order, in_turn=in_turn))
+        except StrategyError as error:
+            refusal = refusal or error
+    if refusal is not None and not plans:
+        raise refusal
+    return sorted(plans, key=lambda each: (each.notes["left_m"], round(driven_s(each), 3)))
+
+
+def _remark(refined: Refined, plan: Plan) -> str | None:
+    """What a reader would not expect of a plan with rounds."""
+    left = plan.notes["left_m"]
+    told = [refined.remark, f"{left:.0f} m of the rounds are left out, as no way leads there" if left else None]
+    return "; ".join(each for each in told if each) or None
+
+
+def headland_s(run: Run) -> float | None:
+    """Seconds from when the first tractor is on a round until the last has left its last; None without rounds."""
+    times = []
+    for tractor, mission in enumerate(run.plan.missions):
+        rounds = np.array([leg.task.kind == ROUND for leg in mission.legs])
+        on = np.flatnonzero(rounds[run.leg(tractor)] & (run.status(tractor) != FINISHED))
+        times += [float(run.time_s[on[0]]), float(run.time_s[on[-1]])] if len(on) else []
+    return max(times) - min(times) if times else None
