@@ -161,7 +161,7 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
     if aside > FARTHEST_ASIDE * site.layout.width_m:
-        return f"a track is begun {aside:.2f} m beside its line, more than a third of the working width"
+        return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None
 
 

@@ -15,6 +15,8 @@ from vehicle.layout import FINISHED
 from vehicle.missions import ROUND, Plan
 from vehicle.run import Run
 
+IN_TURN = (0, 1, -1)  # all at once, those that begin farthest off first, or last
+
 
 def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[Refined]:
     """The plan with the rounds of the headland in every order that may be, what promises most first.
@@ -25,18 +27,18 @@ def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[Refined]:
     if not job.rounds:
         yield refined
         return
-    for in_turn in (False, True)[: job.tractors]:
-        for plan in _plans(site, job, refined.plan, in_turn=in_turn):
+    for in_turn in IN_TURN if job.tractors > 1 else IN_TURN[:1]:
+        for plan in _plans(site, job, refined.plan, in_turn):
             yield Refined(plan, None, _remark(refined, plan))
 
 
-def _plans(site: Site, job: Job, plan: Plan, *, in_turn: bool) -> list[Plan]:
+def _plans(site: Site, job: Job, plan: Plan, in_turn: int) -> list[Plan]:
     """One plan for every order that can be driven: that which leaves least of the rounds out, then the quickest."""
     plans: list[Plan] = []
     refusal: StrategyError | None = None
     for order in site.scenario.headland_orders:
         try:
-            plans.append(with_rounds(job, plan, order, in_turn=in_turn))
+            plans.append(with_rounds(job, plan, order, in_turn))
         except StrategyError as error:
             refusal = refusal or error
     if refusal is not None and not plans:

@@ -121,7 +121,7 @@ def _headland(site: Site) -> str:
     plural = "s" if count > 1 else ""
     return (
         f"The headland is worked in {count} round{plural} with {site.scenario.corners} corners, shared by all tractors "
-        "before the tracks or after them; time runs from the first tractor's start to the end of the last track or round."
+        "before the tracks or after them; time runs from the start to the end of the last track or round."
     )
 
 

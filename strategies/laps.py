@@ -26,6 +26,7 @@ from vehicle.missions import ROUND, TURN, WAY, Leg, Task
 
 Points = npt.NDArray[np.float64]
 
+SHORT = 5.0  # widths: a side that may be left out where it leads nowhere
 SHORTEST_M = 0.5  # a shorter side is worked with the corners at its ends
 PULL_M = 0.25  # steps in which the end of a side is drawn back into the field
 LONGEST_CORNER = 6.0  # radii that the way through a corner may be longer than its ends are apart
@@ -56,19 +57,24 @@ class _Strip:
 def shift_of(job: Job, share: Sequence[Stretch]) -> Shift | None:
     """The legs of a share; None where nothing of it can be driven.
 
-    Where no way leads on from a side, that side is left out if it is shorter than the next, and else the next.
+    Where no way leads on from a side, a short one of the two that it would join is left out; where both are long, the
+    tractor goes on by any way there is, however near the edge of the field, and else leaves the next one out.
     """
     driven: list[tuple[_Strip, Path | None]] = []
     left = 0.0
     for strip in _strips(job, share):
         way = _onward(job, driven, strip)
-        if way is None and driven and not strip.joined_in and driven[-1][0].length_m < strip.length_m:
-            way = _onward(job, driven[:-1], strip)
-            if way is not None or len(driven) == 1:
-                left += driven.pop()[0].length_m
         if way is None and driven and not strip.joined_in:
-            left += strip.length_m
-            continue
+            last, short = driven[-1][0].length_m, SHORT * job.layout.width_m
+            if last <= min(short, strip.length_m):
+                way = _onward(job, driven[:-1], strip)
+                if way is not None or len(driven) == 1:
+                    left += driven.pop()[0].length_m
+            if way is None and driven and strip.length_m > short:
+                way = _onward(job, driven, strip, anyhow=True)
+            if way is None and driven:
+                left += strip.length_m
+                continue
         driven.append((strip, way))
     if not driven:
         return None
@@ -81,15 +87,20 @@ def shift_of(job: Job, share: Sequence[Stretch]) -> Shift | None:
     return Shift(tuple(legs), _pose(driven[0][0].points, 0), _pose(driven[-1][0].points, -1), left)
 
 
-def _onward(job: Job, driven: list[tuple[_Strip, Path | None]], strip: _Strip) -> Path | None:
+def _onward(
+    job: Job, driven: list[tuple[_Strip, Path | None]], strip: _Strip, *, anyhow: bool = False
+) -> Path | None:
     """The way from the last strip driven to one that follows; None where there is none, or none is needed."""
     if strip.joined_in or not driven:
         return None
-    return link(job, _pose(driven[-1][0].points, -1), _pose(strip.points, 0))
+    return link(job, _pose(driven[-1][0].points, -1), _pose(strip.points, 0), anyhow=anyhow)
 
 
-def link(job: Job, a: Pose, b: Pose) -> Path | None:
-    """The way with the implement up from the end of a side or a track to the beginning of another; None for none."""
+def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False) -> Path | None:
+    """The way with the implement up from the end of a side or a track to the beginning of another; None for none.
+
+    With `anyhow` the implement may reach over the edge of the field all along it.
+    """
     rim = job.rim or job.connector
     ways = [way for way in corner_ways(a, b, job.manner.radius_m) if rim.reversing or not way.reverse_m]
     most = math.dist(a[:2], b[:2]) + LONGEST_CORNER * job.manner.radius_m
@@ -100,7 +111,7 @@ def link(job: Job, a: Pose, b: Pose) -> Path | None:
     if timed:
         return min(timed, key=lambda pair: round(pair[0], 6))[1]
     between = (way for p, q in _freed(job, rim, a, b) if (way := _between(job, p, q)))
-    return next(between, None) or rim.connect(a, b)
+    return next(between, None) or rim.direct(a, b) or (rim.connect(a, b) if anyhow else None)
 
 
 def _freed(job: Job, rim: Connector, a: Pose, b: Pose) -> Iterator[tuple[Path, Path]]:

@@ -15,7 +15,7 @@ from strategies.laps import Shift, link, shift_of
 from strategies.legs import driven_legs, mission_from
 from strategies.paths import Pose
 from strategies.shifts import shared
-from vehicle.missions import DRIVE_IN, ROUND, TURN, WAY, Gate, Leg, Mission, Plan
+from vehicle.missions import ROUND, TURN, WAY, Gate, Leg, Mission, Plan
 
 FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
@@ -35,11 +35,12 @@ class _Whole:
     before: int
 
 
-def with_rounds(job: Job, plan: Plan, order: str, *, in_turn: bool = False) -> Plan:
+def with_rounds(job: Job, plan: Plan, order: str, in_turn: int = 0) -> Plan:
     """The plan with the rounds of the job driven "first", from the outside in, or "last", from the inside out.
 
-    With `in_turn` a tractor goes on to what comes second only when the one before it has begun with it. Raises
-    StrategyError where no way leads from the rounds to the tracks or back.
+    With `in_turn` 1 a tractor goes on to what comes second only when the one before it has begun with it, with -1 only
+    when the one after it has; meanwhile it waits before the last stretch of its last track, or at the end of its
+    rounds. Raises StrategyError where no way leads from the rounds to the tracks or back.
     """
     if not job.rounds:
         return plan
@@ -49,11 +50,13 @@ def with_rounds(job: Job, plan: Plan, order: str, *, in_turn: bool = False) -> P
     shifts = [shift_of(job, share) for share in shared(job, outside_in=first, begin=begin)]
     own = _dealt(shifts, ends, first)
     wholes = [_joined(job, *three, first=first) for three in zip(plan.missions, own, ends, strict=True)]
+    if in_turn and not first:
+        wholes = [_held_back(whole) for whole in wholes]
     moved = [whole.before for whole in wholes]
     legs = [_renumbered(whole.legs, moved) for whole in wholes]
     for tractor, whole in enumerate(wholes):
         if whole.border < len(whole.legs):
-            gates = _through(wholes, tractor) + (_begun(wholes, tractor) if in_turn else [])
+            gates = _through(wholes, tractor) + _begun(wholes, tractor, in_turn)
             legs[tractor][whole.border] = replace(legs[tractor][whole.border], may_wait=True).with_gates(gates)
     left = math.fsum(shift.left_m for shift in shifts if shift)
     notes = {**plan.notes, "headland": order, "rounds": max(lap.number for lap in job.rounds), "left_m": round(left, 1)}
@@ -92,7 +95,7 @@ def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first
     if shift is None:
         return _Whole(mission.legs, 0 if first else len(mission.legs), 0)
     a, b = (shift.end, end) if first else (end, shift.start)
-    way = link(job, a, b)
+    way = link(job, a, b, anyhow=True)
     if way is None:
         there, back = ("rounds", "tracks") if first else ("tracks", "rounds")
         raise StrategyError(
@@ -102,6 +105,12 @@ def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first
     one, two = (shift.legs, mission.legs) if first else (mission.legs, shift.legs)
     between = driven_legs(job, way, replace(two[0].task, kind=WAY if way.kind == "route" else TURN))
     return _Whole((*one, *between, *two), len(one), len(one) + len(between) if first else 0)
+
+
+def _held_back(whole: _Whole) -> _Whole:
+    """The same legs for a tractor that waits before the last stretch of its last track, clear of the headland."""
+    hold = next((leg for leg in range(whole.border - 1, 0, -1) if whole.legs[leg].may_wait), whole.border)
+    return replace(whole, border=hold) if whole.border < len(whole.legs) else whole
 
 
 def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
@@ -125,13 +134,15 @@ def _through(wholes: list[_Whole], me: int) -> list[Gate]:
     ]
 
 
-def _begun(wholes: list[_Whole], me: int) -> list[Gate]:
+def _begun(wholes: list[_Whole], me: int, in_turn: int) -> list[Gate]:
     """A gate that opens when the tractor before this one is where it waits for others, or through with its first leg.
 
-    Those that drive farthest before they first wait go first.
+    Those that drive farthest before they first wait go first, or last when `in_turn` is -1; 0 is for no turns.
     """
+    if not in_turn:
+        return []
     settled = [_settled(whole) for whole in wholes]
-    turn = sorted(range(len(wholes)), key=lambda one: (-settled[one][1], one))
+    turn = sorted(range(len(wholes)), key=lambda one: (-settled[one][1], one))[::in_turn]
     place = turn.index(me)
     if place == 0:
         return []
@@ -144,7 +155,7 @@ def _begun(wholes: list[_Whole], me: int) -> list[Gate]:
 def _settled(whole: _Whole) -> tuple[int, float]:
     """The leg with which a tractor has begun what comes second, and the metres of that up to it."""
     legs, begin = whole.legs, max(whole.border, whole.before)
-    while begin < len(legs) - 1 and not legs[begin].task.works and legs[begin].task.kind != DRIVE_IN:
-        begin += 1
-    last = next((leg for leg in range(begin + 1, min(begin + 4, len(legs))) if legs[leg].gates), begin + 1) - 1
+    if not whole.before:
+        begin = next((leg for leg in range(begin, len(legs)) if legs[leg].task.kind == ROUND), len(legs) - 1)
+    last = next((leg for leg in range(begin, min(begin + 4, len(legs))) if legs[leg].gates), begin + 1) - 1
     return last, math.fsum(leg.length_m for leg in legs[begin : last + 1])

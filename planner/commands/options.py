@@ -51,7 +51,8 @@ def headland_order(first: bool, last: bool) -> str | None:
 
 
 _OPTIONS = {
-    "field": "the field", "headland_order": "--headland-first or --headland-last", "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
+    "field": "the field", "headland_order": "--headland-first or --headland-last",
+    "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
 }  # fmt: skip
 _UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 
