@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import chain, pairwise, product
+from typing import TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +28,9 @@ from vehicle.missions import ROUND, TURN, WAY, Leg, Task
 Points = npt.NDArray[np.float64]
 
 SHORT = 5.0  # widths: a side that may be left out where it leads nowhere
-SHORTEST_M = 0.5  # a shorter side is worked with the corners at its ends
+SHORTEST_M = 2.0  # a shorter side is worked with the corners at its ends
+MOST_REVERSALS = 4  # a way with more is a turn on the spot in arcs too short to follow
+TRIMS = ((0.0, 0.0), (0.0, 5.0), (5.0, 0.0), (5.0, 5.0), (10.0, 10.0))  # metres given up before and after a corner
 PULL_M = 0.25  # steps in which the end of a side is drawn back into the field
 LONGEST_CORNER = 6.0  # radii that the way through a corner may be longer than its ends are apart
 BACK_M = (0.0, 1.5, 3.0, 5.0, 8.0)  # straight back from where nothing can be joined
@@ -63,37 +66,56 @@ def shift_of(job: Job, share: Sequence[Stretch]) -> Shift | None:
     driven: list[tuple[_Strip, Path | None]] = []
     left = 0.0
     for strip in _strips(job, share):
-        way = _onward(job, driven, strip)
-        if way is None and driven and not strip.joined_in:
-            last, short = driven[-1][0].length_m, SHORT * job.layout.width_m
-            if last <= min(short, strip.length_m):
-                way = _onward(job, driven[:-1], strip)
-                if way is not None or len(driven) == 1:
-                    left += driven.pop()[0].length_m
-            if way is None and driven and strip.length_m > short:
-                way = _onward(job, driven, strip, anyhow=True)
-            if way is None and driven:
-                left += strip.length_m
-                continue
-        driven.append((strip, way))
-    if not driven:
-        return None
+        if not driven or strip.joined_in:
+            driven.append((strip, None))
+            continue
+        met = _met(job, driven[-1][0], strip)
+        last, short = driven[-1][0].length_m, SHORT * job.layout.width_m
+        if met is None and len(driven) > 1 and last <= min(short, strip.length_m):
+            met = _met(job, driven[-2][0], strip)
+            if met is not None:
+                left += driven.pop()[0].length_m
+        if met is None and strip.length_m > short:
+            way = link(job, _pose(driven[-1][0].points, -1), _pose(strip.points, 0), anyhow=True)
+            met = None if way is None else (driven[-1][0], way, strip)
+        if met is None:
+            left += strip.length_m
+            continue
+        driven[-1] = met[0], driven[-1][1]
+        driven.append((met[2], met[1]))
+    return _legs_of(job, driven, left) if driven else None
+
+
+def _legs_of(job: Job, driven: list[tuple[_Strip, Path | None]], left_m: float) -> Shift:
+    """The legs of strips, each with the way that leads to it."""
     legs: list[Leg] = []
     for strip, way in driven:
         if way is not None:
             job.used[way.kind] = job.used.get(way.kind, 0) + 1
             legs += driven_legs(job, way, replace(strip.task, kind=WAY if way.kind == "route" else TURN))
         legs += _working(job, strip)
-    return Shift(tuple(legs), _pose(driven[0][0].points, 0), _pose(driven[-1][0].points, -1), left)
+    return Shift(tuple(legs), _pose(driven[0][0].points, 0), _pose(driven[-1][0].points, -1), left_m)
 
 
-def _onward(
-    job: Job, driven: list[tuple[_Strip, Path | None]], strip: _Strip, *, anyhow: bool = False
-) -> Path | None:
-    """The way from the last strip driven to one that follows; None where there is none, or none is needed."""
-    if strip.joined_in or not driven:
-        return None
-    return link(job, _pose(driven[-1][0].points, -1), _pose(strip.points, 0), anyhow=anyhow)
+def _met(job: Job, last: _Strip, strip: _Strip) -> tuple[_Strip, Path, _Strip] | None:
+    """The way from one strip to the next and both of them; where it is tight, their ends are given up for a turn."""
+    for back, on in TRIMS:
+        if back + SHORTEST_M < last.length_m and on + SHORTEST_M < strip.length_m:
+            one, two = _trimmed(last, 0.0, back), _trimmed(strip, on, 0.0)
+            way = _turn(job, _pose(one.points, -1), _pose(two.points, 0))
+            if way is not None:
+                return one, way, two
+    way = link(job, _pose(last.points, -1), _pose(strip.points, 0))
+    return None if way is None else (last, way, strip)
+
+
+def _trimmed(strip: _Strip, first_m: float, last_m: float) -> _Strip:
+    """A strip without so much at its beginning and its end."""
+    if not first_m and not last_m:
+        return strip
+    length = float(np.hypot(*np.diff(strip.points, axis=0).T).sum())
+    points = _along(strip.points, first_m, max(length - last_m, first_m + 0.5 * SHORTEST_M))
+    return replace(strip, points=points, length_m=strip.length_m - first_m - last_m)
 
 
 def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False) -> Path | None:
@@ -102,16 +124,28 @@ def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False) -> Path | None:
     With `anyhow` the implement may reach over the edge of the field all along it.
     """
     rim = job.rim or job.connector
+    ways = chain((_turn(job, a, b),), (_between(job, p, q) for p, q in _freed(job, rim, a, b)))
+    way = next((way for way in ways if _easy(way)), None) or rim.direct(a, b)
+    if not _easy(way) and anyhow:
+        way = rim.connect(a, b)
+    return way if _easy(way) else None
+
+
+def _turn(job: Job, a: Pose, b: Pose) -> Path | None:
+    """The quickest of the ways through a corner and the turns from one pose to another."""
+    rim = job.rim or job.connector
     ways = [way for way in corner_ways(a, b, job.manner.radius_m) if rim.reversing or not way.reverse_m]
     most = math.dist(a[:2], b[:2]) + LONGEST_CORNER * job.manner.radius_m
     timed = [(rim.costs.time_s(way), way) for way in ways if way.length_m <= most and rim.fits(way)]
     turn = job.turn(a, b)
     if turn is not None:
         timed.append((rim.cost(turn), turn))
-    if timed:
-        return min(timed, key=lambda pair: round(pair[0], 6))[1]
-    between = (way for p, q in _freed(job, rim, a, b) if (way := _between(job, p, q)))
-    return next(between, None) or rim.direct(a, b) or (rim.connect(a, b) if anyhow else None)
+    return min(timed, key=lambda pair: round(pair[0], 6))[1] if timed else None
+
+
+def _easy(way: Path | None) -> TypeGuard[Path]:
+    """Whether there is a way, and a tractor can be expected to keep to it."""
+    return way is not None and way.reversals <= MOST_REVERSALS
 
 
 def _freed(job: Job, rim: Connector, a: Pose, b: Pose) -> Iterator[tuple[Path, Path]]:
@@ -179,7 +213,8 @@ def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:
 
 def _arc(job: Job, a: Stretch, b: Stretch) -> Path | None:
     """The arc that joins two stretches with the implement down; None where corners are square or it does not fit."""
-    if job.square or a.lap is not b.lap or a.last_m is not None or b.first_m is not None:
+    one_round = (a.lap.number, a.lap.ring) == (b.lap.number, b.lap.ring)
+    if job.square or not one_round or a.last_m is not None or b.first_m is not None:
         return None
     side, after = a.lap.sides[a.side], b.lap.sides[b.side]
     if (a.side + 1) % len(a.lap.sides) != b.side or a.smooth:

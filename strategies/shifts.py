@@ -1,12 +1,14 @@
 """The rounds of the headland in the order they are driven, shared out among tractors.
 
-A stretch is a side of a round or a part of one. All stretches, one after another, are cut into runs of equal time, so
-that tractors follow one another at a distance; where several would begin side by side, a round is begun elsewhere.
+Rounds that lie inside one another are a nest. Nests are dealt in equal time: a tractor gets a whole nest, which it
+drives round by round, or a sector of it, which it drives to and fro, so that all tractors stay as far apart as their
+sectors are long, and at the border of two sectors one turns while the other is away.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +21,11 @@ from strategies.job import Job
 
 Point = tuple[float, float]
 
-NEIGHBOURS = 1.05  # widths between rounds of which one must be driven before the other
+NEIGHBOURS = 1.05  # widths between rounds that lie inside one another
+ALIKE = 0.7  # a round so much shorter than the one before begins a nest of its own: sectors would not fit it
 SHORTEST_M = 15.0  # no side is cut so that less is left of it
-EVEN = 0.05  # of a share: so much may be too much or too little for the sake of whole rounds
+LEAST_S = 40.0  # no nest is cut so that less is left of it
+EVEN = 0.05  # of a share: so much it may have too much for the sake of whole nests
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,92 +55,159 @@ class Stretch:
         return (self.lap.sides[self.side].length_m if last is None else last) - first
 
 
+@dataclass(frozen=True)
+class _Sector:
+    """A tractor's part of a nest, from one share of its length to another; (0, 1) is the whole."""
+
+    laps: list[Round]
+    first: float
+    last: float
+
+
 def shared(job: Job, *, outside_in: bool, begin: Point | None = None) -> list[list[Stretch]]:
     """The stretches of every tractor in order; a tractor may have none.
 
     `begin` is where the first of them starts, or near it.
     """
-    left = list(job.rounds)
-    order = _Before(left, job.layout.width_m, outside_in)
-    total = sum(_seconds(job, lap.length_m, len(lap.sides)) for lap in left)
-    deal = _Deal(job, total / job.tractors, [[] for _ in range(job.tractors)])
-    here = begin
+    shares = []
+    for sectors in _dealt(job, _nests(job, outside_in)):
+        here, share = begin, list[Stretch]()
+        for sector in sectors:
+            whole = sector.last - sector.first > 1.0 - 1e-9
+            share += _round_by_round(sector.laps, here) if whole else _to_and_fro(sector)
+            here = _point(share[-1].line[-1]) if share else here
+        shares.append(share)
+    return shares
+
+
+def _nests(job: Job, outside_in: bool) -> list[list[Round]]:
+    """Rounds that lie inside one another, in the order they are driven."""
+    left = sorted(job.rounds, key=lambda lap: (lap.number, -round(lap.length_m, 3), lap.ring))
+    nests: list[list[Round]] = []
     while left:
-        ready = [lap for lap in left if order.free(lap, left)]
-        lap, first = _nearest(ready, here) if here or not deal.starts else _farthest(ready, deal.starts)
-        left = [other for other in left if other.number != lap.number or other.ring != lap.ring]
-        here = deal.take(lap, first)
-    return deal.shares
-
-
-class _Before:
-    """Which rounds must be driven before which."""
-
-    def __init__(self, laps: list[Round], width_m: float, outside_in: bool) -> None:
-        lines, step = [lap.line for lap in laps], -1 if outside_in else 1
-        self._needs = {
-            (lap.number, lap.ring): {
-                (other.number, other.ring)
-                for other, path in zip(laps, lines, strict=True)
-                if other.number == lap.number + step and shapely.dwithin(line, path, NEIGHBOURS * width_m)
-            }
-            for lap, line in zip(laps, lines, strict=True)
-        }
-
-    def free(self, lap: Round, left: list[Round]) -> bool:
-        """Whether nothing that is left must come before a round."""
-        return not any((other.number, other.ring) in self._needs[lap.number, lap.ring] for other in left)
-
-
-@dataclass
-class _Deal:
-    """Shares while they are dealt: seconds for each, the shares, how much of the current one is used, and starts."""
-
-    job: Job
-    each_s: float
-    shares: list[list[Stretch]]
-    number: int = 0
-    used_s: float = 0.0
-
-    @property
-    def starts(self) -> list[Point]:
-        """Where the shares dealt so far begin."""
-        return [_point(share[0].line[0]) for share in self.shares if share]
-
-    def take(self, lap: Round, first: int) -> Point | None:
-        """Deal all sides of a round, beginning with one; where the tractor is then, None for one that only starts."""
-        count = len(lap.sides)
-        for side in [(first + step) % count for step in range(count)]:
-            self._take_side(Stretch(lap, side))
-        if self.number < len(self.shares) - 1 and self.each_s - self.used_s < EVEN * self.each_s:
-            self._next()
-            return None
-        return _point(lap.sides[(first - 1) % count].points[-1])
-
-    def _take_side(self, whole: Stretch) -> None:
-        """Deal a side, cut where a share is full."""
-        begun, length = 0.0, whole.length_m
-        while True:
-            rest = _seconds(self.job, length - begun, 1)
-            spare = self.each_s - self.used_s
-            if self.number == len(self.shares) - 1 or rest <= spare * (1.0 + EVEN):
+        nest = [left.pop(0)]
+        while nest[-1].closed:
+            inner = next((lap for lap in left if _inside(lap, nest[-1], job.layout.width_m)), None)
+            if inner is None:
                 break
-            upto = begun + spare * self.job.manner.work_speed_mps
-            if length - upto < SHORTEST_M:
-                break
-            if upto - begun >= SHORTEST_M:
-                self._add(replace(whole, first_m=begun or None, last_m=upto), 0)
-                begun = upto
-            self._next()
-        self._add(replace(whole, first_m=begun or None), 1)
+            left.remove(inner)
+            nest.append(inner)
+        nests.append(nest)
+    return nests if outside_in else [nest[::-1] for nest in nests[::-1]]
 
-    def _add(self, piece: Stretch, corners: int) -> None:
-        self.shares[self.number].append(piece)
-        self.used_s += _seconds(self.job, piece.length_m, corners)
 
-    def _next(self) -> None:
-        self.number += 1
-        self.used_s = 0.0
+def _inside(lap: Round, outer: Round, width_m: float) -> bool:
+    """Whether a round is the next one inside another and much like it."""
+    if not lap.closed or lap.number != outer.number + 1 or lap.length_m < ALIKE * outer.length_m:
+        return False
+    return bool(shapely.dwithin(lap.line, outer.line, NEIGHBOURS * width_m))
+
+
+def _dealt(job: Job, nests: list[list[Round]]) -> list[list[_Sector]]:
+    """The sectors of every tractor, of equal time."""
+    times = [sum(_seconds(job, lap.length_m, len(lap.sides)) for lap in nest) for nest in nests]
+    each, used, number = sum(times) / job.tractors, 0.0, 0
+    shares: list[list[_Sector]] = [[] for _ in range(job.tractors)]
+    for nest, seconds in zip(nests, times, strict=True):
+        first = 0.0
+        while first < 1.0:
+            spare, rest = each - used, (1.0 - first) * seconds
+            whole = number == job.tractors - 1 or rest <= spare + EVEN * each or not nest[0].closed
+            last = 1.0 if whole or rest - spare < LEAST_S else first + spare / seconds
+            if last < 1.0 and spare < LEAST_S:
+                last = first
+            if last > first:
+                shares[number].append(_Sector(nest, first, last))
+            used += (last - first) * seconds
+            first = last
+            if number < job.tractors - 1 and each - used < LEAST_S:
+                number, used = number + 1, 0.0
+    return shares
+
+
+def _round_by_round(laps: list[Round], here: Point | None) -> Iterator[Stretch]:
+    """All sides of a nest, each round from where it is nearest; without a place from its longest side."""
+    for lap in laps:
+        ways = [lap] if lap.closed else [lap, backwards(lap)]
+        options = [(way, side) for way in ways for side in range(len(way.sides) if way.closed else 1)]
+        way, first = max(options, key=_length) if here is None else min(options, key=lambda o: _away(o, here))
+        yield from (Stretch(way, (first + step) % len(way.sides)) for step in range(len(way.sides)))
+        here = _point(way.sides[first - 1].points[-1])
+
+
+def _length(option: tuple[Round, int]) -> float:
+    return round(option[0].sides[option[1]].length_m, 3)
+
+
+def _away(option: tuple[Round, int], here: Point) -> float:
+    return round(math.dist(option[0].sides[option[1]].points[0], here), 3)
+
+
+def _to_and_fro(sector: _Sector) -> Iterator[Stretch]:
+    """The sector of every round of a nest, in alternating directions; borders run square through the nest."""
+    outer = sector.laps[0]
+    ends = [_border(outer, share) for share in (sector.first, sector.last)]
+    expected = (sector.last - sector.first) * outer.length_m
+    for index, lap in enumerate(sector.laps):
+        line, length = shapely.LinearRing(lap.line), lap.length_m
+        first, last = (_clear(lap, float(line.project(shapely.Point(end)))) for end in ends)
+        run = (last - first) % length
+        if run > SHORTEST_M and run < 1.5 * expected + SHORTEST_M:
+            pieces = list(_pieces(lap, first, run))
+            yield from pieces if index % 2 == 0 else [_turned(piece) for piece in pieces[::-1]]
+            expected = run
+        ends = [_point(np.asarray(line.interpolate(at).coords[0])) for at in (first, last)]
+
+
+def _border(lap: Round, share: float) -> Point:
+    """Where the border between sectors lies on the first round of a nest, from the middle of its longest side on."""
+    lengths = [side.length_m for side in lap.sides]
+    longest = max(range(len(lengths)), key=lambda side: round(lengths[side], 3))
+    origin = sum(lengths[:longest]) + 0.5 * lengths[longest]
+    at = _clear(lap, (origin + share * lap.length_m) % lap.length_m)
+    return _point(np.asarray(shapely.LineString(lap.line).interpolate(at).coords[0]))
+
+
+def _clear(lap: Round, at: float) -> float:
+    """A place along a round moved away from the corners, or into one on a short side (m)."""
+    start = 0.0
+    for side in lap.sides:
+        length = side.length_m
+        if at <= start + length + 1e-6:
+            if length < 2.0 * SHORTEST_M:
+                return start if at - start < 0.5 * length else start + length
+            return min(max(at, start + SHORTEST_M), start + length - SHORTEST_M)
+        start += length
+    return at
+
+
+def _pieces(lap: Round, first: float, run: float) -> Iterator[Stretch]:
+    """The sides of a round, or parts of them, from a place along it on for a length (m)."""
+    count = len(lap.sides)
+    starts = np.cumsum([0.0, *(side.length_m for side in lap.sides)])
+    for turn, side in ((turn, side) for turn in (0, 1) for side in range(count)):
+        low, high = starts[side] + turn * starts[-1], starts[side + 1] + turn * starts[-1]
+        begin, end = max(low, first), min(high, first + run)
+        if end - begin > 1.0:
+            yield Stretch(
+                lap,
+                side,
+                None if begin - low < 1e-3 else float(begin - low),
+                None if high - end < 1e-3 else float(end - low),
+            )
+
+
+def _turned(piece: Stretch) -> Stretch:
+    """The same stretch driven the other way."""
+    length = piece.lap.sides[piece.side].length_m
+    first = None if piece.last_m is None else length - piece.last_m
+    last = None if piece.first_m is None else length - piece.first_m
+    return Stretch(backwards(piece.lap), len(piece.lap.sides) - 1 - piece.side, first, last)
+
+
+def backwards(lap: Round) -> Round:
+    """A round driven the other way."""
+    return replace(lap, sides=tuple(Side(s.points[::-1], -s.after_rad, -s.before_rad) for s in lap.sides[::-1]))
 
 
 def _seconds(job: Job, length_m: float, corners: int) -> float:
@@ -149,33 +220,6 @@ def _corner_s(job: Job) -> float:
     a, b = (tool - half, 0.0, 0.0), (0.0, tool - half, 0.5 * math.pi)
     ways = corner_ways(a, b, job.manner.radius_m) if job.square else []
     return min((job.connector.costs.time_s(way) for way in ways), default=0.0)
-
-
-def _nearest(ready: list[Round], here: Point | None) -> tuple[Round, int]:
-    """The round that begins nearest to a place, and its first side; without a place the longest side of all."""
-    options = [(lap, side) for lap in _either_way(ready) for side in range(len(lap.sides))]
-    if here is None:
-        return max(options, key=lambda option: round(option[0].sides[option[1]].length_m, 3))
-    return min(options, key=lambda option: round(math.dist(option[0].sides[option[1]].points[0], here), 3))
-
-
-def _farthest(ready: list[Round], starts: list[Point]) -> tuple[Round, int]:
-    """The round of the least number ready, and the side of it that begins farthest from where others begin."""
-    longest = max(ready, key=lambda lap: round(lap.length_m, 3))
-
-    def away(side: int) -> float:
-        return round(min(math.dist(longest.sides[side].points[0], start) for start in starts), 3)
-
-    return longest, max(range(len(longest.sides)), key=away)
-
-
-def _either_way(laps: list[Round]) -> list[Round]:
-    """The rounds, and open ones driven the other way as well."""
-    return laps + [_reversed(lap) for lap in laps if not lap.closed]
-
-
-def _reversed(lap: Round) -> Round:
-    return replace(lap, sides=tuple(Side(side.points[::-1]) for side in lap.sides[::-1]))
 
 
 def _point(xy: npt.NDArray[np.float64]) -> Point:
