@@ -107,11 +107,12 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
     first: CandidateRun | None = None
-    for each in with_headland(site, job, refined):
-        latest = _run_plan(site, strategy, job, each, simulate)
-        if latest.reason is None:
-            return latest
-        first = first or latest
+    for choices in with_headland(site, job, refined):
+        runs = [_run_plan(site, strategy, job, each, simulate) for each in choices]
+        driven = [each for each in runs if each.reason is None]
+        if driven:
+            return min(driven, key=lambda each: round(each.run.duration_s, 3))
+        first = first or runs[0]
     assert first is not None  # a plan that cannot be written is refused
     return first
 

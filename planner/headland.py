@@ -10,30 +10,31 @@ from planner.site import Site
 from strategies.errors import StrategyError
 from strategies.job import Job
 from strategies.record import Refined
-from strategies.rounds import driven_s, with_rounds
+from strategies.rounds import with_rounds
 from vehicle.layout import FINISHED
 from vehicle.missions import ROUND, Plan
 from vehicle.run import Run
 
+SAME_M = 20.0  # of rounds left out: so little decides nothing
 IN_TURN = (0, 1, -1)  # all at once, those that begin farthest off first, or last
 
 
-def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[Refined]:
-    """The plan with the rounds of the headland in every order that may be, what promises most first.
+def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[list[Refined]]:
+    """The plan with the rounds of the headland in every order that may be, to be compared by driving them.
 
-    After these the same with tractors that go on to what comes second one after another. Raises StrategyError where no
-    order can be driven.
+    After these the same with tractors that go on to what comes second one after another, for where no plan can be
+    driven. Raises StrategyError where no order can.
     """
     if not job.rounds:
-        yield refined
+        yield [refined]
         return
     for in_turn in IN_TURN if job.tractors > 1 else IN_TURN[:1]:
-        for plan in _plans(site, job, refined.plan, in_turn):
-            yield Refined(plan, None, _remark(refined, plan))
+        plans = _plans(site, job, refined.plan, in_turn)
+        yield [Refined(plan, None, _remark(refined, plan)) for plan in plans]
 
 
 def _plans(site: Site, job: Job, plan: Plan, in_turn: int) -> list[Plan]:
-    """One plan for every order that can be driven: that which leaves least of the rounds out, then the quickest."""
+    """One plan for every order that leaves least of the rounds out."""
     plans: list[Plan] = []
     refusal: StrategyError | None = None
     for order in site.scenario.headland_orders:
@@ -43,7 +44,8 @@ def _plans(site: Site, job: Job, plan: Plan, in_turn: int) -> list[Plan]:
             refusal = refusal or error
     if refusal is not None and not plans:
         raise refusal
-    return sorted(plans, key=lambda each: (each.notes["left_m"], round(driven_s(each), 3)))
+    least = min(float(each.notes["left_m"]) for each in plans)
+    return [each for each in plans if each.notes["left_m"] <= least + SAME_M]
 
 
 def _remark(refined: Refined, plan: Plan) -> str | None:

@@ -7,6 +7,7 @@ through with what comes first.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from strategies.errors import StrategyError
@@ -14,11 +15,12 @@ from strategies.job import Job
 from strategies.laps import Shift, link, shift_of
 from strategies.legs import driven_legs, mission_from
 from strategies.paths import Pose
-from strategies.shifts import shared
+from strategies.shifts import Stretch, shared
 from vehicle.missions import ROUND, TURN, WAY, Gate, Leg, Mission, Plan
 
 FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
+ORIGINS = 12  # places tried for the first border between sectors
 WELL_BEGUN_M = 15.0  # a tractor on its first side of a round leaves room behind it from here on
 ARRIVED_M = 0.2  # a tractor counts as through this far before the end of a leg
 
@@ -46,9 +48,9 @@ def with_rounds(job: Job, plan: Plan, order: str, in_turn: int = 0) -> Plan:
         return plan
     first = order == FIRST
     ends = [mission.start if first else _end(mission) for mission in plan.missions]
-    begin = job.layout.field.entrance if first else (ends[0][:2] if job.tractors == 1 else None)
-    shifts = [shift_of(job, share) for share in shared(job, outside_in=first, begin=begin)]
-    own = _dealt(shifts, ends, first)
+    shifts = [shift_of(job, share) for share in _shares(job, ends, first)]
+    meet = [None if shift is None else (shift.end if first else shift.start)[:2] for shift in shifts]
+    own = [shifts[share] for share in _dealt(meet, ends)]
     wholes = [_joined(job, *three, first=first) for three in zip(plan.missions, own, ends, strict=True)]
     if in_turn and not first:
         wholes = [_held_back(whole) for whole in wholes]
@@ -63,9 +65,19 @@ def with_rounds(job: Job, plan: Plan, order: str, in_turn: int = 0) -> Plan:
     return Plan(tuple(mission_from(each) for each in legs), notes)
 
 
-def driven_s(plan: Plan) -> float:
-    """Seconds of the tractor that has most to drive, if nobody waits and all keep to the speeds of their legs."""
-    return max(math.fsum(leg.length_m / leg.speed_mps for leg in mission.legs) for mission in plan.missions)
+def _shares(job: Job, ends: list[Pose], first: bool) -> list[list[Stretch]]:
+    """The rounds shared out so that the way to or from the tracks is short for the tractor that has the longest."""
+    if job.tractors == 1:
+        return shared(job, outside_in=first, begin=job.layout.field.entrance if first else ends[0][:2])
+    begin = job.layout.field.entrance
+    options = [shared(job, outside_in=first, begin=begin, origin=place / ORIGINS) for place in range(ORIGINS)]
+
+    def farthest(shares: list[list[Stretch]]) -> float:
+        meet = [(share[-1].end if first else share[0].start) if share else None for share in shares]
+        pairs = zip(_dealt(meet, ends), ends, strict=True)
+        return round(max(math.dist(place, end[:2]) for share, end in pairs if (place := meet[share]) is not None), 2)
+
+    return min(options, key=farthest)
 
 
 def _end(mission: Mission) -> Pose:
@@ -75,11 +87,10 @@ def _end(mission: Mission) -> Pose:
     return float(x), float(y), math.atan2(last.gear * (y - y0), last.gear * (x - x0))
 
 
-def _dealt(shifts: list[Shift | None], ends: list[Pose], first: bool) -> list[Shift | None]:
-    """Which tractor drives which share: the pairs that are nearest to each other first."""
-    places = [None if shift is None else (shift.end if first else shift.start) for shift in shifts]
+def _dealt(places: Sequence[tuple[float, ...] | None], ends: list[Pose]) -> list[int]:
+    """Which share each tractor drives: the pairs that are nearest to each other first."""
     pairs = sorted(
-        (math.inf if place is None else round(math.dist(place[:2], end[:2]), 3), tractor, share)
+        (math.inf if place is None else round(math.dist(place, end[:2]), 3), tractor, share)
         for share, place in enumerate(places)
         for tractor, end in enumerate(ends)
     )
@@ -87,7 +98,7 @@ def _dealt(shifts: list[Shift | None], ends: list[Pose], first: bool) -> list[Sh
     for _, tractor, share in pairs:
         if tractor not in own and share not in own.values():
             own[tractor] = share
-    return [shifts[own[tractor]] for tractor in range(len(ends))]
+    return [own[tractor] for tractor in range(len(ends))]
 
 
 def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first: bool) -> _Whole:

@@ -8,7 +8,7 @@ sectors are long, and at the border of two sectors one turns while the other is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,6 +44,19 @@ class Stretch:
         return np.concatenate([points, points[1:]]) if self.smooth else points
 
     @property
+    def start(self) -> Point:
+        """Where it begins on the centre line."""
+        return self._place(self.first_m or 0.0)
+
+    @property
+    def end(self) -> Point:
+        """Where it ends on the centre line."""
+        return self._place((self.first_m or 0.0) + self.length_m)
+
+    def _place(self, at: float) -> Point:
+        return _point(np.asarray(shapely.LineString(self.line).interpolate(at).coords[0]))
+
+    @property
     def smooth(self) -> bool:
         """Whether the round has no corner at all."""
         return self.lap.closed and len(self.lap.sides) == 1 and self.lap.sides[0].before_rad == 0.0
@@ -64,18 +77,21 @@ class _Sector:
     last: float
 
 
-def shared(job: Job, *, outside_in: bool, begin: Point | None = None) -> list[list[Stretch]]:
+def shared(
+    job: Job, *, outside_in: bool, begin: Point | None = None, origin: float = 0.0
+) -> list[list[Stretch]]:
     """The stretches of every tractor in order; a tractor may have none.
 
-    `begin` is where the first of them starts, or near it.
+    `begin` is where each starts that drives a whole nest, or near it. Borders of sectors are counted from `origin`, a
+    share of the length of the outer round from the middle of its longest side on.
     """
-    shares = []
+    shares, corner_m = [], _corner_s(job) * job.manner.work_speed_mps
     for sectors in _dealt(job, _nests(job, outside_in)):
         here, share = begin, list[Stretch]()
         for sector in sectors:
             whole = sector.last - sector.first > 1.0 - 1e-9
-            share += _round_by_round(sector.laps, here) if whole else _to_and_fro(sector)
-            here = _point(share[-1].line[-1]) if share else here
+            share += _round_by_round(sector.laps, here) if whole else _to_and_fro(sector, origin, corner_m)
+            here = share[-1].end if share else here
         shares.append(share)
     return shares
 
@@ -130,7 +146,7 @@ def _round_by_round(laps: list[Round], here: Point | None) -> Iterator[Stretch]:
     for lap in laps:
         ways = [lap] if lap.closed else [lap, backwards(lap)]
         options = [(way, side) for way in ways for side in range(len(way.sides) if way.closed else 1)]
-        way, first = max(options, key=_length) if here is None else min(options, key=lambda o: _away(o, here))
+        way, first = max(options, key=_length) if here is None else min(options, key=_from(here))
         yield from (Stretch(way, (first + step) % len(way.sides)) for step in range(len(way.sides)))
         here = _point(way.sides[first - 1].points[-1])
 
@@ -139,14 +155,14 @@ def _length(option: tuple[Round, int]) -> float:
     return round(option[0].sides[option[1]].length_m, 3)
 
 
-def _away(option: tuple[Round, int], here: Point) -> float:
-    return round(math.dist(option[0].sides[option[1]].points[0], here), 3)
+def _from(here: Point) -> Callable[[tuple[Round, int]], float]:
+    return lambda option: round(math.dist(option[0].sides[option[1]].points[0], here), 3)
 
 
-def _to_and_fro(sector: _Sector) -> Iterator[Stretch]:
+def _to_and_fro(sector: _Sector, origin: float, corner_m: float) -> Iterator[Stretch]:
     """The sector of every round of a nest, in alternating directions; borders run square through the nest."""
     outer = sector.laps[0]
-    ends = [_border(outer, share) for share in (sector.first, sector.last)]
+    ends = [_border(outer, share + origin, corner_m) for share in (sector.first, sector.last)]
     expected = (sector.last - sector.first) * outer.length_m
     for index, lap in enumerate(sector.laps):
         line, length = shapely.LinearRing(lap.line), lap.length_m
@@ -159,13 +175,22 @@ def _to_and_fro(sector: _Sector) -> Iterator[Stretch]:
         ends = [_point(np.asarray(line.interpolate(at).coords[0])) for at in (first, last)]
 
 
-def _border(lap: Round, share: float) -> Point:
-    """Where the border between sectors lies on the first round of a nest, from the middle of its longest side on."""
+def _border(lap: Round, share: float, corner_m: float) -> Point:
+    """Where the border between sectors lies on the first round of a nest, from the middle of its longest side on.
+
+    `share` is one of the time for the round, in which a corner takes as long as driving `corner_m`.
+    """
     lengths = [side.length_m for side in lap.sides]
     longest = max(range(len(lengths)), key=lambda side: round(lengths[side], 3))
-    origin = sum(lengths[:longest]) + 0.5 * lengths[longest]
-    at = _clear(lap, (origin + share * lap.length_m) % lap.length_m)
-    return _point(np.asarray(shapely.LineString(lap.line).interpolate(at).coords[0]))
+    spans = [length + corner_m for length in lengths]
+    left = (sum(spans[:longest]) + 0.5 * lengths[longest] + share * sum(spans)) % sum(spans)
+    at = 0.0
+    for length, span in zip(lengths, spans, strict=True):
+        at += min(left, length)
+        left -= span
+        if left < 0.0:
+            break
+    return _point(np.asarray(shapely.LineString(lap.line).interpolate(_clear(lap, at)).coords[0]))
 
 
 def _clear(lap: Round, at: float) -> float:
