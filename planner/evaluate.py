@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.deconflict import without_conflicts
+from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
@@ -17,7 +18,7 @@ from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
 from strategies.job import Job
-from strategies.record import Refined, Simulate, Strategy
+from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
 from vehicle.rehearsal import Rehearsal
@@ -112,9 +113,22 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
-    run, reason = _driven(refined, simulate, strategy.most_repairs)
+    first: CandidateRun | None = None
+    for choices in with_headland(site, job, refined):
+        runs = [_run_plan(site, strategy, job, each, simulate) for each in choices]
+        driven = [each for each in runs if each.reason is None]
+        if driven:
+            return min(driven, key=lambda each: round(each.run.duration_s, 3))
+        first = first or runs[0]
+    assert first is not None  # a plan that cannot be written is refused
+    return first
+
+
+def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate) -> CandidateRun:
+    repairs = strategy.most_repairs + (MOST_REPAIRS if job.rounds else 0)
+    run, reason = _driven(refined, simulate, repairs)
     if reason is None:
-        run, aside = _steadied(site, run, simulate, strategy.most_repairs)
+        run, aside = _steadied(site, run, simulate, repairs)
         reason = _fault(site, run, aside)
     return CandidateRun(run, reason, _turns(job), refined.remark)
 
@@ -162,7 +176,7 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
     if aside > FARTHEST_ASIDE * site.layout.width_m:
-        return f"a track is begun {aside:.2f} m beside its line, more than a third of the working width"
+        return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None
 
 
@@ -217,4 +231,6 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
         remark=tried.remark,
+        rounds=site.layout.rounds,
+        headland_s=headland_s(run),
     )

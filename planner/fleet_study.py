@@ -52,8 +52,8 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
     if executor is None:
         with local_pool(len(todo)) as executor:
             return study(executor=executor, progress=progress)
-    site = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, strategies=(ROW,)))
-    apart = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, turn="switch-back"))
+    site = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, strategies=(ROW,), tracks_only=True))
+    apart = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, turn="switch-back", tracks_only=True))
     together, separate = pack(site), pack(apart)
     work = [(separate if candidate.jump else together, candidate, False) for candidate in todo]
     results = {todo[index]: one.result for index, one in outcomes(executor, work, progress)}

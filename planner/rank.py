@@ -92,6 +92,11 @@ def asked(site: Site) -> dict[str, Any]:
         "tractor": site.tractor.name,
         "turn": scenario.turn,
         "speed_kmh": scenario.speed_mps / KMH,
+        "rounds": layout.rounds,
+        "operation": scenario.operation,
+        "headland_order": scenario.headland_order,
+        "corners": scenario.corners,
+        "tracks_only": scenario.tracks_only,
         "turn_speed_kmh": scenario.turning_mps / KMH,
         "price_per_hour": scenario.price_per_hour,
         "price_per_tractor": scenario.price_per_tractor,
@@ -121,6 +126,21 @@ def tractor_effects(tractor: Tractor) -> dict[str, dict[str, float]]:
     return amounts
 
 
+def _headland(site: Site) -> str:
+    """What becomes of the headland, and from when to when time runs."""
+    count = site.layout.rounds
+    if not count:
+        return (
+            "Time runs from the start on the headland to the end of the last track; the headland itself is left for a "
+            "last round, which is not counted."
+        )
+    plural = "s" if count > 1 else ""
+    return (
+        f"The headland is worked in {count} round{plural} with {site.scenario.corners} corners, shared by all tractors "
+        "before the tracks or after them; time runs from the start to the end of the last track or round."
+    )
+
+
 def assumptions(site: Site) -> tuple[str, ...]:
     """What every plan of a ranking takes for granted, in sentences."""
     manner, layout, tractor = site.manner, site.layout, site.tractor
@@ -137,8 +157,7 @@ def assumptions(site: Site) -> tuple[str, ...]:
         "plans are ranked by it.",
         "Trampled is finished ground off the headland that wheels go over while the implement is up; all tyres are "
         f"assumed to be {TYRE_M:g} m wide.",
-        "Time runs from the start on the headland to the end of the last track; the headland itself is left for a "
-        "last round, which is not counted.",
+        _headland(site),
         f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
         + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
         *(("Positions err as those of an RTK receiver do, a few millimetres.",) if site.scenario.gnss else ()),

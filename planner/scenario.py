@@ -10,6 +10,7 @@ from pathlib import Path
 from fields.reading import brief
 from planner.errors import ScenarioError, named, nearest
 from strategies.registry import STRATEGIES
+from strategies.rounds import FIRST, LAST, ORDERS
 from strategies.turns import TURN_KINDS
 
 MOST_TRACTORS = 50
@@ -22,6 +23,9 @@ LONGEST_M = 1000.0  # wider, deeper and farther round than anything that works a
 WHOLE_TURN_DEG = 360.0
 HIGHEST_PRICE = 1e9  # in whatever currency
 LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
+ORDERS_OF = {"till": ORDERS, "sow": (LAST,), "spray": ORDERS, "harvest": (FIRST,), "mow": (FIRST,)}
+"""When the headland may be worked: what goes out must not be driven over, what is sown not either."""
+CORNERS = ("square", "round")
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -43,7 +47,9 @@ class Scenario:
     `field` and `tractor` are names or files. What is None is decided by planning: the headland by the turn that must
     fit it, the bearing by the least driving, the radius by full lock, the speed of turns by `turning_mps`. A deadline
     `before_s` that is earlier than `start_s` is on the next day. `clearance_m` is kept between machines with their
-    implements; beside each other on neighbouring tracks they have what the tracks leave. Raises ScenarioError.
+    implements; beside each other on neighbouring tracks they have what the tracks leave. The headland is worked in
+    rounds, "first" or "last" by `headland_order` (None: as the `operation` allows and is quicker), with square or round
+    `corners`; with `tracks_only` it is left as room for turning. Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -66,11 +72,16 @@ class Scenario:
     seed: int = 1
     gnss: bool = False
     gnss_table: str | None = None
+    operation: str = "till"
+    headland_order: str | None = None
+    corners: str = "square"
+    tracks_only: bool = False
 
     def __post_init__(self) -> None:
         _check_types(self)
         _check_fleet(self)
         _check_names(self)
+        _check_rounds(self)
         _check_lengths(self)
         _check_speeds(self)
         _check_prices(self)
@@ -82,6 +93,13 @@ class Scenario:
     def turning_mps(self) -> float:
         """Speed in turns: as asked for, else that of work, at most what the wheels can be turned over for."""
         return min(self.speed_mps, TURNING_MPS) if self.turn_speed_mps is None else self.turn_speed_mps
+
+    @property
+    def headland_orders(self) -> tuple[str, ...]:
+        """When the headland may be worked, "first" or "last"; nothing where it is not."""
+        if self.tracks_only:
+            return ()
+        return ORDERS_OF[self.operation] if self.headland_order is None else (self.headland_order,)
 
     @property
     def allowed_s(self) -> float | None:
@@ -124,6 +142,23 @@ def _check_names(scenario: Scenario) -> None:
         raise ScenarioError(
             f"Turn {scenario.turn!r} is unknown{nearest(scenario.turn, turns)}; use {', '.join(turns)}.",
             parameter="turn",
+        )
+
+
+def _check_rounds(scenario: Scenario) -> None:
+    choices: tuple[tuple[str, str | None, tuple[str, ...]], ...] = (
+        ("operation", scenario.operation, tuple(ORDERS_OF)),
+        ("headland_order", scenario.headland_order, ORDERS),
+        ("corners", scenario.corners, CORNERS),
+    )
+    for name, value, known in choices:
+        if value not in known and (value is not None or name != "headland_order"):
+            close = nearest(str(value), known)
+            raise ScenarioError(f"{named(name)} {value!r} is unknown{close}; use {', '.join(known)}.", parameter=name)
+    if scenario.tracks_only and scenario.headland_order is not None:
+        raise ScenarioError(
+            f"{named('tracks_only')} leaves the headland, and {named('headland_order')} says when to work it; "
+            "leave out one of them."
         )
 
 

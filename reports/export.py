@@ -40,6 +40,8 @@ PLAN_KEYS = (
     "reason",
     "on_pareto_front",
     "remark",
+    "rounds",
+    "headland_s",
 )
 PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
 CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")

@@ -39,6 +39,7 @@ class PlanResult:
     tractor or implement outside.
     `order_gap_pct` is by how much less any other order of tracks could take between them, at most; None where the order
     is not searched but given by the strategy.
+    `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
     """
 
     strategy: str
@@ -69,6 +70,8 @@ class PlanResult:
     order_gap_pct: float | None = None
     on_pareto_front: bool = False
     remark: str | None = None
+    rounds: int | None = None
+    headland_s: float | None = None
 
 
 def finish_s(plan: PlanResult) -> float:

@@ -10,11 +10,17 @@ import typer
 from planner.commands.options import (
     AsJson,
     Bearing,
+    Corners,
     FieldArgument,
     Headland,
+    HeadlandFirst,
+    HeadlandLast,
     Local,
+    Operation,
+    TracksOnly,
     TractorOption,
     Width,
+    headland_order,
 )
 from strategies.names import NAMES
 
@@ -45,6 +51,11 @@ def plan(
     speed_kmh: Annotated[float, typer.Option(help="Working speed, km/h.")] = 5.0,
     turn_speed_kmh: Annotated[Optional[float], typer.Option(help="Turn speed, km/h; --speed-kmh, at most 5.")] = None,  # noqa: UP045
     headland: Headland = None,
+    operation: Operation = "till",
+    headland_first: HeadlandFirst = False,
+    headland_last: HeadlandLast = False,
+    corners: Corners = "square",
+    tracks_only: TracksOnly = False,
     bearing: Bearing = None,
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.05,
@@ -77,7 +88,8 @@ def plan(
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
-        turn_speed_kmh, headland, bearing, radius, clearance, tractor, seed, gnss, gnss_table,
+        turn_speed_kmh, headland, bearing, radius, clearance, tractor, seed, gnss, gnss_table, operation,
+        headland_order(headland_first, headland_last), corners, tracks_only,
     )  # fmt: skip
     planned = _planned(scenario, processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
@@ -91,7 +103,8 @@ def _scenario(
     field: str, local: bool, width: float, tractors: str, strategies: str, turn: str, start: str | None,
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
-    clearance: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None,
+    clearance: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str, order: str | None,
+    corners: str, tracks_only: bool,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_clock, parse_counts, parse_strategies
 
@@ -116,6 +129,10 @@ def _scenario(
         seed=seed,
         gnss=gnss or gnss_table is not None,
         gnss_table=gnss_table,
+        operation=operation,
+        headland_order=order,
+        corners=corners,
+        tracks_only=tracks_only,
     )
 
 
