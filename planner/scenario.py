@@ -17,6 +17,7 @@ DEFAULT_SPEED_MPS = 5.0 * KMH  # thesis, section 6.3.1
 TURNING_MPS = 5.0 * KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
 DAY_S = 24 * 3600
 LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
+MOST_MARGIN_M = 100.0
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -27,7 +28,8 @@ class Scenario:
     `field` and `tractor` are names or files. What is None is decided by planning: the headland by the turn that must
     fit it, the bearing by the least driving, the radius by full lock, the speed of turns by `turning_mps`. A deadline
     `before_s` that is earlier than `start_s` is on the next day. `clearance_m` is kept between machines with their
-    implements; beside each other on neighbouring tracks they have what the tracks leave. Raises ScenarioError.
+    implements; beside each other on neighbouring tracks they have what the tracks leave. `margin_m` is kept to
+    obstacles and holes of the field. Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -37,6 +39,7 @@ class Scenario:
     bearing_deg: float | None = None
     radius_m: float | None = None
     clearance_m: float = 0.05
+    margin_m: float = 0.3
     tractor: str = "eg105"
     tractors: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     strategies: tuple[str, ...] = tuple(STRATEGIES)
@@ -106,6 +109,10 @@ def _check_lengths(scenario: Scenario) -> None:
     for name, value in positive.items():
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
+    if not 0.0 <= scenario.margin_m <= MOST_MARGIN_M:
+        raise ScenarioError(
+            f"The margin to obstacles ({named('margin_m')}) is {scenario.margin_m:g} m; use 0 to {MOST_MARGIN_M:g} m."
+        )
     if not LEAST_CLEARANCE_M <= scenario.clearance_m <= MOST_CLEARANCE_M:
         raise ScenarioError(
             f"The clearance between tractors ({named('clearance_m')}) is {scenario.clearance_m:g} m; use "

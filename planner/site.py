@@ -73,6 +73,7 @@ def prepare(
     if not isinstance(field, Field):
         field = read_field(scenario.field if field is None else str(field), local=scenario.local)
     _check_field(field)
+    field = field.clear_of_obstacles(scenario.margin_m)
     fixes = gnss_errors(scenario)
     tractor = as_tractor(scenario.tractor if tractor is None else tractor)
     implement = Implement(width_m=scenario.width_m)
