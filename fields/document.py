@@ -25,8 +25,18 @@ class RawPolygon:
 
 
 @dataclass(frozen=True)
+class RawObstacle:
+    """An obstacle as read: "Point", "LineString" or "Polygon", its coordinates, unchecked, and its properties."""
+
+    form: str
+    coordinates: Any
+    keys: tuple[str, ...]
+    properties: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class Document:
-    """A file taken apart: polygons, ground zones, entrance points, coordinate system and frame.
+    """A file taken apart: polygons, ground zones, obstacles, entrance points, coordinate system and frame.
 
     Attributes:
         crs: coordinate system named by an old-style ``crs`` member, or None.
@@ -43,6 +53,7 @@ class Document:
     header: dict[str, Any]
     source: str
     unused: tuple[tuple[str, int], ...] = ()
+    obstacles: tuple[RawObstacle, ...] = ()
 
 
 @dataclass(frozen=True)

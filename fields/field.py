@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from dataclasses import field as member
 
 import numpy as np
@@ -10,7 +11,9 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
-from fields.errors import FieldError
+from fields.errors import FieldError, named
+from fields.obstacles import Obstacle, ground_left
+from fields.outline import SMALLEST_M2
 from fields.projection import project
 
 FloatArray = npt.NDArray[np.float64]
@@ -44,11 +47,13 @@ class Field:
 
     Attributes:
         name: name of the field.
-        boundary: counter-clockwise valid polygon, metres; its holes are obstacles.
+        boundary: counter-clockwise valid polygon, metres; its holes are obstacles. Those of ``obstacles`` are cut out
+            of it by ``clear_of_obstacles``.
         crs: projected system the metres belong to, such as ``"EPSG:32654"``; None for local metres.
         origin_m: easting and northing (whole metres) that were subtracted from every coordinate.
         entrance: point where tractors enter, metres, or None.
         grounds: ground zones; where they overlap the first one counts.
+        obstacles: what stands in or beside the field, holes of the boundary aside.
         default_ground: ground wherever no zone lies.
         source: where the boundary comes from, in words.
         remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
@@ -69,6 +74,7 @@ class Field:
     default_ground: str = "soil"
     source: str = ""
     remarks: tuple[str, ...] = member(default=(), compare=False)
+    obstacles: tuple[Obstacle, ...] = ()
 
     def __post_init__(self) -> None:
         label = f"field '{self.name}'"
@@ -85,6 +91,28 @@ class Field:
     def area_ha(self) -> float:
         """Area without the obstacles, hectares."""
         return self.area_m2 / 10_000.0
+
+    def clear_of_obstacles(self, margin_m: float) -> Field:
+        """The field whose boundary is the ground that may be worked: a margin is kept to obstacles and holes.
+
+        Where obstacles cut the field in pieces the largest is kept, and a remark tells what the others measure.
+
+        Raises:
+            FieldError: the margin is out of range, or too little ground is left.
+        """
+        if not (math.isfinite(margin_m) and margin_m >= 0.0):
+            raise FieldError(f"The margin ({named('margin_m')}) is {margin_m:g} m; it must be 0 or more.")
+        if not self.obstacles and not (margin_m and self.boundary.interiors):
+            return self
+        left, cut_off = ground_left(self.boundary, self.obstacles, margin_m)
+        if left.area < SMALLEST_M2:
+            raise FieldError(
+                f"Obstacles with a margin ({named('margin_m')}) of {margin_m:g} m leave {left.area:.3g} m2 of field "
+                f"'{self.name}' in one piece; a field needs at least {SMALLEST_M2:g} m2, so check the obstacles or use "
+                "a smaller margin."
+            )
+        told = f"Obstacles cut off {cut_off:.0f} m2 of the field, which are not worked."
+        return replace(self, boundary=left, remarks=(*self.remarks, told) if cut_off >= 1.0 else self.remarks)
 
     def ground_at(self, x: float, y: float) -> str:
         """Name of the ground under the point (x, y) in metres; an edge belongs to its zone."""

@@ -13,6 +13,8 @@ from fields.document import Document, RawPolygon
 from fields.errors import FieldError, named
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
+from fields.obstacles import Obstacle
+from fields.obstacles_read import polygons_inside, read_obstacle
 from fields.outline import check_area, polygon, position, rings
 from fields.samples_index import sample_names
 from fields.source import field_file, source_of
@@ -37,7 +39,9 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
         name: name for the field; otherwise taken from the file.
 
     A Point whose properties have ``role: entrance`` is the entrance; polygons whose properties have a
-    ``ground`` are ground zones. Heights are dropped and open rings closed.
+    ``ground`` are ground zones. Features with ``role: obstacle`` are obstacles: a Point with its ``radius_m``, a
+    LineString with its ``width_m``, a Polygon; a ``kind`` such as ``pole`` or ``ditch`` may stand for the size. Heights
+    are dropped and open rings closed.
 
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.
@@ -49,6 +53,7 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
     shape, frame = _outline(document, chosen, local, label)
     check_area(shape, label)
     several = len(document.polygons) > 1
+    inside = polygons_inside(document, chosen, frame, shape) if several else []
     return Field(
         name=name or _name(chosen, source.name),
         boundary=shape,
@@ -58,7 +63,8 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
         grounds=_grounds(document, frame, shape, several, label),
         default_ground=str(chosen.properties.get("default_ground") or "soil"),
         source=str(chosen.properties.get("source") or document.source),
-        remarks=_remarks(document),
+        remarks=(*_remarks(document), *_inside_remark(len(inside))),
+        obstacles=(*_obstacles(document, frame, shape, several, label), *inside),
     )
 
 
@@ -68,9 +74,17 @@ def _remarks(document: Document) -> tuple[str, ...]:
         return ()
     told = ", ".join(f"{count} {what}" for what, count in document.unused)
     return (
-        f"Not used of the field file: {told}; obstacles are holes of the boundary, an entrance is a Point with role "
-        "'entrance', a ground zone a Polygon with a 'ground'.",
+        f"Not used of the field file: {told}; an obstacle has the role 'obstacle' or is a hole of the boundary, an "
+        "entrance is a Point with role 'entrance', a ground zone a Polygon with a 'ground'.",
     )
+
+
+def _inside_remark(polygons: int) -> tuple[str, ...]:
+    """A sentence on polygons that are taken for obstacles though no role says so."""
+    if not polygons:
+        return ()
+    told = "A polygon" if polygons == 1 else f"{polygons} polygons"
+    return (f"{told} of the field file inside the field {'is' if polygons == 1 else 'are'} taken for obstacles.",)
 
 
 @dataclass(frozen=True)
@@ -112,8 +126,9 @@ def _choose(document: Document, key: str | None, local: bool, label: str) -> Raw
     """The polygon that is meant."""
     found = document.polygons
     if key is None:
-        if len(found) == 1:
-            return found[0]
+        around = found[0] if len(found) == 1 else _around_all(document, local)
+        if around is not None:
+            return around
         raise FieldError(f"{label} holds {len(found)} fields; {_how_to_choose(document, local)}.")
     matches = [i for i, raw in enumerate(found) if key in raw.keys]
     if len(matches) > 1:
@@ -124,6 +139,18 @@ def _choose(document: Document, key: str | None, local: bool, label: str) -> Raw
     if key.isdecimal() and len(key) < 10 and int(key) < len(found):
         return found[int(key)]
     raise FieldError(f"{label} has no field '{key}'; {_how_to_choose(document, local)}.")
+
+
+def _around_all(document: Document, local: bool) -> RawPolygon | None:
+    """The polygon that all others lie inside, if there is one."""
+    for raw in document.polygons if len(document.polygons) <= LISTED else ():
+        try:
+            shape, frame = _outline(document, raw, local, "")
+        except FieldError:
+            continue
+        if len(polygons_inside(document, raw, frame, shape)) == len(document.polygons) - 1:
+            return raw
+    return None
 
 
 def _how_to_choose(document: Document, local: bool) -> str:
@@ -158,6 +185,14 @@ def _grounds(
         if not several or area.distance(shape) <= NEAR_M:
             zones.append(GroundZone(ground, area))
     return tuple(zones)
+
+
+def _obstacles(
+    document: Document, frame: Frame, shape: shapely.Polygon, several: bool, label: str
+) -> tuple[Obstacle, ...]:
+    """Obstacles in local metres, in the order of the file."""
+    read = [read_obstacle(raw, frame, label) for raw in document.obstacles]
+    return tuple(one for one in read if not several or one.shape.distance(shape) <= NEAR_M)
 
 
 def _entrance(

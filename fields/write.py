@@ -14,6 +14,7 @@ from fields.document import LOCAL, WGS84
 from fields.errors import FieldError
 from fields.field import Field
 from fields.formats.geojson import HEADER
+from fields.obstacles import AREA, LINE, POINT, Obstacle
 
 
 def write_field(field: Field, path: str | Path) -> None:
@@ -37,6 +38,8 @@ def field_geojson(field: Field) -> str:
     features = [_feature("Polygon", _rings(field, field.boundary), properties)]
     for zone in field.grounds:
         features.append(_feature("Polygon", _rings(field, zone.polygon), {"ground": zone.name}))
+    for obstacle in field.obstacles:
+        features.append(_obstacle_feature(field, obstacle))
     if field.entrance is not None:
         point = _given(field, np.array([field.entrance]))[0]
         features.append(_feature("Point", point, {"role": "entrance"}))
@@ -50,7 +53,18 @@ def field_geojson(field: Field) -> str:
     )
 
 
-def _feature(kind: str, coordinates: list[Any], properties: dict[str, str]) -> dict[str, Any]:
+def _obstacle_feature(field: Field, obstacle: Obstacle) -> dict[str, Any]:
+    properties: dict[str, Any] = {"role": "obstacle", "kind": obstacle.kind, "name": obstacle.name}
+    geometry = obstacle.geometry
+    if isinstance(geometry, shapely.Polygon):
+        return _feature(AREA, _rings(field, geometry), properties)
+    points = _given(field, shapely.get_coordinates(geometry))
+    if geometry.geom_type == POINT:
+        return _feature(POINT, points[0], properties | {"radius_m": obstacle.half_m})
+    return _feature(LINE, points, properties | {"width_m": 2.0 * obstacle.half_m})
+
+
+def _feature(kind: str, coordinates: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
     geometry = {"type": kind, "coordinates": coordinates}
     return {"type": "Feature", "properties": properties, "geometry": geometry}
 

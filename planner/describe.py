@@ -25,6 +25,7 @@ def describe(site: Site) -> dict[str, Any]:
         "source": field.source,
         "area_ha": round(field.area_ha, 4),
         "holes": len(field.boundary.interiors),
+        "obstacles": [f"{one.name or one.kind}: {one.shape.area:.3g} m2" for one in field.obstacles],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
         "headland_m": layout.headland_m,

@@ -89,6 +89,7 @@ def asked(site: Site) -> dict[str, Any]:
         "tracks": len(layout.tracks),
         "radius_m": site.manner.radius_m,
         "clearance_m": scenario.clearance_m,
+        "margin_m": scenario.margin_m,
         "tractor": site.tractor.name,
         "turn": scenario.turn,
         "speed_kmh": scenario.speed_mps / KMH,

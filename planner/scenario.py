@@ -26,6 +26,7 @@ LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
 ORDERS_OF = {"till": ORDERS, "sow": (LAST,), "spray": ORDERS, "harvest": (FIRST,), "mow": (FIRST,)}
 """When the headland may be worked: what goes out must not be driven over, what is sown not either."""
 CORNERS = ("square", "round")
+MOST_MARGIN_M = 100.0
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -47,9 +48,10 @@ class Scenario:
     `field` and `tractor` are names or files. What is None is decided by planning: the headland by the turn that must
     fit it, the bearing by the least driving, the radius by full lock, the speed of turns by `turning_mps`. A deadline
     `before_s` that is earlier than `start_s` is on the next day. `clearance_m` is kept between machines with their
-    implements; beside each other on neighbouring tracks they have what the tracks leave. The headland is worked in
-    rounds, "first" or "last" by `headland_order` (None: as the `operation` allows and is quicker), with square or round
-    `corners`; with `tracks_only` it is left as room for turning. Raises ScenarioError.
+    implements; beside each other on neighbouring tracks they have what the tracks leave. `margin_m` is kept to
+    obstacles and holes of the field. The headland is worked in rounds, "first" or "last" by `headland_order` (None: as
+    the `operation` allows and is quicker), with square or round `corners`; with `tracks_only` it is left as room for
+    turning. Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -59,6 +61,7 @@ class Scenario:
     bearing_deg: float | None = None
     radius_m: float | None = None
     clearance_m: float = 0.05
+    margin_m: float = 0.3
     tractor: str = "eg105"
     tractors: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     strategies: tuple[str, ...] = tuple(STRATEGIES)
@@ -173,6 +176,10 @@ def _check_lengths(scenario: Scenario) -> None:
             raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
         if value is not None and value > LONGEST_M:
             raise ScenarioError(f"The {name} is {value:g} m; use {LONGEST_M:g} m or less.")
+    if not 0.0 <= scenario.margin_m <= MOST_MARGIN_M:
+        raise ScenarioError(
+            f"The margin to obstacles ({named('margin_m')}) is {scenario.margin_m:g} m; use 0 to {MOST_MARGIN_M:g} m."
+        )
     if not LEAST_CLEARANCE_M <= scenario.clearance_m <= MOST_CLEARANCE_M:
         raise ScenarioError(
             f"The clearance between tractors ({named('clearance_m')}) is {scenario.clearance_m:g} m; use "

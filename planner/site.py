@@ -87,6 +87,7 @@ def prepare(
         if not isinstance(field, Field):
             field = read_field(scenario.field if field is None else str(field), local=scenario.local)
         _check_field(field)
+        field = field.clear_of_obstacles(scenario.margin_m)
     with about("gnss_table"):
         position_errors = gnss_errors(scenario)
     with about("tractor"):

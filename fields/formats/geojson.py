@@ -6,14 +6,14 @@ import json
 from collections import Counter
 from typing import Any
 
-from fields.document import LOCAL, WGS84, Document, Format, RawPolygon
+from fields.document import LOCAL, WGS84, Document, Format, RawObstacle, RawPolygon
 from fields.errors import FieldError
 from fields.reading import parse_fault, read_text
 
 HEADER = "headland"
 """Foreign member (RFC 7946, section 6.1) with the frame of the file; written by ``write_field``."""
-BOUNDARY, ZONE, ENTRANCE = "boundary", "ground zone", "entrance"
-NO_BOUNDARY = ("obstacle", ENTRANCE)
+BOUNDARY, ZONE, ENTRANCE, OBSTACLE = "boundary", "ground zone", "entrance", "obstacle"
+NO_BOUNDARY = (OBSTACLE, ENTRANCE)
 """Roles of polygons that are certainly no field."""
 KINDS_SHOWN, ROLE_SHOWN = 6, 30
 GEOMETRIES = (
@@ -56,6 +56,7 @@ def parse(text: str, label: str) -> Document:
         header=header,
         source=_text(root.get("source")),
         unused=_unused(features),
+        obstacles=_obstacles(features, label),
     )
 
 
@@ -101,25 +102,48 @@ def _polygons(
     return tuple(polygons), tuple(zones)
 
 
+def _obstacles(features: list[dict[str, Any]], label: str) -> tuple[RawObstacle, ...]:
+    """Obstacles; the parts of a geometry in several parts stand one by one."""
+    obstacles: list[RawObstacle] = []
+    for feature in features:
+        if _use(feature) != OBSTACLE:
+            continue
+        geometry, properties = _member(feature, "geometry"), _member(feature, "properties")
+        form, coordinates = str(geometry["type"]), geometry.get("coordinates")
+        if not form.startswith("Multi"):
+            parts = [coordinates]
+        elif isinstance(coordinates, list):
+            parts = coordinates
+        else:
+            raise FieldError(f"An obstacle of {label}, a {form}, has no coordinates; give it a list of them.")
+        keys = _keys(feature, properties)
+        obstacles += [RawObstacle(form.removeprefix("Multi"), part, keys, properties) for part in parts]
+    return tuple(obstacles)
+
+
 def _use(feature: dict[str, Any]) -> str:
     """What a feature is read as, "" for nothing. A polygon with a role of something else is no boundary."""
     kind, properties = _member(feature, "geometry").get("type"), _member(feature, "properties")
     role = properties.get("role")
     if kind == "Point" and role == ENTRANCE:
         return ENTRANCE
+    if role == OBSTACLE and kind in GEOMETRIES and kind != "GeometryCollection":
+        return OBSTACLE
     if kind not in ("Polygon", "MultiPolygon") or role in NO_BOUNDARY:
         return ""
     return ZONE if _text(properties.get("ground")) else BOUNDARY
 
 
 def _unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
-    """Features that are read as nothing, counted by geometry and role."""
+    """Features that are read as nothing, counted by geometry and role, and those that say what an edge is."""
     counts: Counter[str] = Counter()
     for feature in features:
-        if not _use(feature):
-            kind = _member(feature, "geometry").get("type")
-            role = _text(_member(feature, "properties").get("role"))[:ROLE_SHOWN]
-            shape = kind if kind in GEOMETRIES else "feature without a known geometry"
+        kind = _member(feature, "geometry").get("type")
+        role, edge = (_text(_member(feature, "properties").get(key))[:ROLE_SHOWN] for key in ("role", "edge"))
+        shape = kind if kind in GEOMETRIES else "feature without a known geometry"
+        if edge:
+            counts[f"{shape} with edge '{edge}'"] += 1
+        elif not _use(feature):
             counts[f"{shape} with role '{role}'" if role else f"{shape}"] += 1
     most = counts.most_common(KINDS_SHOWN)
     rest = counts.total() - sum(count for _, count in most)

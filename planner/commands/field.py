@@ -13,6 +13,7 @@ from planner.commands.options import (
     FieldArgument,
     Headland,
     Local,
+    Margin,
     TractorOption,
     Width,
 )
@@ -26,6 +27,7 @@ def field(
     width: Width = 3.0,
     headland: Headland = None,
     bearing: Bearing = None,
+    margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
     local: Local = False,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with the tracks.")] = None,  # noqa: UP045
@@ -49,8 +51,9 @@ def field(
         _list(field, local, json)
         return
     scenario = Scenario(
-        field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor
-    )
+        field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
+        margin_m=margin,
+    )  # fmt: skip
     warm_up()
     site = prepare(scenario)
     remark(site.layout.field.remarks)

@@ -16,6 +16,7 @@ from planner.commands.options import (
     HeadlandFirst,
     HeadlandLast,
     Local,
+    Margin,
     Operation,
     TracksOnly,
     TractorOption,
@@ -59,6 +60,7 @@ def plan(
     bearing: Bearing = None,
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.05,
+    margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
     local: Local = False,
     html: Annotated[Optional[Path], typer.Option(help="Write one page with map, bars and table.")] = None,  # noqa: UP045
@@ -88,8 +90,8 @@ def plan(
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
-        turn_speed_kmh, headland, bearing, radius, clearance, tractor, seed, gnss, gnss_table, operation,
-        headland_order(headland_first, headland_last), corners, tracks_only,
+        turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
+        operation, headland_order(headland_first, headland_last), corners, tracks_only,
     )  # fmt: skip
     planned = _planned(scenario, processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
@@ -103,8 +105,8 @@ def _scenario(
     field: str, local: bool, width: float, tractors: str, strategies: str, turn: str, start: str | None,
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
-    clearance: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str, order: str | None,
-    corners: str, tracks_only: bool,
+    clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
+    order: str | None, corners: str, tracks_only: bool,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_clock, parse_counts, parse_strategies
 
@@ -116,6 +118,7 @@ def _scenario(
         bearing_deg=bearing,
         radius_m=radius,
         clearance_m=clearance,
+        margin_m=margin,
         tractor=tractor,
         tractors=parse_counts(tractors),
         strategies=parse_strategies(strategies),

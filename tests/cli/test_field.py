@@ -86,3 +86,28 @@ def test_the_map_is_a_picture(headland: Callable[..., Any], small: Path, tmp_pat
     assert outcome.status == 0
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     assert [path.name for path in tmp_path.iterdir()] == ["map.png"]
+
+
+def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: Path) -> None:
+    square = {"type": "Polygon", "coordinates": [[[0, 0], [60, 0], [60, 100], [0, 100], [0, 0]]]}
+    pole = {"type": "Point", "coordinates": [30, 50]}
+
+    def saved(**properties: Any) -> Path:
+        features = [
+            {"type": "Feature", "properties": {}, "geometry": square},
+            {"type": "Feature", "properties": {"role": "obstacle", **properties}, "geometry": pole},
+        ]
+        place = tmp_path / "pole.geojson"
+        place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+        return place
+
+    # A circle is drawn with 64 corners: 32 r^2 sin(2 pi / 64) is 7.06 m2 for 1.5 m, 3.14 m2 for 1 m.
+    told = json.loads(headland("field", saved(radius_m=1.5, name="mast"), "--local", "--json", "--margin", "0.5").out)
+    assert told["obstacles"] == ["mast: 7.06 m2"] and told["holes"] == 1 and told["interrupted_tracks"] >= 1
+    assert told["area_ha"] == pytest.approx(0.6 - 1e-4 * math.pi * 2.0**2, abs=1e-4)
+    outcome = headland("field", saved(kind="tree"), "--local")
+    assert outcome.status == 0 and "tree: 3.14 m2" in outcome.out and outcome.err == ""
+    outcome = headland("plan", saved(radius_m=70), "--local")
+    assert outcome.status == 2 and "Obstacles with a margin (--margin) of 0.3 m leave 0 m2" in outcome.sentences[0]
+    outcome = headland("field", saved(), "--local")
+    assert outcome.status == 2 and "has no 'radius_m'" in outcome.sentences[0]

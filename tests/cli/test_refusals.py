@@ -181,6 +181,7 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--radius 1", ("tighter", "EG105")),
     ("--radius 0", ("--radius",)),
     ("--clearance 0", ("--clearance", "0.05")),
+    ("--margin -1", ("--margin", "0 to 100 m")),
     ("--radius 1000", ("headland",)),
     ("--json --csv", ("choose one",)),
     ("--processes 0", ("--processes is 0",)),
@@ -361,14 +362,14 @@ class TestFieldFiles:
     @pytest.fixture
     def pond(self, folder: Path) -> Iterator[Path]:
         place = folder / "pond.geojson"
-        point = feature({"type": "Point", "coordinates": [20, 20]}, role="obstacle")
+        point = feature({"type": "Point", "coordinates": [20, 20]}, role="tree")
         place.write_text(json.dumps({"type": "FeatureCollection", "features": [feature(SQUARE), point]}))
         yield place
         for path in (place, folder / "pond.html"):
             path.unlink(missing_ok=True)
 
     def test_what_is_not_used_is_named(self, headland: Callable[..., Any], pond: Path) -> None:
-        words = "Not used of the field file: 1 Point with role 'obstacle'"
+        words = "Not used of the field file: 1 Point with role 'tree'"
         outcome = headland("field", "pond.geojson", "--local", "--json")
         assert outcome.status == 0 and len(outcome.sentences) == 1 and f"Note: {words}" in outcome.err
         assert json.loads(outcome.out)["area_ha"] == 0.6

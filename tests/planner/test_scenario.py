@@ -89,6 +89,8 @@ class TestClock:
         ({"width_m": math.inf}, "width_m"),
         ({"clearance_m": 0.0}, "clearance_m.* is 0 m; use 0.05 to 10 m"),
         ({"clearance_m": math.nan}, "clearance_m.* is nan m"),
+        ({"margin_m": -0.1}, "margin_m.* is -0.1 m; use 0 to 100 m"),
+        ({"margin_m": math.inf}, "margin_m.* is inf m"),
         ({"clearance_m": 11.0}, "clearance_m.* is 11 m"),
         ({"speed_mps": 0.0}, "speed_mps"),
         ({"speed_mps": 100.0}, "360 km/h is beyond field work; use 30 km/h or less"),
