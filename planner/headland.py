@@ -21,7 +21,7 @@ SAME_M = 20.0  # of rounds left out: so little decides nothing
 def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[list[Refined]]:
     """The plan with the rounds of the headland in every order that may be, to be compared by driving them.
 
-    After these the same with other passages, for where none of them can be driven. Raises StrategyError where no order can.
+    After these the same with other passages, for where none can be driven. Raises StrategyError where no order can.
     """
     if not job.rounds:
         yield [refined]
