@@ -183,7 +183,7 @@ def _corners(ring: FloatArray, bend_m: float) -> tuple[list[int], FloatArray]:
             bends.append((best[0], first, best[1]))
     taken = np.zeros(count, dtype=bool)
     chosen = []
-    for _, first, size in sorted(bends, key=lambda bend: (bend[2], -round(bend[0], 6), bend[1])):
+    for _, first, size in sorted(bends, key=lambda bend: (-round(bend[0], 6), bend[2], bend[1])):
         members = np.arange(first, first + size) % count
         if not taken[members].any():
             taken[members] = True

@@ -119,7 +119,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
-        first = first or runs[0]
+        first = first or next(iter(runs), None)
     assert first is not None  # a plan that cannot be written is refused
     return first
 

@@ -10,41 +10,41 @@ from planner.site import Site
 from strategies.errors import StrategyError
 from strategies.job import Job
 from strategies.record import Refined
-from strategies.rounds import with_rounds
+from strategies.rounds import FIRST, PASSAGES, Passage, with_rounds
 from vehicle.layout import FINISHED
 from vehicle.missions import ROUND, Plan
 from vehicle.run import Run
 
 SAME_M = 20.0  # of rounds left out: so little decides nothing
-IN_TURN = (0, 1, -1)  # all at once, those that begin farthest off first, or last
 
 
 def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[list[Refined]]:
     """The plan with the rounds of the headland in every order that may be, to be compared by driving them.
 
-    After these the same with tractors that go on to what comes second one after another, for where no plan can be
-    driven. Raises StrategyError where no order can.
+    After these the same with other passages, for where none can be driven. Raises StrategyError where no order can.
     """
     if not job.rounds:
         yield [refined]
         return
-    for in_turn in IN_TURN if job.tractors > 1 else IN_TURN[:1]:
-        plans = _plans(site, job, refined.plan, in_turn)
+    for passage in PASSAGES if job.tractors > 1 else PASSAGES[:1]:
+        plans = _plans(site, job, refined.plan, passage)
         yield [Refined(plan, None, _remark(refined, plan)) for plan in plans]
 
 
-def _plans(site: Site, job: Job, plan: Plan, in_turn: int) -> list[Plan]:
+def _plans(site: Site, job: Job, plan: Plan, passage: Passage) -> list[Plan]:
     """One plan for every order that leaves least of the rounds out."""
     plans: list[Plan] = []
     refusal: StrategyError | None = None
     for order in site.scenario.headland_orders:
+        if passage.alone and order == FIRST:
+            continue  # the others would stand on the headland
         try:
-            plans.append(with_rounds(job, plan, order, in_turn))
+            plans.append(with_rounds(job, plan, order, passage))
         except StrategyError as error:
             refusal = refusal or error
     if refusal is not None and not plans:
         raise refusal
-    least = min(float(each.notes["left_m"]) for each in plans)
+    least = min((float(each.notes["left_m"]) for each in plans), default=0.0)
     return [each for each in plans if each.notes["left_m"] <= least + SAME_M]
 
 

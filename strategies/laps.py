@@ -118,12 +118,17 @@ def _trimmed(strip: _Strip, first_m: float, last_m: float) -> _Strip:
     return replace(strip, points=points, length_m=strip.length_m - first_m - last_m)
 
 
-def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False) -> Path | None:
+def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False, beside: bool = False) -> Path | None:
     """The way with the implement up from the end of a side or a track to the beginning of another; None for none.
 
-    With `anyhow` the implement may reach over the edge of the field all along it.
+    With `anyhow` the implement may reach over the edge of the field all along it. With `beside` a way that keeps to the
+    headland is taken whatever longer it is, as others may stand on their tracks.
     """
     rim = job.rim or job.connector
+    if beside and job.headland is not None:
+        way = job.headland.connect(a, b)
+        if _easy(way):
+            return way
     ways = chain((_turn(job, a, b),), (_between(job, p, q) for p, q in _freed(job, rim, a, b)))
     way = next((way for way in ways if _easy(way)), None) or rim.direct(a, b)
     if not _easy(way) and anyhow:

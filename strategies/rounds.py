@@ -22,6 +22,7 @@ FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
 ORIGINS = 12  # places tried for the first border between sectors
 WELL_BEGUN_M = 15.0  # a tractor on its first side of a round leaves room behind it from here on
+NEARLY_M = 30.0  # one that follows another in a formation stops farther behind than its leg goes
 ARRIVED_M = 0.2  # a tractor counts as through this far before the end of a leg
 
 
@@ -37,38 +38,73 @@ class _Whole:
     before: int
 
 
-def with_rounds(job: Job, plan: Plan, order: str, in_turn: int = 0) -> Plan:
+@dataclass(frozen=True)
+class Passage:
+    """How a fleet goes on from what comes first to what comes second.
+
+    `beside` keeps all to the headland. `turn` 1 lets them go one after another, those first that have farthest to drive
+    before they wait for others, -1 these last, 0 all at once; meanwhile the others wait before the last stretch of
+    their last track, or at the end of their rounds. With `alone` one tractor drives all rounds, after the tracks only,
+    and the others wait for it before the last stretch of theirs.
+    """
+
+    beside: bool = False
+    turn: int = 0
+    alone: bool = False
+
+
+PASSAGES = (
+    Passage(), Passage(beside=True), Passage(turn=1), Passage(True, 1), Passage(turn=-1), Passage(True, -1),
+    Passage(True, 1, alone=True),
+)  # fmt: skip
+"""From the quickest to those that keep tractors apart where the others do not."""
+
+
+def with_rounds(job: Job, plan: Plan, order: str, passage: Passage = PASSAGES[0]) -> Plan:
     """The plan with the rounds of the job driven "first", from the outside in, or "last", from the inside out.
 
-    With `in_turn` 1 a tractor goes on to what comes second only when the one before it has begun with it, with -1 only
-    when the one after it has; meanwhile it waits before the last stretch of its last track, or at the end of its
-    rounds. Raises StrategyError where no way leads from the rounds to the tracks or back.
+    Raises StrategyError where no way leads from the rounds to the tracks or back.
     """
     if not job.rounds:
         return plan
     first = order == FIRST
     ends = [mission.start if first else _end(mission) for mission in plan.missions]
-    shifts = [shift_of(job, share) for share in _shares(job, ends, first)]
+    shifts = [shift_of(job, share) for share in _shares(job, ends, first, passage)]
     meet = [None if shift is None else (shift.end if first else shift.start)[:2] for shift in shifts]
     own = [shifts[share] for share in _dealt(meet, ends)]
-    wholes = [_joined(job, *three, first=first) for three in zip(plan.missions, own, ends, strict=True)]
-    if in_turn and not first:
-        wholes = [_held_back(whole) for whole in wholes]
+    parts = zip(plan.missions, own, ends, strict=True)
+    wholes = [_joined(job, *three, first=first, beside=passage.beside) for three in parts]
+    if passage.turn and not first:
+        wholes = [_held_back(whole, passage) for whole in wholes]
     moved = [whole.before for whole in wholes]
     legs = [_renumbered(whole.legs, moved) for whole in wholes]
     for tractor, whole in enumerate(wholes):
         if whole.border < len(whole.legs):
-            gates = _through(wholes, tractor) + _begun(wholes, tractor, in_turn)
-            legs[tractor][whole.border] = replace(legs[tractor][whole.border], may_wait=True).with_gates(gates)
+            leg = replace(legs[tractor][whole.border], may_wait=True)
+            legs[tractor][whole.border] = leg.with_gates(_gates(wholes, own, tractor, first, passage))
     left = math.fsum(shift.left_m for shift in shifts if shift)
     notes = {**plan.notes, "headland": order, "rounds": max(lap.number for lap in job.rounds), "left_m": round(left, 1)}
     return Plan(tuple(mission_from(each) for each in legs), notes)
 
 
-def _shares(job: Job, ends: list[Pose], first: bool) -> list[list[Stretch]]:
+def _gates(
+    wholes: list[_Whole], own: list[Shift | None], tractor: int, first: bool, passage: Passage
+) -> list[Gate]:
+    """What a tractor waits for before it goes on."""
+    if passage.alone and own[tractor] is None:
+        worker = next(index for index, shift in enumerate(own) if shift is not None)
+        last = len(wholes[worker].legs) - 1
+        return [Gate(worker, last, max(0.0, wholes[worker].legs[last].length_m - ARRIVED_M))]
+    through = _through(wholes, tractor, NEARLY_M if passage.turn and not first else ARRIVED_M)
+    return through if passage.alone else through + _begun(wholes, tractor, passage.turn)
+
+
+def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[list[Stretch]]:
     """The rounds shared out so that the way to or from the tracks is short for the tractor that has the longest."""
-    if job.tractors == 1:
-        return shared(job, outside_in=first, begin=job.layout.field.entrance if first else ends[0][:2])
+    if job.tractors == 1 or passage.alone:
+        begin = job.layout.field.entrance if first else ends[0][:2]
+        whole = shared(replace(job, tractors=1), outside_in=first, begin=begin)
+        return whole + [[] for _ in range(job.tractors - 1)]
     begin = job.layout.field.entrance
     options = [shared(job, outside_in=first, begin=begin, origin=place / ORIGINS) for place in range(ORIGINS)]
 
@@ -101,12 +137,12 @@ def _dealt(places: Sequence[tuple[float, ...] | None], ends: list[Pose]) -> list
     return [own[tractor] for tractor in range(len(ends))]
 
 
-def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first: bool) -> _Whole:
+def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first: bool, beside: bool) -> _Whole:
     """The legs of a tractor with its share of the rounds."""
     if shift is None:
         return _Whole(mission.legs, 0 if first else len(mission.legs), 0)
     a, b = (shift.end, end) if first else (end, shift.start)
-    way = link(job, a, b, anyhow=True)
+    way = link(job, a, b, anyhow=True, beside=beside)
     if way is None:
         there, back = ("rounds", "tracks") if first else ("tracks", "rounds")
         raise StrategyError(
@@ -118,10 +154,10 @@ def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first
     return _Whole((*one, *between, *two), len(one), len(one) + len(between) if first else 0)
 
 
-def _held_back(whole: _Whole) -> _Whole:
+def _held_back(whole: _Whole, passage: Passage) -> _Whole:
     """The same legs for a tractor that waits before the last stretch of its last track, clear of the headland."""
     hold = next((leg for leg in range(whole.border - 1, 0, -1) if whole.legs[leg].may_wait), whole.border)
-    return replace(whole, border=hold) if whole.border < len(whole.legs) else whole
+    return replace(whole, border=hold) if passage.alone or whole.border < len(whole.legs) else whole
 
 
 def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
@@ -136,10 +172,10 @@ def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
     ]
 
 
-def _through(wholes: list[_Whole], me: int) -> list[Gate]:
-    """Gates that open when all others are through with what comes first."""
+def _through(wholes: list[_Whole], me: int, short_m: float) -> list[Gate]:
+    """Gates that open when all others are through with what comes first, but for some metres."""
     return [
-        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - ARRIVED_M))
+        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - short_m))
         for other, whole in enumerate(wholes)
         if other != me and whole.border > 0
     ]
@@ -148,7 +184,7 @@ def _through(wholes: list[_Whole], me: int) -> list[Gate]:
 def _begun(wholes: list[_Whole], me: int, in_turn: int) -> list[Gate]:
     """A gate that opens when the tractor before this one is where it waits for others, or through with its first leg.
 
-    Those that drive farthest before they first wait go first, or last when `in_turn` is -1; 0 is for no turns.
+    `in_turn` is as in Passage.
     """
     if not in_turn:
         return []
