@@ -23,8 +23,8 @@ class Outcome:
 
     @property
     def sentences(self) -> list[str]:
-        """Lines on standard error."""
-        return [line for line in self.err.splitlines() if line.strip()]
+        """Lines on standard error, but for the word that the simulator is compiled first."""
+        return [line for line in self.err.splitlines() if line.strip() and not line.startswith("Compiling the simulator")]
 
 
 def polygon(*corners: tuple[float, float]) -> dict[str, Any]:
