@@ -78,7 +78,7 @@ class Scenario:
     operation: str = "till"
     headland_order: str | None = None
     corners: str = "square"
-    tracks_only: bool = False
+    tracks_only: bool = True
 
     def __post_init__(self) -> None:
         _check_types(self)

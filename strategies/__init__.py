@@ -2,9 +2,14 @@
 
     paths, turns            geometry of turns in closed form
     sizing, timing          the headland that turns need; the seconds they take, simulated
+    words, search           the words that join two poses, and the best that fits, compiled
     connect, routes         the quickest drivable way between two poses inside the field
     job                     what a strategy is given: layout, manner of driving, ways
     sequence                the order in which one tractor takes its tracks
+    table, tours            seconds between passes by the ways driven; orders searched over them
+    bounds, circuit         what no order can undercut; few tracks proven
+    shares                  blocks of lines for a fleet, balanced
+    rounds, shifts, laps, corners   the headland in rounds: when, who, how along it, how round its corners
     legs                    tracks and turns as legs, each with its task
     separate                what strategies share whose tractors each have tracks of their own
     formation               what strategies share whose tractors work abreast: rounds, places, the queue

@@ -39,7 +39,10 @@ Operation = Annotated[
 HeadlandFirst = Annotated[bool, typer.Option("--headland-first", help="Work the headland before the tracks.")]
 HeadlandLast = Annotated[bool, typer.Option("--headland-last", help="Work the headland after the tracks.")]
 Corners = Annotated[str, typer.Option(help="Corners of the headland: square (worked whole, backing up) or round.")]
-TracksOnly = Annotated[bool, typer.Option("--tracks-only", help="Leave the headland; it is only room for turning.")]
+TracksOnly = Annotated[
+    bool,
+    typer.Option("--tracks-only/--rounds", help="Leave the headland as room for turning, or work it in rounds too."),
+]
 
 
 def headland_order(first: bool, last: bool) -> str | None:

@@ -61,12 +61,12 @@ class TestNotUsed:
         point = {"type": "Point", "coordinates": [50, 50]}
         line = {"type": "LineString", "coordinates": [[0, 0], [1, 1]]}
         pond = polygon(moved([[0, 0], [5, 0], [5, 5]], 50, 50))
-        several = [feature(point, role="obstacle")] * 2 + [feature(line), feature(pond, role="obstacle"), feature(None)]
+        several = [feature(point, role="tree")] * 2 + [feature(line), feature(pond, role="entrance"), feature(None)]
         field = read_field(saved(collection(feature(polygon(SQUARE_M)), *several)), local=True)
         (remark,) = field.remarks
         assert remark.startswith(
-            "Not used of the field file: 2 Point with role 'obstacle', 1 LineString, 1 Polygon with role 'obstacle', "
-            "1 feature without a known geometry; obstacles are holes of the boundary"
+            "Not used of the field file: 2 Point with role 'tree', 1 LineString, 1 Polygon with role 'entrance', "
+            "1 feature without a known geometry; an obstacle has the role 'obstacle' or is a hole of the boundary"
         )
 
     def test_a_polygon_with_the_role_of_an_obstacle_is_no_second_field(self, saved: Any) -> None:

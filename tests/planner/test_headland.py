@@ -102,8 +102,8 @@ def test_order_and_direction(rectangle: Any, order: str, outermost: int) -> None
     ("operation", "orders"), [("mow", ("first",)), ("sow", ("last",)), ("till", ("first", "last"))]
 )
 def test_operations_allow_their_orders(operation: str, orders: tuple[str, ...]) -> None:
-    assert Scenario(operation=operation).headland_orders == orders
-    assert Scenario(operation=operation, headland_order="first").headland_orders == ("first",)
+    assert Scenario(operation=operation, tracks_only=False).headland_orders == orders
+    assert Scenario(operation=operation, headland_order="first", tracks_only=False).headland_orders == ("first",)
     assert Scenario(operation=operation, tracks_only=True).headland_orders == ()
 
 
@@ -127,7 +127,7 @@ def test_tracks_only_leaves_the_headland(place: Any) -> None:
 @pytest.mark.parametrize("name", ["netherlands", "sweden"])
 @pytest.mark.parametrize("tractors", [1, 2, 3])
 def test_samples_are_worked_whole(name: str, tractors: int) -> None:
-    site = prepare(Scenario(field=name))
+    site = prepare(Scenario(field=name, tracks_only=False))
     result = of(site, "split-field", tractors).result
     assert result.feasible, result.reason
     assert (result.worked_pct or 0.0) > 99.0 and (result.excursion_m or 0.0) < 0.5

@@ -46,6 +46,8 @@ CONTRACT = [
     "reason",
     "on_pareto_front",
     "remark",
+    "rounds",
+    "headland_s",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 COLUMNS = [column for key in CONTRACT for column in (PIECE if key == "largest_missed" else [key])]
