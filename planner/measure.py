@@ -67,8 +67,8 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
     """
     boundary = site.layout.field.boundary
     inside = _clipped((swept or swept_ground(run, site)).ground, boundary)
-    worked = shapely.union_all(inside, grid_size=GRID_M)
-    missed = shapely.difference(boundary, worked, grid_size=GRID_M)
+    worked = only_areas(shapely.union_all(inside, grid_size=GRID_M))
+    missed = only_areas(shapely.difference(boundary, worked, grid_size=GRID_M))
     area, total = float(worked.area), float(shapely.area(inside).sum())
     largest = _largest(missed, 0.5 * site.implement.width_m)
     return Coverage(

@@ -24,7 +24,7 @@ def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
     """
     lines, row = _wheel_paths(run, site.tractor)
     finished = np.flatnonzero(~swept.on_round)
-    ground = shapely.union_all(swept.ground[finished], grid_size=GRID_M)
+    ground = only_areas(shapely.union_all(swept.ground[finished], grid_size=GRID_M))
     shapely.prepare(ground)
     across = shapely.intersects(ground, lines)
     tyres, row = shapely.buffer(lines[across], 0.5 * TYRE_M, cap_style="flat"), row[across]
@@ -32,9 +32,10 @@ def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
     strip = finished[strip]
     before = swept.first[strip] < row[wheel]
     parts = _swept_before(run, site, swept, strip[before], row[wheel[before]])
-    trodden = shapely.union_all(shapely.intersection(tyres[wheel[before]], parts, grid_size=GRID_M), grid_size=GRID_M)
-    headland = shapely.union_all(swept.ground[swept.on_round], grid_size=GRID_M)
-    inside = shapely.intersection(only_areas(trodden), site.layout.field.boundary, grid_size=GRID_M)
+    pressed = shapely.intersection(tyres[wheel[before]], parts, grid_size=GRID_M)
+    trodden = only_areas(shapely.union_all([only_areas(one) for one in pressed], grid_size=GRID_M))
+    headland = only_areas(shapely.union_all(swept.ground[swept.on_round], grid_size=GRID_M))
+    inside = shapely.intersection(trodden, site.layout.field.boundary, grid_size=GRID_M)
     return float(shapely.difference(only_areas(inside), headland, grid_size=GRID_M).area)
 
 
