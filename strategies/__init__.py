@@ -7,6 +7,8 @@
     legs                    tracks and turns as legs, each with its task
     separate                what strategies share whose tractors each have tracks of their own
     formation               what strategies share whose tractors work abreast: rounds, places, the queue
+    rounds                  rounds of the headland before or after the tracks of any plan
+    shifts, laps, corners   whose rounds are whose; rounds as legs; corners in closed form
     record, registry        what a strategy is to others; all of them by name
 
     split_field, interleaved, row_by_row, col_by_col, row_by_row_optimised    one strategy each

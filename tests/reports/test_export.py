@@ -39,6 +39,8 @@ CONTRACT = [
     "reason",
     "on_pareto_front",
     "remark",
+    "rounds",
+    "headland_s",
 ]
 
 
