@@ -29,6 +29,7 @@ def describe(site: Site) -> dict[str, Any]:
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
         "headland_m": layout.headland_m,
+        "rounds": layout.rounds,
         "tracks": len(lengths),
         "interrupted_tracks": len(lengths) - len({track.line for track in layout.tracks}),
         "longest_track_m": round(max(lengths), 1),

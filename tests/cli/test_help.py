@@ -34,7 +34,8 @@ def test_help_shows_an_example(headland: Callable[..., Any], words: tuple[str, .
 def test_every_option_of_plan_is_explained(headland: Callable[..., Any]) -> None:
     text = headland("plan", "--help").out
     for option in ("--width", "--tractors", "--strategies", "--turn", "--start", "--before", "--price-per-hour",
-                   "--html", "--png", "--save", "--json", "--csv", "--seed", "--processes", "--local"):  # fmt: skip
+                   "--html", "--png", "--save", "--json", "--csv", "--seed", "--processes", "--local", "--operation",
+                   "--headland-first", "--headland-last", "--corners", "--tracks-only"):  # fmt: skip
         assert option in text
 
 

@@ -61,7 +61,7 @@ class Guess:
 @pytest.fixture(scope="module")
 def plans(wide_site: Any) -> list[Plan]:
     """Plans of every strategy, and some on a field with a notch."""
-    notched = prepare(Scenario(field="denmark"))
+    notched = prepare(Scenario(field="denmark", tracks_only=True))
     return [
         *(strategy.build(wide_site.job(count)) for strategy in STRATEGIES.values() for count in (1, 4, 5)),
         *(STRATEGIES[name].build(notched.job(3)) for name in ("split-field", "interleaved")),

@@ -29,7 +29,7 @@ CASES = {
 
 def times(name: str, field: Field) -> dict[tuple[str, int], float | None]:
     _, strategies, counts = CASES[name]
-    site = prepare(Scenario(field=name), field)
+    site = prepare(Scenario(field=name, tracks_only=True), field)
     taken = {}
     for strategy in strategies:
         for count in counts:
@@ -64,7 +64,8 @@ def test_times_stay_on_a_large_field_with_notches(how: str, still: Any, move: An
 @pytest.mark.parametrize("how", MOVES)
 def test_area_and_tracks_stay(how: str, move: Any) -> None:
     for name, (field, _, _) in CASES.items():
-        before, after = (prepare(Scenario(field=name), f).layout for f in (field, move(field, MOVES[how])))
+        scenario = Scenario(field=name, tracks_only=True)
+        before, after = (prepare(scenario, f).layout for f in (field, move(field, MOVES[how])))
         assert after.field.area_ha == pytest.approx(before.field.area_ha, rel=1e-9)
         assert after.lines == before.lines
         assert after.total_m == pytest.approx(before.total_m, rel=1e-6)
@@ -74,7 +75,7 @@ def test_area_and_tracks_stay(how: str, move: Any) -> None:
 def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str, move: Any) -> None:
     field = read_field("netherlands")
     before, after = (
-        evaluate(prepare(Scenario(field="netherlands"), f), Candidate("row-by-row", 3))
+        evaluate(prepare(Scenario(field="netherlands", tracks_only=True), f), Candidate("row-by-row", 3))
         for f in (field, move(field, MOVES[how]))
     )
     assert before.feasible and after.feasible

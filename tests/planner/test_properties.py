@@ -34,7 +34,7 @@ def sites(draw: Any) -> Site:
     assume(hull.geom_type == "Polygon" and hull.area > 3000)
     turned = shapely.affinity.rotate(hull, draw(st.floats(0, 360)), origin=(0, 0))
     try:
-        return prepare(Scenario(field="random"), Field("random", turned))
+        return prepare(Scenario(field="random", tracks_only=True), Field("random", turned))
     except FieldError:
         assume(False)
         raise

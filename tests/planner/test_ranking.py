@@ -224,7 +224,7 @@ class TestMoney:
         place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
         scenario = Scenario(
             str(place), local=True, tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0,
-            price_per_tractor=7.0, start_s=36000, before_s=36000 + 600,
+            price_per_tractor=7.0, start_s=36000, before_s=36000 + 600, tracks_only=True,
         )  # fmt: skip
         return plan(scenario, executor=SerialExecutor()).ranking
 

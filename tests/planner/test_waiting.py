@@ -162,7 +162,7 @@ def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
     from planner.scenario import Scenario
     from planner.site import prepare
 
-    site = prepare(Scenario(field="netherlands"))
+    site = prepare(Scenario(field="netherlands", tracks_only=True))
     for name in ("interleaved", "split-field"):
         tried = run_candidate(site, Candidate(name, 4))
         assert tried.reason is None and tried.run.contacts == () and tried.run.min_clearance_m > 0
