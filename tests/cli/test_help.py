@@ -35,7 +35,7 @@ def test_every_option_of_plan_is_explained(headland: Callable[..., Any]) -> None
     text = headland("plan", "--help").out
     for option in ("--width", "--tractors", "--strategies", "--turn", "--start", "--before", "--price-per-hour",
                    "--html", "--png", "--save", "--json", "--csv", "--seed", "--processes", "--local", "--operation",
-                   "--headland-first", "--headland-last", "--corners", "--tracks-only"):  # fmt: skip
+                   "--headland-first", "--headland-last", "--corners", "--tracks-only", "--rounds"):  # fmt: skip
         assert option in text
 
 
