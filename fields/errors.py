@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 _OPEN, _CLOSE = "\ue000", "\ue001"  # private characters of Unicode: no sentence of a person holds them
 _NAMED = re.compile(f"{_OPEN}([^{_OPEN}{_CLOSE}]*){_CLOSE}")
@@ -49,6 +50,16 @@ class HeadlandError(ValueError):
 
     def __str__(self) -> str:
         return self.spoken(lambda parameter: parameter)
+
+
+@contextmanager
+def about(parameter: str) -> Iterator[None]:
+    """Refusals of the body that name no parameter are about this one."""
+    try:
+        yield
+    except HeadlandError as refusal:
+        refusal.parameter = refusal.parameter or parameter
+        raise
 
 
 class FieldError(HeadlandError):

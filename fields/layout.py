@@ -1,18 +1,23 @@
-"""Tracks on a field: parallel lines evenly spaced, ending where the headland begins."""
+"""Tracks on a field: parallel lines evenly spaced, ending where the headland begins.
+
+A headland is either room for turning at the ends of tracks, or worked in rounds all along the outline.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
 from fields.bearings import candidate_bearings
-from fields.errors import FieldError
+from fields.errors import FieldError, named
 from fields.field import Field
+from fields.filling import filled
 from fields.lines import SHIFTS, Comb, CombRules, axes, better, comb, region_edges
+from fields.rounds import inner_region
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -59,7 +64,8 @@ class Layout:
         width_m: working width. Lines are evenly spaced by at most that, so that the whole width is covered.
         headland_m: room left along the tracks beyond their ends.
         tracks: sorted by line and piece; lines are numbered from one side to the other.
-        inner: region in which the centre lines of tracks may lie.
+        inner: region in which the centre lines of tracks may lie; with rounds, what these leave for tracks.
+        rounds: number of rounds of the headland that are worked; 0 where it is only room for turning.
     """
 
     field: Field
@@ -68,6 +74,7 @@ class Layout:
     headland_m: float
     tracks: tuple[Track, ...]
     inner: shapely.Geometry
+    rounds: int = 0
 
     @property
     def lines(self) -> int:
@@ -92,6 +99,7 @@ def lay_tracks(
     headland_m: float,
     bearing_deg: float | None = None,
     min_length_m: float = 5.0,
+    rounds: int = 0,
 ) -> Layout:
     """Lay parallel tracks on a field.
 
@@ -109,12 +117,17 @@ def lay_tracks(
         headland_m: room for turning along the tracks; 0 lets them run up to the boundary.
         bearing_deg: direction clockwise from north; None tries the directions of the boundary and of the
             smallest rectangle around it and takes the one with the least estimated driving.
-        min_length_m: shorter pieces are left out.
+        min_length_m: shorter pieces are left out; with rounds they are driven this far.
+        rounds: rounds of the headland that are worked. With any, the headland is as deep as they are wide, all along
+            the outline and every hole, and tracks cover whatever lies inside it: each reaches as far as its swath
+            meets that, also where the headland lies aslant.
 
     Raises:
         FieldError: a value is out of range, or no track is left.
     """
     _check(width_m, headland_m, bearing_deg, min_length_m)
+    if rounds:
+        return _inside_rounds(field, width_m, rounds, bearing_deg, min_length_m)
     region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
     edges = region_edges(region)
     if not len(edges):
@@ -126,7 +139,8 @@ def lay_tracks(
     if span_m > MOST_LINES * width_m:
         raise FieldError(
             f"Working width {width_m:g} m would give more than {MOST_LINES} lines on field '{field.name}', "
-            f"{span_m:.0f} m across; give the width in metres."
+            f"{span_m:.0f} m across; give the width in metres.",
+            parameter="width_m",
         )
     trim = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
     rules = CombRules(width_m, trim, min_length_m, EDGE_SLACK_M, field.area_m2)
@@ -141,14 +155,38 @@ def lay_tracks(
     return Layout(field, bearing_rad, width_m, headland_m, _tracks(teeth, axes(bearing_rad)), inner)
 
 
+def _inside_rounds(
+    field: Field, width_m: float, rounds: int, bearing_deg: float | None, min_length_m: float
+) -> Layout:
+    """Tracks over everything inside the rounds of the headland."""
+    depth = rounds * width_m
+    region = inner_region(field, depth)
+    rules = CombRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area)
+    edges = region_edges(region)
+    choice = _choose(field, edges, rules, bearing_deg) if len(edges) else None
+    if choice is None and len(edges):
+        choice = _choose(field, edges, replace(rules, shortest_m=SLIVER_M), bearing_deg)
+    teeth = filled(region, choice[0], rules) if choice else None
+    if choice is None or teeth is None:
+        raise FieldError(
+            f"No track is left on field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {depth:g} m, "
+            f"worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller {named('headland_m')}."
+        )
+    return Layout(field, choice[0], width_m, depth, _tracks(teeth, axes(choice[0])), region, rounds)
+
+
 def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
     """Refuse numbers that mean nothing."""
     if not (math.isfinite(width_m) and width_m > 0.0):
-        raise FieldError(f"Working width {width_m} m is not usable; give a width above 0 m.")
+        raise FieldError(f"Working width {width_m} m is not usable; give a width above 0 m.", parameter="width_m")
     if not 0.0 <= headland_m <= DEEPEST_M:
-        raise FieldError(f"Headland {headland_m:g} m is not usable; give 0 to {DEEPEST_M:g} m.")
+        raise FieldError(
+            f"Headland {headland_m:g} m is not usable; give 0 to {DEEPEST_M:g} m.", parameter="headland_m"
+        )
     if bearing_deg is not None and not math.isfinite(bearing_deg):
-        raise FieldError(f"Bearing {bearing_deg} is not usable; give degrees clockwise from north, or none.")
+        raise FieldError(
+            f"Bearing {bearing_deg} is not usable; give degrees clockwise from north, or none.", parameter="bearing_deg"
+        )
     if not (math.isfinite(min_length_m) and min_length_m > 0.0):
         raise FieldError(f"Shortest track {min_length_m} m is not usable; give a length above 0 m.")
 

@@ -1,4 +1,4 @@
-"""Read a field from a sample or from a GeoJSON file (RFC 7946)."""
+"""Read a field from a sample or from a file of a form in fields.formats."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.document import Document, RawPolygon, parse
+from fields.document import Document, RawPolygon
 from fields.errors import FieldError, named
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
@@ -48,7 +48,7 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
     """
     source = source_of(str(where))
     label = f"'{source.name}'"
-    document = parse(source.text(), label)
+    document = source.document()
     chosen = _choose(document, source.key, local, label)
     shape, frame = _outline(document, chosen, local, label)
     check_area(shape, label)
@@ -108,13 +108,13 @@ def list_fields(where: str | Path, *, local: bool = False) -> tuple[Listed, ...]
         FieldError: the file cannot be read or holds no field.
     """
     source = source_of(str(where))
-    document = parse(source.text(), f"'{source.name}'")
+    document = source.document()
     return tuple(_listed(document, position, local) for position in range(len(document.polygons)))
 
 
 def _listed(document: Document, position: int, local: bool) -> Listed:
     raw = document.polygons[position]
-    key = raw.keys[0] if raw.keys else str(position)
+    key = _printable(raw.keys[0]) if raw.keys else str(position)
     try:
         shape = _outline(document, raw, local, key)[0]
     except FieldError as fault:
@@ -214,5 +214,10 @@ def _name(raw: RawPolygon, stem: str) -> str:
     properties: dict[str, Any] = raw.properties
     for key in ("name", "Name"):
         if isinstance(properties.get(key), str) and properties[key].strip():
-            return str(properties[key]).strip()
-    return raw.keys[0] if raw.keys else stem
+            return _printable(properties[key].strip())
+    return _printable(raw.keys[0] if raw.keys else stem)
+
+
+def _printable(name: str) -> str:
+    """A name out of a file for a terminal: what a terminal would obey is shown as a question mark."""
+    return "".join(one if one.isprintable() else "?" for one in name)

@@ -7,18 +7,11 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from fields.document import Document
 from fields.errors import FieldError
-from fields.reading import read_text, shown
+from fields.formats import FOREIGN, FORMATS, format_of, geojson
+from fields.reading import shown
 from fields.samples_index import sample_names, sample_text
-
-KIND = "a GeoJSON file"
-FOREIGN = {
-    ".kml": "KML", ".kmz": "KML", ".gml": "GML", ".gpx": "GPX", ".xml": "XML", ".shp": "a Shapefile",
-    ".shx": "part of a Shapefile", ".dbf": "part of a Shapefile", ".prj": "part of a Shapefile",
-    ".gpkg": "a GeoPackage", ".fgb": "FlatGeobuf", ".parquet": "Parquet", ".dxf": "DXF", ".dwg": "DWG",
-    ".zip": "a ZIP archive", ".csv": "CSV", ".gdb": "a geodatabase",
-}  # fmt: skip
-"""Endings of files that hold fields in a form that is not read (yet)."""
 
 
 @dataclass(frozen=True)
@@ -40,23 +33,25 @@ class Source:
         """What messages call it."""
         return Path(self.place).stem
 
-    def text(self) -> str:
-        """Its GeoJSON text.
+    def document(self) -> Document:
+        """What it holds.
 
         Raises:
-            FieldError: it is neither a sample nor a readable text file, or a file of another form.
+            FieldError: it is neither a sample nor a file that can be read, or a file of another form.
         """
+        label = f"'{self.name}'"
         if self.sample:
-            return sample_text(self.place)
+            return geojson.parse(sample_text(self.place), label)
         if not os.path.exists(self.place) and self.place:
             raise FieldError(_missing(self.place))
-        form = FOREIGN.get(Path(self.place).suffix.lower())
-        if form is not None:
+        form = format_of(self.place)
+        if form is None:
+            foreign, names = FOREIGN[Path(self.place).suffix.lower()], " or ".join(one.name for one in FORMATS)
             raise FieldError(
-                f"{shown(self.place)} is {form}, and fields are read from GeoJSON for now; convert it, for instance "
+                f"{shown(self.place)} is {foreign}, and fields are read from {names} for now; convert it, for instance "
                 f"with ogr2ogr -t_srs EPSG:4326 {self.name}.geojson {Path(self.place).name}, or save it so from QGIS."
             )
-        return read_text(self.place, KIND, FieldError)
+        return form.read(self.place, label)
 
 
 def source_of(where: str) -> Source:

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.document import HEADER, LOCAL, WGS84
+from fields.document import LOCAL, WGS84
 from fields.errors import FieldError
 from fields.field import Field
+from fields.formats.geojson import HEADER
 from fields.obstacles import AREA, LINE, POINT, Obstacle
 
 

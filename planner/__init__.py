@@ -4,13 +4,14 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
-evaluate       one candidate: built, simulated, repaired, measured (deconflict, steady, measure)
+evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled)
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe       a field in figures
+warmup         every compiled function in memory before it is needed
 errors         the base of all refusals
 commands, main  the command line; known by nothing else
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from strategies.record import MOST_REPAIRS, Simulate
-from vehicle.missions import DRIVE_IN, Gate, Leg, Plan
+from vehicle.missions import DRIVE_IN, ROUND, Gate, Leg, Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
@@ -136,5 +136,7 @@ def _turned(plan: Plan, tractor: int, leg: int) -> Gate:
 
 
 def _ends_turn(legs: tuple[Leg, ...], leg: int) -> bool:
-    """Whether a leg drives in on a track, or is the last of all."""
-    return leg == len(legs) - 1 or legs[leg].task.kind == DRIVE_IN
+    """Whether a leg drives in on a track, leads to where a side of a round begins, or is the last of all."""
+    if leg == len(legs) - 1 or legs[leg].task.kind == DRIVE_IN:
+        return True
+    return legs[leg].task.kind != ROUND and legs[leg + 1].task.kind == ROUND

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import HeadlandError, ScenarioError, named
+from planner.errors import HeadlandError, ScenarioError, about, named
 from planner.evaluate import Candidate, run_candidate
 from planner.measure import guided_point
 from planner.scenario import Scenario
@@ -30,7 +30,8 @@ SMALLEST_M = 1.0
 PATIENCE = 3.0  # times as long as the plan takes by the file: whoever is not done by then never will be
 
 
-Logs = Sequence[Log | str | Path]
+Logs = Sequence[Log | str | Path] | Log | str | Path
+"""Logs, or one of them."""
 
 
 def diagnose(
@@ -43,11 +44,14 @@ def diagnose(
 ) -> Diagnosis:
     """What the simulation of a tractor gets wrong in measured logs, why, and what mending it gains.
 
-    `logs` are Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object, a name or
-    a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
+    `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an
+    object, a name or a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
     """
-    machine = as_tractor(tractor)
-    return _with_gain(find_causes(logs_of(logs, fixes, machine), machine, ground, progress), machine)
+    with about("tractor"):
+        machine = as_tractor(tractor)
+    with about("logs"):
+        read = logs_of(logs, fixes, machine)
+    return _with_gain(find_causes(read, machine, ground, progress), machine)
 
 
 def demonstrate(
@@ -64,13 +68,17 @@ def demonstrate(
     """
     if seed < 0:
         raise ScenarioError(f"{named('seed')} {seed} is negative; use 0 or more.")
-    machine = as_tractor(tractor)
-    hidden = draw_hidden(seed, machine, hide)
+    with about("tractor"):
+        machine = as_tractor(tractor)
+    with about("hide"):
+        hidden = draw_hidden(seed, machine, hide)
     return _with_gain(find_causes(demo_logs(hidden, machine, ground, seed), machine, ground, progress), machine), hidden
 
 
 def logs_of(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:
     """Logs as objects: those that are, then those read from files, together, as they share an origin."""
+    if isinstance(logs, str | Path | Log):
+        logs = [logs]
     if not logs:
         raise ScenarioError(f"No log is given; name one file or more in {named('logs')}.")
     made = [log for log in logs if isinstance(log, Log)]

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
 
-from planner.measure import guided_point
+from planner.measure import coverage, guided_point
 from planner.site import Site
-from reports.results import Drive, PlanResult
+from reports.results import Drive, PlanResult, Points
 from vehicle.run import Run
+
+MISSED_TO_M = 0.1  # of what is left open, a picture needs no more
 
 
 def picture(site: Site, run: Run, result: PlanResult) -> Drive:
@@ -28,4 +32,12 @@ def picture(site: Site, run: Run, result: PlanResult) -> Drive:
         finish_s=tuple(float(t) for t in run.finish_s),
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         entrance=layout.field.entrance,
+        missed=_rings(coverage(run, site).missed),
+        largest_missed=result.largest_missed,
     )
+
+
+def _rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, ...]:
+    """Outlines and holes of pieces of ground, plain enough to be drawn."""
+    plain = (orient(piece.simplify(MISSED_TO_M), 1.0) for piece in pieces)
+    return tuple(np.asarray(ring.coords)[:-1, :2] for one in plain for ring in (one.exterior, *one.interiors))

@@ -6,9 +6,15 @@ with status 2; anything else is a fault of Headland and exits with status 1.
 
 from __future__ import annotations
 
-from fields.errors import HeadlandError, named, nearest
+from fields.errors import HeadlandError, about, named, nearest
 
-__all__ = ["HeadlandError", "ScenarioError", "named", "nearest"]
+__all__ = ["HeadlandError", "ScenarioError", "WorkerError", "about", "named", "nearest"]
+
+
+class WorkerError(HeadlandError):
+    """A process that was to plan is gone, or could not be started: nothing is wrong with what was asked."""
+
+    status = 1
 
 
 class ScenarioError(HeadlandError):

@@ -7,15 +7,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.deconflict import without_conflicts
-from planner.measure import coverage, excursion, finite_or_none, reversals
+from planner.headland import headland_s, with_headland
+from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
+from planner.swept import swept_ground
+from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.formation import corners_by_promise
 from strategies.job import Job
-from strategies.record import Refined, Simulate, Strategy
+from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
 from vehicle.rehearsal import Rehearsal
@@ -30,7 +33,7 @@ SMALLEST_GAIN_M = 0.02
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination to try; `jump` fixes the pattern of tracks for a strategy that takes one."""
+    """A combination to try; `jump` position_errors the pattern of tracks for a strategy that takes one."""
 
     strategy: str
     tractors: int
@@ -102,7 +105,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     rehearsal = Rehearsal(
         site.tractor, site.implement, stop_clearance_m=site.scenario.clearance_m,
-        beside_clearance_m=beside_clearance_m(site), fixes=site.fixes, seed=site.scenario.seed,
+        beside_clearance_m=beside_clearance_m(site), position_errors=site.position_errors, seed=site.scenario.seed,
     )  # fmt: skip
 
     def simulate(plan: Plan) -> Run:
@@ -110,9 +113,22 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
-    run, reason = _driven(refined, simulate, strategy.most_repairs)
+    first: CandidateRun | None = None
+    for choices in with_headland(site, job, refined):
+        runs = [_run_plan(site, strategy, job, each, simulate) for each in choices]
+        driven = [each for each in runs if each.reason is None]
+        if driven:
+            return min(driven, key=lambda each: round(each.run.duration_s, 3))
+        first = first or next(iter(runs), None)
+    assert first is not None  # a plan that cannot be written is refused
+    return first
+
+
+def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate) -> CandidateRun:
+    repairs = strategy.most_repairs + (MOST_REPAIRS if job.rounds else 0)
+    run, reason = _driven(refined, simulate, repairs)
     if reason is None:
-        run, aside = _steadied(site, run, simulate, strategy.most_repairs)
+        run, aside = _steadied(site, run, simulate, repairs)
         reason = _fault(site, run, aside)
     return CandidateRun(run, reason, _turns(job), refined.remark)
 
@@ -160,7 +176,7 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
     if aside > FARTHEST_ASIDE * site.layout.width_m:
-        return f"a track is begun {aside:.2f} m beside its line, more than a third of the working width"
+        return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None
 
 
@@ -182,9 +198,11 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         return PlanResult(
             candidate.strategy, candidate.tractors, turn, False, reason, collisions=len(run.contacts)
         )
-    scenario, shares, worked = site.scenario, run.time_shares(), coverage(run, site)
+    scenario, shares, swept = site.scenario, run.time_shares(), swept_ground(run, site)
+    worked = coverage(run, site, swept)
     tractor_time = float(np.sum(run.finish_s))
-    hired = run.duration_s * candidate.tractors
+    hourly = run.duration_s * candidate.tractors / 3600.0 * scenario.price_per_hour
+    hiring = candidate.tractors * scenario.price_per_tractor
     allowed = scenario.allowed_s
     return PlanResult(
         strategy=candidate.strategy,
@@ -194,16 +212,25 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         reason=reason,
         time_s=run.duration_s,
         tractor_time_s=tractor_time,
-        cost=hired / 3600.0 * scenario.price_per_hour + candidate.tractors * scenario.price_per_tractor,
+        cost=hourly + hiring,
         meets_deadline=None if allowed is None else run.duration_s <= allowed,
         worked_pct=worked.worked_pct,
         overlap_pct=worked.overlap_pct,
+        missed_m2=worked.missed_m2,
+        largest_missed=worked.largest,
+        finished_s=worked.finished(run.duration_s),
+        finished_cost=worked.finished(hourly) + hiring,
+        trampled_m2=trampled_m2(run, site, swept),
         outside_m=outside.length_m,
         excursion_m=outside.depth_m,
+        outside_outline_m=outline_excursion_m(run, site),
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
         waiting_s=float(shares["waiting"].sum()),
         reversals=reversals(run),
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
+        order_gap_pct=run.plan.notes.get("order_gap_pct"),
         remark=tried.remark,
+        rounds=site.layout.rounds,
+        headland_s=headland_s(run),
     )

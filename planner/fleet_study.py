@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planner.evaluate import Candidate
 from planner.pool import local_pool
@@ -53,8 +53,9 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
     if executor is None:
         with local_pool(len(todo)) as executor:
             return study(executor=executor, progress=progress)
-    site = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, strategies=(ROW,)))
-    apart = prepare(Scenario(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, turn="switch-back"))
+    asked = Scenario(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, tracks_only=True)
+    site = prepare(replace(asked, strategies=(ROW,)))
+    apart = prepare(replace(asked, turn="switch-back"))
     together, separate = pack(site), pack(apart)
     work = [(separate if candidate.jump else together, candidate, False) for candidate in todo]
     results = {todo[index]: one.result for index, one in outcomes(executor, work, progress)}

@@ -93,9 +93,7 @@ def _told(error: Exception) -> tuple[str, int]:
 
 
 def _lacks_memory(error: BaseException) -> bool:
-    """Whether memory ran out, which a library that cannot be loaded and a process that is lost say their way."""
-    if type(error).__name__ == "BrokenProcessPool":
-        return True
+    """Whether memory ran out, which a library that cannot be loaded says its way."""
     if isinstance(error, ImportError):
         return any(words in str(error) for words in ("failed to map segment", "allocate memory"))
     return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)

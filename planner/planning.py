@@ -60,11 +60,12 @@ def plan(
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}
     best: Outcome | None = None
+    allowed = scenario.allowed_s
     for index, one in outcomes(executor, [(packed, candidate, pictures) for candidate in todo], progress):
         results[index] = one.result
         if one.drive is not None:
             drives[index] = one.drive
-        if one.run is not None and (best is None or merit(one.result) < merit(best.result)):
+        if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
             best = one
     ranking = rank(site, [results[index] for index in range(len(todo))])
     shown = {(todo[index].strategy, todo[index].tractors): drives[index] for index in sorted(drives)}

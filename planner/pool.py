@@ -12,6 +12,8 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, TypeVar
@@ -43,17 +45,47 @@ class LocalPool(ProcessPoolExecutor):
     def __init__(self, processes: int) -> None:
         context = multiprocessing.get_context("spawn")
         listen, self._lifeline = context.Pipe(duplex=False)
-        super().__init__(processes, context, _begin, (listen,))
+        with _lost():
+            super().__init__(processes, context, _begin, (listen,))
         self.window = AHEAD * processes
         for _ in range(processes):
             self.submit(_load)
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """As every executor's; a process that this starts is deaf to Ctrl-C from its first moment."""
+        with _lost(), _deaf():
+            return super().submit(fn, *args, **kwargs)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
         if kind is not None:
+            # Else the caller may wait for ever at its end, to hand tasks to nobody.
+            self._call_queue.cancel_join_thread()  # type: ignore[attr-defined]
             self._lifeline.close()
         return super().__exit__(kind, error, trace)
+
+
+@contextmanager
+def _lost() -> Iterator[None]:
+    """A process that cannot even be started is a lost one: its broken pipe is not that of standard output."""
+    try:
+        yield
+    except BrokenPipeError as error:
+        raise BrokenProcessPool("a process could not be started") from error
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Hold Ctrl-C back, where a system can; processes that start meanwhile never hear it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(lifeline: Connection) -> None:
@@ -84,7 +116,10 @@ def local_pool(tasks: int, processes: int | None = None) -> Executor:
 
 
 def completed(executor: Executor, fn: Callable[..., T], work: list[tuple[Any, ...]]) -> Iterator[tuple[int, T]]:
-    """(index, result) of fn(*work[index]) as they are done; what is not begun is cancelled if the caller leaves."""
+    """(index, result) of fn(*work[index]) as they are done; what is not begun is cancelled if the caller leaves.
+
+    A `LocalPool` has next to nothing that is not begun: it finishes that or, left by the exception, drops it.
+    """
     window = executor.window if isinstance(executor, LocalPool) else len(work)
     waiting: dict[Future[T], int] = {}
     left = list(enumerate(work))[::-1]
@@ -101,8 +136,9 @@ def completed(executor: Executor, fn: Callable[..., T], work: list[tuple[Any, ..
                 wait(waiting, return_when=FIRST_COMPLETED)
             yield from _finished(waiting)
     finally:
-        for future in waiting:
-            future.cancel()
+        if not isinstance(executor, LocalPool):  # whose broken end stumbles over what is cancelled but still listed
+            for future in waiting:
+                future.cancel()
 
 
 def _finished(waiting: dict[Future[T], int]) -> Iterator[tuple[int, T]]:

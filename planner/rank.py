@@ -9,7 +9,8 @@ from typing import Any
 from planner.evaluate import Candidate
 from planner.scenario import KMH, Scenario, clock
 from planner.site import Site
-from reports.results import PlanResult, Ranking, quickness
+from planner.trampled import TYRE_M
+from reports.results import PlanResult, Ranking, finish_s, quickness
 from strategies.registry import STRATEGIES
 from vehicle.effects import REST_KEY
 from vehicle.tractor import Tractor
@@ -32,8 +33,13 @@ def candidates(scenario: Scenario) -> list[Candidate]:
 
 
 def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
-    """Order by time, then tractors, then name; infeasible plans last. Marks the front of time against count."""
-    results = [told(result) for result in results]
+    """Order by the time to finish the field, then tractors, then name; infeasible plans last.
+
+    A plan that leaves ground open is charged for it at its own rate: time and hourly cost grow by missed area over
+    worked area. Plans that leave equal shares open are thus ordered by what was driven. Marks the front of that time
+    against count.
+    """
+    results = [placed(told(result), site) for result in results]
     feasible = sorted((r for r in results if r.feasible), key=quickness)
     front = _front(feasible)
     ranked = [
@@ -63,6 +69,15 @@ def told(result: PlanResult) -> PlanResult:
     return replace(result, remark=f"{result.remark}; {little}" if result.remark else little)
 
 
+def placed(result: PlanResult, site: Site) -> PlanResult:
+    """The result with longitude and latitude of its largest missed piece where the field has a place on the earth."""
+    piece, field = result.largest_missed, site.layout.field
+    if piece is None or field.crs is None:
+        return result
+    ((lon, lat),) = field.to_wgs84([(piece.x_m, piece.y_m)]).tolist()
+    return replace(result, largest_missed=replace(piece, lon=lon, lat=lat))
+
+
 def asked(site: Site) -> dict[str, Any]:
     """The scenario of a ranking as plain values: what was asked for, and what was planned with where that was open."""
     scenario, layout = site.scenario, site.layout
@@ -78,6 +93,11 @@ def asked(site: Site) -> dict[str, Any]:
         "tractor": site.tractor.name,
         "turn": scenario.turn,
         "speed_kmh": scenario.speed_mps / KMH,
+        "rounds": layout.rounds,
+        "operation": scenario.operation,
+        "headland_order": scenario.headland_order,
+        "corners": scenario.corners,
+        "tracks_only": scenario.tracks_only,
         "turn_speed_kmh": scenario.turning_mps / KMH,
         "price_per_hour": scenario.price_per_hour,
         "price_per_tractor": scenario.price_per_tractor,
@@ -91,8 +111,8 @@ def asked(site: Site) -> dict[str, Any]:
 def _front(feasible: list[PlanResult]) -> list[PlanResult]:
     """Plans than which none is both as quick and as small, and better in one."""
     front: list[PlanResult] = []
-    for result in sorted(feasible, key=lambda r: (r.tractors, r.time_s or 0.0)):
-        if not front or (result.time_s or 0.0) < (front[-1].time_s or 0.0) - SAME_S:
+    for result in sorted(feasible, key=lambda r: (r.tractors, finish_s(r))):
+        if not front or finish_s(result) < finish_s(front[-1]) - SAME_S:
             if front and front[-1].tractors == result.tractors:
                 continue
             front.append(result)
@@ -107,6 +127,21 @@ def tractor_effects(tractor: Tractor) -> dict[str, dict[str, float]]:
     return amounts
 
 
+def _headland(site: Site) -> str:
+    """What becomes of the headland, and from when to when time runs."""
+    count = site.layout.rounds
+    if not count:
+        return (
+            "Time runs from the start on the headland to the end of the last track; the headland itself is left for a "
+            "last round, which is not counted."
+        )
+    plural = "s" if count > 1 else ""
+    return (
+        f"The headland is worked in {count} round{plural} with {site.scenario.corners} corners, shared by all tractors "
+        "before the tracks or after them; time runs from the start to the end of the last track or round."
+    )
+
+
 def assumptions(site: Site) -> tuple[str, ...]:
     """What every plan of a ranking takes for granted, in sentences."""
     manner, layout, tractor = site.manner, site.layout, site.tractor
@@ -116,9 +151,14 @@ def assumptions(site: Site) -> tuple[str, ...]:
         f"Work at {manner.work_speed_mps * kmh:.3g} km/h, turns at {manner.turn_speed_mps * kmh:.3g} km/h.",
         f"Planned turning radius {manner.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
         f"{len(layout.tracks)} tracks at bearing {layout.bearing_deg:.0f} degrees.",
-        "Outside the field counts the path of the antenna; body and implement may reach over the boundary in turns.",
-        "Time runs from the start on the headland to the end of the last track; the headland itself is left for a "
-        "last round, which is not counted.",
+        "Outside the field counts the path of the antenna; body and implement may reach over the boundary in turns, "
+        "and how long they do is told as the outline outside.",
+        "Worked is what the implement passes over while it is down. Ground left open is charged at the plan's own "
+        "rate: the time to finish is the time driven times field over worked area, the hourly cost grows alike, and "
+        "plans are ranked by it.",
+        "Trampled is finished ground off the headland that wheels go over while the implement is up; all tyres are "
+        f"assumed to be {TYRE_M:g} m wide.",
+        _headland(site),
         f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
         + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
         *(("Positions err as those of an RTK receiver do, a few millimetres.",) if site.scenario.gnss else ()),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.errors import about
 from vehicle.learnt import Settings
 from vehicle.measured.answer.verdict import Replayed, ReplayedStretch
 from vehicle.measured.logs.reading import read_log, remarks
@@ -41,10 +42,13 @@ def replay(
 
     Raises LogError and VehicleError.
     """
-    machine = as_tractor(tractor)
-    run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
-    course = make_course([run])
-    rig, settings = own_rig(machine, ground, course.origin)
+    with about("tractor"):
+        machine = as_tractor(tractor)
+    with about("log"):
+        run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
+        course = make_course([run])
+    with about("ground"):
+        rig, settings = own_rig(machine, ground, course.origin)
     errors = errors_of(run_squares(course, rig, {0: settings}))
     stretches = tuple(_stretch(rig, stretch, settings) for stretch in course.stretches)
     left_out = course.rows_read - course.rows

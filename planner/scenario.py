@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Integral, Real
+from pathlib import Path
 
+from fields.reading import brief
 from planner.errors import ScenarioError, named, nearest
 from strategies.registry import STRATEGIES
+from strategies.rounds import FIRST, LAST, ORDERS
 from strategies.turns import TURN_KINDS
 
 MOST_TRACTORS = 50
@@ -16,9 +19,26 @@ SLOWEST_KMH, FASTEST_KMH = 0.5, 30.0
 DEFAULT_SPEED_MPS = 5.0 * KMH  # thesis, section 6.3.1
 TURNING_MPS = 5.0 * KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
 DAY_S = 24 * 3600
+LONGEST_M = 1000.0  # wider, deeper and farther round than anything that works a field
+WHOLE_TURN_DEG = 360.0
+HIGHEST_PRICE = 1e9  # in whatever currency
 LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
+ORDERS_OF = {"till": ORDERS, "sow": (LAST,), "spray": ORDERS, "harvest": (FIRST,), "mow": (FIRST,)}
+"""When the headland may be worked: what goes out must not be driven over, what is sown not either."""
+CORNERS = ("square", "round")
 MOST_MARGIN_M = 100.0
 MOST_DIGITS = 40  # more are no number that anyone typed
+
+
+_OR_NONE = " | None"
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "str": ((str, Path), "a text"),
+    "bool": ((bool,), "True or False"),
+    "int": ((Integral,), "a whole number"),
+    "float": ((Real,), "a number"),
+    "tuple[int, ...]": ((tuple, list, range), "whole numbers in a tuple"),
+    "tuple[str, ...]": ((tuple, list), "names in a tuple"),
+}
 
 
 @dataclass(frozen=True)
@@ -29,7 +49,9 @@ class Scenario:
     fit it, the bearing by the least driving, the radius by full lock, the speed of turns by `turning_mps`. A deadline
     `before_s` that is earlier than `start_s` is on the next day. `clearance_m` is kept between machines with their
     implements; beside each other on neighbouring tracks they have what the tracks leave. `margin_m` is kept to
-    obstacles and holes of the field. Raises ScenarioError.
+    obstacles and holes of the field. The headland is worked in rounds, "first" or "last" by `headland_order` (None: as
+    the `operation` allows and is quicker), with square or round `corners`; with `tracks_only` it is left as room for
+    turning. Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -53,14 +75,22 @@ class Scenario:
     seed: int = 1
     gnss: bool = False
     gnss_table: str | None = None
+    operation: str = "till"
+    headland_order: str | None = None
+    corners: str = "square"
+    tracks_only: bool = True
 
     def __post_init__(self) -> None:
+        _check_types(self)
         _check_fleet(self)
         _check_names(self)
+        _check_rounds(self)
         _check_lengths(self)
         _check_speeds(self)
         _check_prices(self)
         _check_times(self)
+        if self.gnss_table is not None and not self.gnss:
+            raise ScenarioError(f"{named('gnss_table')} is used with {named('gnss')} alone; set that as well.")
 
     @property
     def turning_mps(self) -> float:
@@ -68,11 +98,29 @@ class Scenario:
         return min(self.speed_mps, TURNING_MPS) if self.turn_speed_mps is None else self.turn_speed_mps
 
     @property
+    def headland_orders(self) -> tuple[str, ...]:
+        """When the headland may be worked, "first" or "last"; nothing where it is not."""
+        if self.tracks_only:
+            return ()
+        return ORDERS_OF[self.operation] if self.headland_order is None else (self.headland_order,)
+
+    @property
     def allowed_s(self) -> float | None:
         """Seconds from start to deadline, None without a deadline; a clock that runs past midnight goes on."""
         if self.before_s is None or self.start_s is None:
             return None
         return float((self.before_s - self.start_s) % DAY_S)
+
+
+def _check_types(scenario: Scenario) -> None:
+    """Refuse what is not of the kind that the parameter says; a file may be a path."""
+    for each in fields(scenario):
+        value, kind = getattr(scenario, each.name), str(each.type)
+        if value is None and kind.endswith(_OR_NONE):
+            continue
+        types, words = _KINDS[kind.removesuffix(_OR_NONE)]
+        if not isinstance(value, types) or (isinstance(value, bool) and kind != "bool"):
+            raise ScenarioError(f"{named(each.name)} is {brief(value)}; give {words}.")
 
 
 def _check_fleet(scenario: Scenario) -> None:
@@ -100,6 +148,23 @@ def _check_names(scenario: Scenario) -> None:
         )
 
 
+def _check_rounds(scenario: Scenario) -> None:
+    choices: tuple[tuple[str, str | None, tuple[str, ...]], ...] = (
+        ("operation", scenario.operation, tuple(ORDERS_OF)),
+        ("headland_order", scenario.headland_order, ORDERS),
+        ("corners", scenario.corners, CORNERS),
+    )
+    for name, value, known in choices:
+        if value not in known and (value is not None or name != "headland_order"):
+            close = nearest(str(value), known)
+            raise ScenarioError(f"{named(name)} {value!r} is unknown{close}; use {', '.join(known)}.", parameter=name)
+    if scenario.tracks_only and scenario.headland_order is not None:
+        raise ScenarioError(
+            f"{named('tracks_only')} leaves the headland, and {named('headland_order')} says when to work it; "
+            "leave out one of them."
+        )
+
+
 def _check_lengths(scenario: Scenario) -> None:
     positive = {
         f"working width ({named('width_m')})": scenario.width_m,
@@ -107,8 +172,10 @@ def _check_lengths(scenario: Scenario) -> None:
         f"turning radius ({named('radius_m')})": scenario.radius_m,
     }
     for name, value in positive.items():
-        if value is not None and not (math.isfinite(value) and value > 0):
+        if value is not None and not value > 0:
             raise ScenarioError(f"The {name} is {value:g}; it must be above 0.")
+        if value is not None and value > LONGEST_M:
+            raise ScenarioError(f"The {name} is {value:g} m; use {LONGEST_M:g} m or less.")
     if not 0.0 <= scenario.margin_m <= MOST_MARGIN_M:
         raise ScenarioError(
             f"The margin to obstacles ({named('margin_m')}) is {scenario.margin_m:g} m; use 0 to {MOST_MARGIN_M:g} m."
@@ -118,9 +185,10 @@ def _check_lengths(scenario: Scenario) -> None:
             f"The clearance between tractors ({named('clearance_m')}) is {scenario.clearance_m:g} m; use "
             f"{LEAST_CLEARANCE_M:g} to {MOST_CLEARANCE_M:g} m."
         )
-    if scenario.bearing_deg is not None and not math.isfinite(scenario.bearing_deg):
+    if scenario.bearing_deg is not None and not abs(scenario.bearing_deg) <= WHOLE_TURN_DEG:
         raise ScenarioError(
-            f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg}; give degrees clockwise from north."
+            f"The bearing ({named('bearing_deg')}) is {scenario.bearing_deg:g}; give degrees clockwise from north, at "
+            f"most {WHOLE_TURN_DEG:g} either way."
         )
 
 
@@ -133,7 +201,7 @@ def _check_speeds(scenario: Scenario) -> None:
         if speed is None:
             continue
         kmh = speed / KMH
-        if not (math.isfinite(speed) and speed > 0):
+        if not speed > 0:
             raise ScenarioError(f"The {name} is {kmh:g} km/h; it must be above 0.")
         if kmh < SLOWEST_KMH * (1 - 1e-9):
             raise ScenarioError(
@@ -146,8 +214,10 @@ def _check_speeds(scenario: Scenario) -> None:
 def _check_prices(scenario: Scenario) -> None:
     for name in ("price_per_hour", "price_per_tractor"):
         price = getattr(scenario, name)
-        if not (math.isfinite(price) and price >= 0):
+        if not price >= 0:
             raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more.")
+        if price > HIGHEST_PRICE:
+            raise ScenarioError(f"{named(name)} is {price:g}; use {HIGHEST_PRICE:g} or less.")
 
 
 def _check_times(scenario: Scenario) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import shapely
 
+from fields.errors import FieldError
 from fields.field import Field
 from fields.free import beside_tracks, free_space
 from fields.layout import Layout, lay_tracks
 from fields.read import read_field
-from planner.errors import ScenarioError, named
+from fields.rounds import Round, lay_rounds
+from planner.errors import ScenarioError, about, named
 from planner.scenario import KMH, Scenario
 from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
@@ -23,7 +26,10 @@ from vehicle.tractor import Implement, Tractor, as_tractor
 
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_MARGIN = 1.08
+BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
+MOST_ROUNDS = 50
 FARTHEST_ENTRANCE_M = 500.0
+RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
 
 
@@ -33,7 +39,8 @@ class Site:
 
     The guided point may be anywhere in `free`, and tramples no track in `beside`. `turn_fits[k]` tells whether a turn
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
-    not simulated. `fixes` are the errors of positions.
+    not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
+    the headland that are worked; in their corners the guided point may be anywhere in `rim`.
     """
 
     scenario: Scenario
@@ -46,20 +53,25 @@ class Site:
     beside: shapely.Geometry
     kinds: tuple[str, ...]
     turn_fits: tuple[bool, ...]
-    fixes: Table
+    position_errors: Table
+    rounds: tuple[Round, ...] = ()
+    rim: shapely.Geometry = shapely.Polygon()  # noqa: RUF009 - no geometry ever changes
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors, with an empty memory of ways."""
-        anywhere, beside = (
+        anywhere, beside, rim = (
             None if region.is_empty else Connector(region, self.manner.radius_m, self.costs, self.kinds)
-            for region in (self.free, self.beside)
+            for region in (self.free, self.beside, self.rim)
         )
         if anywhere is None:
             raise ScenarioError(
                 f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: half the implement on either "
                 "side leaves nothing; use a narrower implement."
             )
-        return Job(self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout))
+        return Job(
+            self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
+            rim=rim, square=self.scenario.corners == "square",
+        )  # fmt: skip
 
 
 def prepare(
@@ -70,18 +82,23 @@ def prepare(
     `field` and `tractor`, as objects, names or files, take the place of those that the scenario names. Raises
     FieldError, VehicleError, StrategyError or ScenarioError.
     """
-    if not isinstance(field, Field):
-        field = read_field(scenario.field if field is None else str(field), local=scenario.local)
-    _check_field(field)
-    field = field.clear_of_obstacles(scenario.margin_m)
-    fixes = gnss_errors(scenario)
-    tractor = as_tractor(scenario.tractor if tractor is None else tractor)
+    scenario = _with_names(scenario, field, tractor)
+    with about("field"):
+        if not isinstance(field, Field):
+            field = read_field(scenario.field if field is None else str(field), local=scenario.local)
+        _check_field(field)
+        field = field.clear_of_obstacles(scenario.margin_m)
+    with about("gnss_table"):
+        position_errors = gnss_errors(scenario)
+    with about("tractor"):
+        tractor = as_tractor(scenario.tractor if tractor is None else tractor)
     implement = Implement(width_m=scenario.width_m)
     radius = _planned_radius(scenario, tractor, field.default_ground)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
-    layout = lay_tracks(field, scenario.width_m, headland, scenario.bearing_deg)
+    layout = _layout(scenario, field, headland)
+    rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
     bare = Manner(
         work_speed_mps=scenario.speed_mps,
         turn_speed_mps=scenario.turning_mps,
@@ -90,12 +107,48 @@ def prepare(
         tool_m=reach.tool_m,
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
-    timed = clock.best_times(scenario.width_m, turning_room(headland, reach), kinds)
+    timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
     manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
     free = free_space(field, reach.margin_m)
     beside = beside_tracks(layout, free)
+    rim = _rim(field, free) if rounds else shapely.Polygon()
     fits = tuple(seconds is not None for seconds in timed)
-    return Site(scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, fixes)
+    return Site(
+        scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors, rounds,
+        rim,
+    )
+
+
+def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
+    """The tracks and, unless there are to be none, as many rounds as the headland takes and the field has room for."""
+    width, bearing = scenario.width_m, scenario.bearing_deg
+    if scenario.tracks_only:
+        return lay_tracks(field, width, headland_m, bearing)
+    most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
+    for count in range(most, 1, -1):
+        try:
+            return lay_tracks(field, width, count * width, bearing, rounds=count)
+        except FieldError:
+            if scenario.headland_m is not None:
+                raise
+    return lay_tracks(field, width, width, bearing, rounds=1)
+
+
+def _rim(field: Field, free: shapely.Geometry) -> shapely.Geometry:
+    """The field a little drawn in, and as far from obstacles as anywhere else."""
+    outline = shapely.Polygon(field.boundary.exterior).buffer(-RIM_M, join_style="mitre")
+    solid = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(free)])
+    return shapely.difference(outline, shapely.difference(solid, free))
+
+
+def _with_names(
+    scenario: Scenario, field: Field | str | Path | None, tractor: Tractor | str | Path | None
+) -> Scenario:
+    """The scenario naming the field and tractor that take the place of its own."""
+    def name(given: Field | Tractor | str | Path | None, asked: str) -> str:
+        return asked if given is None else given.name if isinstance(given, Field | Tractor) else str(given)
+
+    return replace(scenario, field=name(field, scenario.field), tractor=name(tractor, scenario.tractor))
 
 
 def gnss_errors(scenario: Scenario) -> Table:

@@ -9,7 +9,7 @@ import shapely
 
 from planner.measure import guided_point
 from planner.site import Site
-from vehicle.missions import DRIVE_IN, Mission, Plan
+from vehicle.missions import Mission, Plan
 from vehicle.run import Run
 
 ASIDE_M = 0.4  # a track begun farther beside its line than this calls for a slower turn
@@ -51,15 +51,15 @@ def worst_aside(turns: list[Slip]) -> float:
 
 
 def _tracks_begun(mission: Mission) -> list[int]:
-    """First working leg of every track: the one after driving in."""
+    """First working leg of every track and of every side of a round that is not joined to the one before."""
     legs = mission.legs
-    return [k for k in range(1, len(legs)) if legs[k - 1].task.kind == DRIVE_IN]
+    return [k for k in range(1, len(legs)) if legs[k].implement and not legs[k - 1].implement]
 
 
 def _turn_start(mission: Mission, leg: int) -> int:
     """First of the legs that lead to the track of a working leg."""
     goal = mission.legs[leg].task
-    while leg > 0 and mission.legs[leg - 1].task.same_goal(goal):
+    while leg > 0 and not mission.legs[leg - 1].implement and mission.legs[leg - 1].task.same_goal(goal):
         leg -= 1
     return leg
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 
 from planner.drive import picture
+from planner.errors import WorkerError, named
 from planner.evaluate import Candidate, simulated
 from planner.pool import completed
 from planner.site import Site
@@ -15,6 +16,10 @@ from reports.results import Drive, PlanResult
 from vehicle.run import DONE, Run
 
 Progress = Callable[[int, int], None]
+LOST = (
+    "A process that was planning is gone or could not be started, perhaps for want of memory; use fewer "
+    f"({named('processes')}), and in a script keep what it does under if __name__ == '__main__'."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +50,10 @@ def outcomes(
     executor: Executor, work: list[tuple[bytes, Candidate, bool]], progress: Progress | None
 ) -> Iterator[tuple[int, Outcome]]:
     """(index, outcome) of every task as they are done; `progress` is called with how many are, and of how many."""
-    for done, pair in enumerate(completed(executor, work_out, work), start=1):
-        if progress:
-            progress(done, len(work))
-        yield pair
+    try:
+        for done, pair in enumerate(completed(executor, work_out, work), start=1):
+            if progress:
+                progress(done, len(work))
+            yield pair
+    except BrokenExecutor:
+        raise WorkerError(LOST) from None

@@ -1,1 +1,13 @@
-"""Tables, exports, figures and pages made from the results the planner hands over; nothing here simulates."""
+"""Tables, exports, figures and pages made from the results the planner hands over; nothing here simulates.
+
+    results             result types of plans and of the study
+    table, export, page, figures   a ranking, the study or a field: for the terminal, JSON and CSV, a page, a map
+    front, drawing, paths, timed   what pages draw, as numbers: time against count, the map, paths thinned
+    diagnosis_table, diagnosis_export, diagnosis_page   a diagnosis for the terminal, as JSON, as a page
+    replay_report       a replayed run
+    trials, trial_figures, agreement   the thesis's experiments, and how many of its numbers are met
+    parcels             the fields of a file
+    wording, diagnosis_words, effect_words   what results, diagnoses and effects are called
+    fitting, plain, palette   tables that fit the console; values that JSON can hold; colours
+    template            pages from templates: every one extends base.html.j2
+"""

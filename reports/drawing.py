@@ -17,6 +17,7 @@ from reports.paths import (
     Extent,
     arrow,
     extent,
+    hatching,
     numbered,
     round_length,
     spread,
@@ -25,13 +26,14 @@ from reports.paths import (
 )
 from reports.results import Drive, Points
 from reports.timed import Lane, lanes
-from reports.wording import duration
+from reports.wording import area, duration
 
 # Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
 MOST_KNOTS = 30_000  # of the plan shown first
 MOST_OTHERS = 60_000  # of all other plans together
 _MARGIN = 0.04  # of the larger side of the map
 _LABELS, _ARROWS = 2.3, 4.0  # least distance between two, in units of a map: a hundredth of its larger side
+_HATCH = 1.1  # between two lines over ground that is not worked, likewise
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ def map_picture(drives: Mapping[str, Drive]) -> dict[str, Any]:
         "plans": plans,
         "reversing": REVERSING in driven,
         "waiting": STATES["waiting"] in driven,
+        "missed": any(drive.missed for drive in drives.values()),
     }
 
 
@@ -135,6 +138,17 @@ def _plan(name: str, drive: Drive, paths: Sequence[Lane], frame: Viewport, size:
             for number, path in enumerate(paths)
         ],
         "seconds": [[round(drive.seconds[state][number], 1) for state in STATES] for number in range(len(paths))],
+        "missed": _missed(drive, frame, size),
+    }
+
+
+def _missed(drive: Drive, frame: Viewport, size: float) -> dict[str, Any]:
+    """Ground that is not worked, the lines over it, and the largest piece: its place and its area in words."""
+    piece = drive.largest_missed
+    return {
+        "ground": "".join(frame.line(ring, closed=True) for ring in drive.missed),
+        "hatch": "".join(frame.line(line) for line in hatching(drive.missed, _HATCH * size / 100)),
+        "largest": piece and [*frame.of(np.array([(piece.x_m, piece.y_m)]))[0], f"{area(piece.m2)} left"],
     }
 
 

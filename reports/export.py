@@ -23,17 +23,27 @@ PLAN_KEYS = (
     "feasible",
     "worked_pct",
     "overlap_pct",
+    "missed_m2",
+    "largest_missed",
+    "finished_s",
+    "finished_cost",
+    "trampled_m2",
     "outside_m",
     "excursion_m",
+    "outside_outline_m",
     "turning_s",
     "waiting_s",
     "reversals",
     "min_clearance_m",
     "collisions",
+    "order_gap_pct",
     "reason",
     "on_pareto_front",
     "remark",
+    "rounds",
+    "headland_s",
 )
+PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
 CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
 _DECIMALS = 6
 
@@ -60,26 +70,43 @@ def ranking_json(ranking: Ranking) -> str:
 
 
 def plan_entry(plan: PlanResult) -> dict[str, Any]:
-    """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor."""
-    entry = {key: finite(getattr(plan, key), _DECIMALS) for key in PLAN_KEYS}
-    entry["min_clearance_m"] = finite(clearance(plan), _DECIMALS)
-    return entry
+    """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor.
+
+    ``largest_missed`` has `PIECE_KEYS`: area, longitude and latitude (null for a field in local metres) and metres in
+    the frame of the field; null where no piece is missed.
+    """
+    values: dict[str, Any] = {key: getattr(plan, key) for key in PLAN_KEYS} | {"min_clearance_m": clearance(plan)}
+    if (piece := plan.largest_missed) is not None:
+        values["largest_missed"] = {key: getattr(piece, key) for key in PIECE_KEYS}
+    return {key: finite(value, _DECIMALS) for key, value in values.items()}
 
 
 def ranking_csv(ranking: Ranking) -> str:
     """The plans as CSV text: a header of `PLAN_KEYS` and `CSV_KEYS`, then one row per plan in the order of the ranking.
 
     `CSV_KEYS` are what was asked, the same on every row, so that tables of several fields can be put together.
-    Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone.
+    Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone. The largest
+    missed piece has a column for each of its keys (``largest_missed_m2``).
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow((*PLAN_KEYS, *CSV_KEYS))
+    writer.writerow((*_flat(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS))
     asked = {**ranking.scenario, "field": ranking.field_name}
     same = [_cell(finite(asked.get(key), _DECIMALS)) for key in CSV_KEYS]
     for plan in ranking.plans:
-        writer.writerow([*(_cell(value) for value in plan_entry(plan).values()), *same])
+        writer.writerow([*(_cell(value) for value in _flat(plan_entry(plan)).values()), *same])
     return buffer.getvalue()
+
+
+def _flat(entry: dict[str, Any]) -> dict[str, Any]:
+    """An entry of a plan with the values of its largest missed piece beside the others."""
+    flat: dict[str, Any] = {}
+    for key, value in entry.items():
+        if key == "largest_missed":
+            flat |= {f"{key}_{part}": (value or {}).get(part) for part in PIECE_KEYS}
+        else:
+            flat[key] = value
+    return flat
 
 
 def facts_json(facts: dict[str, Any]) -> str:

@@ -19,6 +19,7 @@ from reports.paths import (
     arrow,
     check_drive,
     extent,
+    hatching,
     numbered,
     pieces,
     round_length,
@@ -27,9 +28,10 @@ from reports.paths import (
     waits,
 )
 from reports.results import Drive
-from reports.wording import duration, tractors
+from reports.wording import area, duration, tractors
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -39,12 +41,14 @@ _HASH_SALT = "headland"
 _LETTERS_PER_INCH, _LINE_INCHES = 11.0, 0.24  # of a title of 11 points
 # Of the larger side of the map: how far beyond a track its number stands, least distances, length of an arrow's head.
 _BESIDE, _LABELS, _ARROWS, _HEAD = 0.012, 0.022, 0.04, 0.012
+_HATCH = 0.011  # of the larger side, between two lines over ground that is not worked
 
 
 def map_figure(drive: Drive, field_name: str = "") -> Figure:
     """The field and each tractor's path, to scale, north up, with start, entrance, scale bar and legend.
 
-    Tracks have their numbers and worked stretches the direction they were driven in, as many as have room. Above stand
+    Tracks have their numbers and worked stretches the direction they were driven in, as many as have room. Ground that
+    is not worked is hatched, the largest piece marked with its area. Above stand
     the name of the field, what was driven, and width, tracks, tractors and time. A drive without tractors shows the
     field and its swaths.
 
@@ -58,6 +62,7 @@ def map_figure(drive: Drive, field_name: str = "") -> Figure:
     figure.set_figheight(figure.get_figheight() + _LINE_INCHES * len(title))
     figure.suptitle(_literal("\n".join(title)), x=0.02, ha="left", fontsize=11, color=_INK, linespacing=1.4)
     _draw_field(axes, drive)
+    _draw_missed(axes, drive, box.size)
     for number in range(len(drive.xy)):
         _draw_tractor(axes, drive, number, box.size)
     if drive.entrance is not None:
@@ -130,6 +135,21 @@ def _draw_field(axes: Axes, drive: Drive) -> None:
     )
     axes.add_collection(strips, autolim=False)
     axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=palette.EDGE, linewidth=1.2, zorder=3))
+
+
+def _draw_missed(axes: Axes, drive: Drive, size: float) -> None:
+    """Lines over the ground that is not worked, and what the largest piece of it measures."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.patheffects import withStroke
+
+    if drive.missed:
+        lines = [*hatching(drive.missed, _HATCH * (size or 1.0))]
+        lines += [np.vstack([ring, ring[:1]]) for ring in drive.missed]
+        axes.add_collection(LineCollection(lines, colors=palette.MISSED, linewidths=0.5, zorder=2.4), autolim=False)
+    if (piece := drive.largest_missed) is not None:
+        text = axes.annotate(f"{area(piece.m2)} left", (piece.x_m, piece.y_m), color=palette.MISSED, fontsize=9,
+                             fontweight="bold", ha="center", va="center", zorder=9)  # fmt: skip
+        text.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
 
 
 def _draw_tractor(axes: Axes, drive: Drive, number: int, size: float) -> None:
@@ -208,9 +228,10 @@ def _draw_scale(axes: Axes, box: Extent) -> None:
 
 def _map_legend(figure: Figure, drive: Drive) -> None:
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     count = len(drive.xy)
-    handles = [
+    handles: list[Artist] = [
         Line2D([], [], color=palette.tractor_colour(number), linewidth=3, label=f"tractor {number + 1}")
         for number in range(count)
     ]
@@ -228,6 +249,8 @@ def _map_legend(figure: Figure, drive: Drive) -> None:
         handles.append(_mark("o", "start", "grey"))
     if drive.entrance is not None:
         handles.append(_mark("v", "entrance", _INK))
+    if drive.missed:
+        handles.append(Patch(facecolor="none", edgecolor=palette.MISSED, hatch="/////", label="not worked"))
     columns = max(2, int(figure.get_figwidth() / 1.6))
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
 

@@ -1,4 +1,4 @@
-"""Time against number of tractors as numbers for the template of a page."""
+"""Time against number of tractors as numbers for the template of a page: that until the field is finished."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 from reports.palette import TRACTORS
 from reports.paths import Extent
-from reports.results import PlanResult, Ranking
-from reports.wording import clock, duration, feasible
+from reports.results import PlanResult, Ranking, finish_s
+from reports.wording import clock, duration, feasible, left
 
 _TICKS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
 _APART = 10.0  # between two points, in units of the picture
@@ -23,7 +23,7 @@ def front_picture(ranking: Ranking) -> dict[str, Any] | None:
         return None
     width, height, left, right, above, below = _FRONT
     limit = ranking.allowed_s
-    top = max([plan.time_s or 0.0 for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
+    top = max([finish_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
     counts = sorted({plan.tractors for plan in plans})
     span = counts[-1] - counts[0]
 
@@ -39,7 +39,7 @@ def front_picture(ranking: Ranking) -> dict[str, Any] | None:
         "box": Extent(left, above, width - right, height - below),
         "width": width,
         "height": height,
-        "points": _front_points(plans, names, [(x(plan.tractors), y(plan.time_s or 0.0)) for plan in plans]),
+        "points": _front_points(plans, names, [(x(plan.tractors), y(finish_s(plan))) for plan in plans]),
         "line": " ".join(f"{x(count)},{y(time)}" for count, time in _front_line(plans)),
         "deadline": None if limit is None else {"y": y(limit), "text": _deadline(ranking)},
         "counts": [{"x": x(count), "text": str(count)} for count in counts],
@@ -49,7 +49,7 @@ def front_picture(ranking: Ranking) -> dict[str, Any] | None:
 
 
 def _front_line(plans: list[PlanResult]) -> list[tuple[int, float]]:
-    return sorted((plan.tractors, plan.time_s or 0.0) for plan in plans if plan.on_pareto_front)
+    return sorted((plan.tractors, finish_s(plan)) for plan in plans if plan.on_pareto_front)
 
 
 def _front_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
@@ -67,10 +67,14 @@ def _front_points(plans: list[PlanResult], names: list[str], places: list[tuple[
                 "y": y,
                 "colour": names.index(plan.strategy) % len(TRACTORS),
                 "front": plan.on_pareto_front,
-                "text": f"{plan.tractors} x {plan.strategy}, {plan.turn}: {duration(plan.time_s)}",
+                "text": f"{plan.tractors} x {plan.strategy}, {plan.turn}: {duration(plan.time_s)}{_to_finish(plan)}",
             }
         )
     return points[::-1]
+
+
+def _to_finish(plan: PlanResult) -> str:
+    return "" if left(plan) is None else f", to finish {duration(finish_s(plan))}"
 
 
 def _ticks(top_s: float) -> list[int]:

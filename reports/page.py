@@ -12,12 +12,15 @@ from reports.paths import check_drive
 from reports.results import Drive, PlanResult, Ranking
 from reports.template import rendered
 from reports.wording import (
+    LEFT_WORDS,
     bound,
     clearance,
     duration,
     effects_words,
     feasible,
     headline,
+    hectares,
+    left,
     members,
     number,
     price,
@@ -55,6 +58,8 @@ _COLUMNS = (
     _Column("Reversals", lambda p: p.reversals, lambda p: number(p.reversals, 0)),
     _Column("Worked %", lambda p: p.worked_pct, lambda p: number(p.worked_pct, 1)),
     _Column("Overlap %", lambda p: p.overlap_pct, lambda p: number(p.overlap_pct, 1)),
+    _Column("Left ha", lambda p: p.missed_m2, lambda p: hectares(p.missed_m2)),
+    _Column("To finish", lambda p: p.finished_s, lambda p: duration(p.finished_s)),
     _Column("Outside m", lambda p: p.outside_m, lambda p: number(p.outside_m, 1)),
     _Column("Farthest out m", lambda p: p.excursion_m, lambda p: number(p.excursion_m, 2)),
     _Column("Clearance m", clearance, lambda p: number(clearance(p), 2)),
@@ -114,7 +119,7 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
         "front": front_picture(ranking),
         "columns": columns,
         "rows": [_row(plan, columns, plan is ranking.best, places.get(_key(plan))) for plan in plans],
-        "remarks": remarks(plans),
+        "remarks": [*([LEFT_WORDS] if any(plan.missed_m2 is not None for plan in plans) else []), *remarks(plans)],
         "refused": len(refused(ranking)),
         "refusals": [
             {"count": len(group.plans), "reason": group.reason, "alike": group.alike, "members": members(group)}
@@ -143,7 +148,10 @@ def _facts(best: PlanResult | None) -> list[tuple[str, str]]:
         ("Fleet", tractors(best.tractors)),
         ("Cost", price(best.cost)),
         ("Worked", _with_unit(best.worked_pct, 1, "%")),
+        ("Left open", bound(left(best) or number(None, 0))),
         ("Overlap", _with_unit(best.overlap_pct, 1, "%")),
+        ("Trampled", _with_unit(best.trampled_m2, 0, "m2")),
+        ("Outline outside", _with_unit(best.outside_outline_m, 0, "m")),
         ("Closest approach", _with_unit(clearance(best), 2, "m")),
     ]
     return [(label, value) for label, value in facts if value != number(None, 0)]

@@ -8,6 +8,7 @@ STATES = {"working": "#009E73", "turning": "#56B4E9", "waiting": "#E69F00", "rev
 FIELD = "#EEF2E2"
 SWATH = "#C3CCAA"
 EDGE = "#4F5B39"
+MISSED = "#B00020"
 
 
 def tractor_colour(number: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,9 +63,10 @@ def check_drive(drive: Drive, least: int = 1) -> None:
     for name in ("status", "finish_s"):
         if len(getattr(drive, name)) != count:
             raise ReportError(f"The drive has {count} paths and {len(getattr(drive, name))} of {name}; give one each.")
-    for ring in (drive.boundary, *drive.holes):
-        if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
-            raise ReportError(f"A ring of the field has shape {ring.shape}; give three or more finite (x, y) points.")
+    for what, rings in (("the field", (drive.boundary, *drive.holes)), ("missed ground", drive.missed)):
+        for ring in rings:
+            if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
+                raise ReportError(f"A ring of {what} has shape {ring.shape}; give three or more finite (x, y) points.")
     for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True), start=1):
         if xy.ndim != 2 or xy.shape[1:] != (2,) or not len(xy) or status.shape != (len(xy),):
             raise ReportError(
@@ -130,6 +132,27 @@ def swath(track: Points, width_m: float) -> Points:
     length = float(np.hypot(along[0], along[1]))
     side = np.array([-along[1], along[0]]) / length * width_m / 2 if length else np.zeros(2)
     return np.array([track[0] + side, track[1] + side, track[1] - side, track[0] - side])
+
+
+def hatching(rings: Sequence[Points], apart_m: float) -> Points:
+    """Lines (n, 2, 2) at 45 degrees across the area within closed rings (m, 2), holes left out.
+
+    Neighbouring lines are `apart_m` from each other, on all rings in step. What lies within an even number of rings is
+    outside.
+    """
+    turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / math.sqrt(2.0)  # to metres along and across the lines, by the right
+    starts = np.concatenate([np.empty((0, 2)), *rings]) @ turn
+    ends = np.concatenate([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in rings)]) @ turn
+    # A line passes an edge that begins below it and does not end there: corners on a line count once.
+    low = np.ceil(np.minimum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64)
+    count = np.ceil(np.maximum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64) - low
+    edge = np.repeat(np.arange(len(starts)), count)
+    line = low[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    along = ends[edge] - starts[edge]
+    places = starts[edge, 0] + along[:, 0] * (line * apart_m - starts[edge, 1]) / along[:, 1]
+    order = np.lexsort((places, line))
+    lines: Points = (np.column_stack([places, line * apart_m])[order] @ turn.T).reshape(-1, 2, 2)
+    return lines
 
 
 def round_length(length_m: float) -> float:

@@ -12,13 +12,34 @@ Points = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class MissedPiece:
+    """A piece of ground that a plan leaves open: area, and a place in it, in metres of the field and on the earth.
+
+    `lon` and `lat` in degrees are None for a field in local metres.
+    """
+
+    m2: float
+    x_m: float
+    y_m: float
+    lon: float | None = None
+    lat: float | None = None
+
+
+@dataclass(frozen=True)
 class PlanResult:
     """One simulated plan. What could not be simulated is None and `reason` says why; so does it when infeasible.
 
     `remark` says what its strategy could not do for it, though it can be driven.
 
-    `rank` counts feasible plans from 1 by time, then tractors; infeasible ones have none. `worked_pct` and
-    `overlap_pct` are shares of the field, `outside_m` the path length outside its boundary, `excursion_m` how far.
+    `rank` counts feasible plans from 1 by the time to finish the field, then tractors; infeasible ones have none.
+    `time_s` and `cost` are what was driven; `finished_s` and `finished_cost` those of the finished job, with the ground
+    it leaves open (`missed_m2`, `largest_missed`) worked at its own rate. `worked_pct` and `overlap_pct` are shares of
+    the field, `trampled_m2` is finished ground off the headland that wheels went over. `outside_m` is the length of
+    the guided path outside the boundary, `excursion_m` how far, `outside_outline_m` the length driven with some part of
+    tractor or implement outside.
+    `order_gap_pct` is by how much less any other order of tracks could take between them, at most; None where the order
+    is not searched but given by the strategy.
+    `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
     """
 
     strategy: str
@@ -33,26 +54,51 @@ class PlanResult:
     meets_deadline: bool | None = None
     worked_pct: float | None = None
     overlap_pct: float | None = None
+    missed_m2: float | None = None
+    largest_missed: MissedPiece | None = None
+    finished_s: float | None = None
+    finished_cost: float | None = None
+    trampled_m2: float | None = None
     outside_m: float | None = None
     excursion_m: float | None = None
+    outside_outline_m: float | None = None
     turning_s: float | None = None
     waiting_s: float | None = None
     reversals: int | None = None
     min_clearance_m: float | None = None
     collisions: int | None = None
+    order_gap_pct: float | None = None
     on_pareto_front: bool = False
     remark: str | None = None
+    rounds: int | None = None
+    headland_s: float | None = None
+
+
+def finish_s(plan: PlanResult) -> float:
+    """Seconds until the field is finished: as driven where it is not known what the plan leaves open."""
+    return float((plan.time_s or 0.0) if plan.finished_s is None else plan.finished_s)
+
+
+def finish_cost(plan: PlanResult) -> float:
+    """What the finished field costs, likewise."""
+    return float((plan.cost or 0.0) if plan.finished_cost is None else plan.finished_cost)
 
 
 def quickness(plan: PlanResult) -> tuple[float, int, str]:
-    """What feasible plans are ranked by, smallest first: time to the millisecond, then tractors, then name."""
-    return round(float(plan.time_s or 0.0), 3), plan.tractors, plan.strategy
+    """What feasible plans are ranked by, smallest first: time to finish to the millisecond, then tractors, then name.
+
+    Equal work is compared: ground that a plan leaves open counts with the time it would take at the plan's own rate.
+    """
+    return round(finish_s(plan), 3), plan.tractors, plan.strategy
 
 
-def merit(plan: PlanResult) -> tuple[float, float, float, int, str]:
-    """What the best of feasible plans is chosen by, smallest first: in time by price, else by quickness."""
-    in_time = bool(plan.meets_deadline)
-    return 0.0 if in_time else 1.0, (plan.cost or 0.0) if in_time else 0.0, *quickness(plan)
+def merit(plan: PlanResult, allowed_s: float | None = None) -> tuple[int, float, float, int, str]:
+    """What the best of feasible plans is chosen by, smallest first: in time by cost, else by quickness.
+
+    A plan that could finish the field within `allowed_s` comes before one that only drives what it drives in time.
+    """
+    late = 2 if not plan.meets_deadline else int(allowed_s is not None and finish_s(plan) > allowed_s)
+    return late, 0.0 if late == 2 else finish_cost(plan), *quickness(plan)
 
 
 @dataclass(frozen=True)
@@ -77,12 +123,16 @@ class Ranking:
 
     @property
     def best(self) -> PlanResult | None:
-        """The quickest feasible plan; with a deadline the cheapest that meets it or, if none does, the closest."""
-        return min((plan for plan in self.plans if plan.feasible), key=merit, default=None)
+        """The feasible plan that finishes first; with a deadline the cheapest that meets it, if one does.
+
+        Of those the ones that could finish by then what they leave open come first.
+        """
+        plans = (plan for plan in self.plans if plan.feasible)
+        return min(plans, key=lambda plan: merit(plan, self.allowed_s), default=None)
 
     @property
     def missed_by_s(self) -> float | None:
-        """Seconds by which the closest plan misses the deadline; None when a plan meets it or none can be judged."""
+        """Seconds by which the best plan misses the deadline; None when a plan meets it or none can be judged."""
         best = self.best
         if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
             return None
@@ -95,7 +145,9 @@ class Drive:
 
     `boundary` and `holes` are rings (n, 2) in metres; `tracks` (k, 2, 2) the swath centre lines. Per tractor `xy`
     (t, 2) of the guided point, `status` (t,) (0 finished, 1 working, 2 turning, 3 waiting, 4 reversing) every
-    `step_s`; `seconds` maps working / turning / waiting / reversing to one value per tractor.
+    `step_s`; `seconds` maps working / turning / waiting / reversing to one value per tractor. `missed` are rings (n, 2)
+    around ground that is left open, counter-clockwise, and clockwise round what is worked inside it; `largest_missed`
+    is the largest piece of it.
     """
 
     title: str
@@ -109,6 +161,8 @@ class Drive:
     finish_s: tuple[float, ...]
     seconds: dict[str, tuple[float, ...]]
     entrance: tuple[float, float] | None = None
+    missed: tuple[Points, ...] = ()
+    largest_missed: MissedPiece | None = None
 
 
 @dataclass(frozen=True)
@@ -139,4 +193,3 @@ class Study:
     tables: dict[str, tuple[StudyRow, ...]]
     claims: tuple[Claim, ...]
     assumptions: tuple[str, ...]
-    details: dict[str, Any] = field(default_factory=dict)

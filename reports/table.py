@@ -14,12 +14,14 @@ from rich.text import Text
 from reports.fitting import Column, FittedTable, sentence
 from reports.results import Claim, PlanResult, Ranking, Study, StudyRow
 from reports.wording import (
+    LEFT_WORDS,
     NOTHING,
     clearance,
     duration,
     effects_words,
     feasible,
     headline,
+    hectares,
     members,
     minutes,
     number,
@@ -44,15 +46,19 @@ class _PlanColumn:
 
 @dataclass(frozen=True)
 class _RankingTable:
-    """Strategy and turn have a column each where all headings have room, else they share one."""
+    """Strategy and turn have a column each where all headings have room, else they share one.
+
+    `deadline` and `left` tell whether there is anything to say in the columns on them.
+    """
 
     plans: tuple[PlanResult, ...]
     best: PlanResult | None
     deadline: bool
+    left: bool
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        wide = self._table(_columns(True, self.deadline))
-        yield wide if wide.fits(options.max_width) else self._table(_columns(False, self.deadline))
+        wide = self._table(_columns(True, self.deadline, self.left))
+        yield wide if wide.fits(options.max_width) else self._table(_columns(False, self.deadline, self.left))
 
     def _table(self, columns: list[_PlanColumn]) -> FittedTable:
         rows = tuple(tuple(column.text(plan) for column in columns) for plan in self.plans)
@@ -71,10 +77,12 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
     parts += [sentence(text) for text in headline(ranking)]
     if shown:
         deadline = any(plan.meets_deadline is not None for plan in shown)
-        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline)]
+        left = any(plan.missed_m2 is not None for plan in shown)
+        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline, left)]
         more = len(plans) - len(shown)
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown; --all shows every plan."
         legend = "Times are h:mm:ss. * nobody is faster with as few tractors (Pareto front)."
+        legend += f" {LEFT_WORDS}" if left else ""
         parts.append(sentence(legend + (hidden if more else ""), style="dim"))
         parts += [sentence(text, style="dim") for text in remarks(shown)]
     effects = effects_words(ranking)
@@ -89,7 +97,7 @@ def _shown(ranking: Ranking, plans: list[PlanResult], most: int | None) -> list[
     return [p for index, p in enumerate(plans) if index < most or p.on_pareto_front or p is ranking.best]
 
 
-def _columns(wide: bool, deadline: bool) -> list[_PlanColumn]:
+def _columns(wide: bool, deadline: bool, left: bool) -> list[_PlanColumn]:
     """Rank, fleet, names, time, cost and deadline stay longest: they are the answer."""
     names = (
         [
@@ -113,6 +121,9 @@ def _columns(wide: bool, deadline: bool) -> list[_PlanColumn]:
         _PlanColumn(Column("Overlap %", "Over-\nlap %", drop=8), lambda p: number(p.overlap_pct, 1)),
         _PlanColumn(Column("Clearance m", "Clear\nm", drop=7), lambda p: number(clearance(p), 2)),
     ]
+    if left:
+        place = [column.column.heading for column in columns].index("Overlap %")
+        columns.insert(place, _PlanColumn(Column("Left ha", "Left\nha", drop=4), lambda p: hectares(p.missed_m2)))
     if deadline:
         columns.append(_PlanColumn(Column("In time", "In\ntime", drop=3), lambda p: yes_no(p.meets_deadline)))
     return columns

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from reports.effect_words import both, value_words
-from reports.results import PlanResult, Ranking
+from reports.results import MissedPiece, PlanResult, Ranking, finish_cost, finish_s
 
 NOTHING = "-"
 NO_BREAK = "\N{NO-BREAK SPACE}"
+LEFT_WORDS = "Left is ground that no implement worked; ranks count the time to finish it too, at each plan's own rate."
+LEAST_LEFT_M2 = 0.5  # less reads as nothing
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -63,9 +65,36 @@ def price(value: float | None) -> str:
     return number(value, 2 if value is None or abs(value) < 999.995 else 0)
 
 
+def area(m2: float) -> str:
+    """An area in hectares, or in square metres where it is under a tenth of one."""
+    return f"{m2 / 10_000.0:.2f} ha" if m2 >= 1000.0 else f"{m2:.0f} m2"
+
+
+def hectares(m2: float | None) -> str:
+    """Square metres as hectares with two decimals; a dash when there are none."""
+    return number(None if m2 is None else m2 / 10_000.0, 2)
+
+
+def left(plan: PlanResult) -> str | None:
+    """What a plan leaves open: ``0.83 ha (17 %)``; None where that is nothing, or not known."""
+    if plan.missed_m2 is None or plan.missed_m2 < LEAST_LEFT_M2:
+        return None
+    share = None if plan.worked_pct is None else 100.0 - plan.worked_pct
+    if share is None:
+        return area(plan.missed_m2)
+    return f"{area(plan.missed_m2)} ({'under 0.1' if share < 0.05 else number(share, 1 if share < 10 else 0)} %)"
+
+
+def place(piece: MissedPiece) -> str:
+    """Where a piece of ground is, on the earth if it is there, else in metres of the field."""
+    if piece.lat is None or piece.lon is None:
+        return f"x {piece.x_m:.0f} m, y {piece.y_m:.0f} m"
+    return f"latitude {piece.lat:.5f}, longitude {piece.lon:.5f}"
+
+
 def bound(text: str) -> str:
-    """The text with spaces that do not break between a word and the value after it."""
-    return re.sub(r"(?<=[a-z:]) (?=\(?\d)", NO_BREAK, text)
+    """The text with spaces that do not break before a value, nor between it and hectares, square metres or percent."""
+    return re.sub(r"(?<=[a-z:]) (?=\(?\d)|(?<=\d) (?=ha\b|m2\b|%)", NO_BREAK, text)
 
 
 def yes_no(value: bool | None) -> str:
@@ -173,17 +202,18 @@ def headline(ranking: Ranking) -> list[str]:
     is_late = best.meets_deadline is False
     plans = feasible(ranking)
     priced = [plan for plan in plans if plan.cost is not None]
-    cheapest = min(priced, key=lambda plan: plan.cost or 0.0, default=None)
-    best_is_cheapest = cheapest is not None and cheapest.cost == best.cost
+    cheapest = min(priced, key=finish_cost, default=None)
+    best_is_cheapest = cheapest is not None and finish_cost(cheapest) == finish_cost(best)
     if not is_late:
-        sentences = [f"Best plan: {_told(ranking, best)}.", *_remark_words(best)]
-        sentences += _deadline_words(ranking, best_is_cheapest)
+        sentences = [f"Best plan: {_told(ranking, best)}.", *_left_words(ranking, best), *_remark_words(best)]
+        sentences += _deadline_words(ranking, best, best_is_cheapest)
     else:
         by = "" if ranking.missed_by_s is None else f" misses it by {duration(ranking.missed_by_s)}"
-        sentences = [f"No plan meets {_deadline_name(ranking, 'the')}.", f"The closest{by}: {_told(ranking, best)}."]
-        sentences += _remark_words(best)
-    fastest = min(plans, key=lambda plan: math.inf if plan.time_s is None else plan.time_s)
-    if fastest is not best and fastest.time_s != best.time_s:
+        sentences = [f"No plan meets {_deadline_name(ranking, 'the')}."]
+        sentences += [f"The {closest(ranking)}{by}: {_told(ranking, best)}."]
+        sentences += [*_left_words(ranking, best), *_remark_words(best)]
+    fastest = min((plan for plan in plans if plan.time_s is not None), key=finish_s, default=best)
+    if fastest is not best and finish_s(fastest) != finish_s(best):
         sentences.append(f"Fastest: {_told(ranking, fastest)}.")
     if best_is_cheapest and not best.meets_deadline:
         sentences.append(f"{'That' if is_late else 'The best plan'} is also the cheapest.")
@@ -193,7 +223,30 @@ def headline(ranking: Ranking) -> list[str]:
 
 
 def _told(ranking: Ranking, plan: PlanResult) -> str:
-    return f"{_what(plan)}, done in {_when(ranking, plan)}{_at_cost(plan)}"
+    leaves = "" if left(plan) is None else f", leaves {left(plan)}"
+    return f"{_what(plan)}, done in {_when(ranking, plan.time_s)}{_at_cost(plan)}{leaves}"
+
+
+def closest(ranking: Ranking) -> str:
+    """What to call the best plan where none meets the deadline: another may be done sooner but leave more open."""
+    best = ranking.best
+    times = [plan.time_s for plan in feasible(ranking) if plan.time_s is not None]
+    return "closest" if best is None or best.time_s is None or best.time_s <= min(times) else "best of them"
+
+
+def _left_words(ranking: Ranking, plan: PlanResult) -> list[str]:
+    """What finishing the ground that a plan leaves would come to, and where the largest piece of it is."""
+    if left(plan) is None:
+        return []
+    late = plan.meets_deadline and ranking.allowed_s is not None and finish_s(plan) > ranking.allowed_s
+    cost = "" if plan.finished_cost is None else f", cost {price(plan.finished_cost)}"
+    said = f"With that finished at its own rate: {_when(ranking, plan.finished_s)}{cost}"
+    said += ", too late for the deadline" if late else ""
+    sentences = [] if plan.finished_s is None else [f"{said}."]
+    if plan.largest_missed is not None:
+        piece = plan.largest_missed
+        sentences.append(f"The largest piece it leaves, {area(piece.m2)}, is at {place(piece)}.")
+    return sentences
 
 
 def _remark_words(plan: PlanResult) -> list[str]:
@@ -221,9 +274,9 @@ def _what(plan: PlanResult) -> str:
     return f"{tractors(plan.tractors)}, {plan.strategy}, turns {plan.turn}"
 
 
-def _when(ranking: Ranking, plan: PlanResult) -> str:
-    at = clock(ranking, plan.time_s)
-    return duration(plan.time_s) + (f" (at {at})" if at else "")
+def _when(ranking: Ranking, seconds: float | None) -> str:
+    at = clock(ranking, seconds)
+    return duration(seconds) + (f" (at {at})" if at else "")
 
 
 def _at_cost(plan: PlanResult) -> str:
@@ -231,10 +284,11 @@ def _at_cost(plan: PlanResult) -> str:
 
 
 def _deadline_name(ranking: Ranking, article: str) -> str:
-    return f"{article} deadline ({ranking.before})" if ranking.before else f"{article} deadline"
+    at = clock(ranking, ranking.allowed_s) or ranking.before
+    return f"{article} deadline ({at})" if at else f"{article} deadline"
 
 
-def _deadline_words(ranking: Ranking, best_is_cheapest: bool) -> list[str]:
+def _deadline_words(ranking: Ranking, best: PlanResult, best_is_cheapest: bool) -> list[str]:
     """Who meets the deadline, and that the best plan is the cheapest of those or of all plans."""
     judged = [plan for plan in feasible(ranking) if plan.meets_deadline is not None]
     if not judged:
@@ -244,5 +298,8 @@ def _deadline_words(ranking: Ranking, best_is_cheapest: bool) -> list[str]:
     late = sorted({plan.tractors for plan in judged} - set(meeting))
     missed = f", not with {listed(late, 'or')}" if late else ""
     noun = "tractor" if meeting == [1] else "tractors"
+    least = min(finish_cost(plan) for plan in judged if plan.meets_deadline)
     among = "of all" if best_is_cheapest else "of them"
+    if finish_cost(best) > least:
+        among = "that could finish the field by then"
     return [f"{name} can be met with {listed(meeting, 'or')} {noun}{missed}; the best plan is the cheapest {among}."]

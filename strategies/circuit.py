@@ -7,6 +7,9 @@ solver's deterministic time, never by the clock, so that the same input gives th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -57,9 +60,9 @@ def circuit(turns: Floats, first: Floats, last: Floats, hint: Ints, limit_s: flo
     return _followed(follows, solver, count), solver.best_objective_bound / TICKS_PER_S
 
 
-def _followed(follows: dict[tuple[int, int], object], solver: object, count: int) -> Ints:
+def _followed(follows: Mapping[tuple[int, int], Any], solver: Any, count: int) -> Ints:
     """The passes of a solution in order."""
-    after = {p: q for (p, q), var in follows.items() if solver.value(var)}  # type: ignore[attr-defined]
+    after = {p: q for (p, q), var in follows.items() if solver.value(var)}
     order, here = [], after[count]
     while here != count:
         order.append(here)

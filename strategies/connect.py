@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from typing import cast
 
 import numpy as np
 import shapely
@@ -22,19 +22,16 @@ from strategies.paths import (
     Pose,
     Segment,
     TurnError,
-    ahead,
-    back_straight,
-    dubins_paths,
     join,
     make_path,
+    path_of,
     require_radius,
     straight,
-    three_arc,
 )
 from strategies.routes import Corners, corner_poses, quickest_chain, ring_poses
-from strategies.search import RULES, best_word, shortest_forward, shortest_m
+from strategies.search import RULES, best_word, cost_s, shortest_forward, shortest_m
 from strategies.turns import TURN_KINDS
-from strategies.words import MOST_PIECES, SNAP, region_boundary
+from strategies.words import MOST_PIECES, driven_s
 
 _TOLERANCE_M = 0.010  # how far a path may leave the free region
 _SAGITTA_M = 0.003  # of that, what the polyline checked may differ from the arc
@@ -78,28 +75,20 @@ class TurnCosts:
 
     def time_s(self, path: Path) -> float:
         """Seconds to drive the path; a path that begins or ends in reverse is charged the change there too."""
-        if not path.segments:
-            return 0.0
-        driven = path.length_m / (self.reverse_speed_mps if path.reverse_m else self.speed_mps)
-        standing = Segment(0.0, 0.0, 1)
-        pieces = (standing, *path.segments, standing)
-        return driven + math.fsum(
-            self.cusp_s + self.swing_sm * abs(p.curvature - q.curvature)
-            for p, q in pairwise(pieces)
-            if p.gear != q.gear
-        )
+        return float(driven_s(path.rows(), self.speeds))
 
-
-_KINDS = ("route", *TURN_KINDS)
+    @property
+    def speeds(self) -> NDArray[np.float64]:
+        """As the compiled search takes them (strategies.words.driven_s)."""
+        return np.array([self.speed_mps, self.reverse_speed_mps, self.cusp_s, self.swing_sm])
 
 
 class Connector:
     """Finds the quickest path between two poses that stays inside the field.
 
     `free` is where the path point may be (Polygon or MultiPolygon, metres, holes are obstacles). `kinds` are the
-    turns allowed; without "switch-back" nothing is ever driven in reverse. Routes are always allowed. Turns of
-    the kinds in `prefer` are taken before quicker ones of other kinds. Raises TurnError for an empty region, a
-    radius that is not positive or an unknown kind.
+    turns allowed; without "switch-back" nothing is ever driven in reverse. Routes are always allowed. Raises TurnError
+    for an empty region, a radius that is not positive or an unknown kind.
     """
 
     def __init__(
@@ -108,25 +97,23 @@ class Connector:
         radius_m: float,
         costs: TurnCosts,
         kinds: tuple[str, ...] = TURN_KINDS,
-        prefer: tuple[str, ...] = (),
     ) -> None:
         require_radius(radius_m)
         if free.is_empty or free.area == 0.0:
             raise TurnError("The region a path may use is empty; the field must be wider than the implement.")
-        for kind in (*kinds, *prefer):
+        for kind in kinds:
             if kind not in TURN_KINDS:
                 raise TurnError(f'Turn kind "{kind}" is not known; use {", ".join(TURN_KINDS)}.')
         self.free = free
         self.radius_m = radius_m
         self.costs = costs
         self.kinds = tuple(kinds)
-        self.prefer = tuple(prefer)
         self._guard = free.buffer(_TOLERANCE_M - _SAGITTA_M)
         shapely.prepare(self._guard)
         self._parts = shapely.get_parts(self._guard)
         shapely.prepare(self._parts)
         self._links: dict[tuple[Pose, Pose], Path | None] = {}
-        self._edges = region_boundary(self._guard)
+        self._edges = _boundary(self._guard)
         self._rules = self._make_rules()
         self._row = np.zeros((MOST_PIECES, 3))
 
@@ -155,18 +142,16 @@ class Connector:
     def _make_rules(self) -> np.record:
         """What the compiled search is told."""
         rules = np.zeros((), dtype=RULES)
-        costs = self.costs
-        rules["radius"] = self.radius_m
-        rules["speeds"] = costs.speed_mps, costs.reverse_speed_mps, costs.cusp_s, costs.swing_sm
+        rules["radius"], rules["speeds"] = self.radius_m, self.costs.speeds
         rules["kinds"] = 1.0, *(kind in self.kinds for kind in TURN_KINDS)
         rules["full_arc"], rules["short_s"], rules["curved_s"] = _FULL_ARC, _SHORT_ARC_S, _CURVED_REVERSE_S
         rules["near"], rules["steps"] = _NEAR, _STRAIGHT_ON_M
-        return rules.view(np.recarray)[()]
+        return cast(np.record, rules.view(np.recarray)[()])
 
     def _best_word(self, a: Pose, b: Pose) -> Path | None:
         """The best word that fits, with straights at its ends where that helps."""
         kind = best_word(np.array(a), np.array(b), self._rules, self._edges, self._row)
-        return None if kind < 0 else _path(a, self._row, _KINDS[kind])
+        return None if kind < 0 else path_of(a, self._row, kind)
 
     def fits(self, path: Path) -> bool:
         """Whether the whole path stays inside the region (tolerance 1 cm)."""
@@ -180,62 +165,14 @@ class Connector:
         """Whether anything may be driven in reverse."""
         return "switch-back" in self.kinds
 
-    def _words(self, a: Pose, b: Pose, limit_s: float = math.inf) -> list[Path]:
-        """Words from a to b of the kinds allowed; those that must take limit_s or longer may be left out."""
-        forward = dubins_paths(a, b, self.radius_m)
-        words = [path for path in forward if path.length_m < limit_s * self.costs.speed_mps]
-        turning = abs(math.remainder(b[2] - a[2], 2.0 * math.pi)) * self.radius_m
-        fastest = max(self.costs.speed_mps, self.costs.reverse_speed_mps)
-        if self.reversing and turning / fastest + 2.0 * self.costs.cusp_s < limit_s:
-            words += three_arc(a, b, self.radius_m)
-            words += back_straight(a, b, self.radius_m)
-        return [path for path in words if path.kind == "route" or path.kind in self.kinds]
-
     def cost(self, path: Path) -> float:
         """Seconds to drive the path, and a charge where a tractor cannot be expected to follow it closely."""
-        return self.costs.time_s(path) + self._awkward_s(path)
-
-    def _rank(self, path: Path) -> tuple[bool, float]:
-        return bool(self.prefer) and path.kind not in self.prefer, round(self.cost(path), 6)
-
-    def _awkward_s(self, path: Path) -> float:
-        """Charge for reversing on an arc, and for arcs beside a direction change too short to come round on."""
-        if not path.reverse_m:
-            return 0.0
-        arcs = [segment for segment in path.segments if segment.curvature]
-        short = any(arc.length_m < _FULL_ARC * self.radius_m for arc in arcs[:1] + arcs[-1:])
-        curved = any(arc.gear < 0 for arc in arcs)
-        return _SHORT_ARC_S * short + _CURVED_REVERSE_S * curved
-
-    def _ranked(self, paths: Iterable[Path]) -> list[Path]:
-        return sorted(paths, key=self._rank)
+        return float(cost_s(path.rows(), self._rules))
 
     def _quicker(self, p: Path | None, q: Path | None) -> Path | None:
         if p is None or q is None:
             return p or q
-        return q if self._rank(q) < self._rank(p) else p
-
-    def _with_straights(self, a: Pose, b: Pose, best: Path | None) -> Path | None:
-        """The quickest fitting word after driving straight on at either end, if better than `best`."""
-        bar = self._rank(best) if best else (True, math.inf)
-        limit = math.inf if bar[0] else bar[1]
-        longer_ways = []
-        for before, after in self._straights(a, b):
-            spare = limit - (before + after) / self.costs.speed_mps
-            lead, tail = straight(a, before), straight(ahead(b, -after), after)
-            for word in self._words(lead.end, tail.start, spare):
-                longer = join((lead, word, tail), word.kind)
-                if self._rank(longer) < bar:
-                    longer_ways.append(longer)
-        return next((path for path in self._ranked(longer_ways) if self.fits(path)), best)
-
-    def _straights(self, a: Pose, b: Pose) -> list[tuple[float, float]]:
-        """Lengths to drive straight on at either end: small steps, and what brings skewed ends level."""
-        on = (b[0] - a[0]) * math.cos(a[2]) + (b[1] - a[1]) * math.sin(a[2])
-        pairs = [(p, q) for p in _STRAIGHT_ON_M for q in _STRAIGHT_ON_M if p or q]
-        if abs(on) > 1e-6 and math.cos(b[2] - a[2]) < -0.9:
-            pairs += [(p + max(0.0, on), p + max(0.0, -on)) for p in _STRAIGHT_ON_M]
-        return pairs
+        return q if round(self.cost(q), 6) < round(self.cost(p), 6) else p
 
     def _roundabout(self, path: Path, a: Pose, b: Pose) -> bool:
         """Whether a direct path is so much longer than the free-space shortest that a route may beat it."""
@@ -367,7 +304,7 @@ class Connector:
             if len(self._links) >= _MOST_REMEMBERED:
                 self._links.clear()
             kind = shortest_forward(np.array(p), np.array(q), self.radius_m, self._edges, 3, self._row)
-            self._links[key] = None if kind < 0 else _path(p, self._row, _KINDS[kind])
+            self._links[key] = None if kind < 0 else path_of(p, self._row, kind)
         return self._links[key]
 
     def _inside(self, poses: list[Pose]) -> list[Pose]:
@@ -384,9 +321,15 @@ class Connector:
         return poses, np.array([pose[:2] for pose in poses]).reshape(-1, 2)
 
 
-def _path(a: Pose, row: NDArray[np.float64], kind: str) -> Path:
-    """A row of the compiled search as a path."""
-    return make_path(a, [Segment(p, c, 1 if g > 0.0 else -1) for p, c, g in row.tolist() if p > SNAP], kind)
+def _boundary(region: BaseGeometry) -> NDArray[np.float64]:
+    """Edges (n, 4) of the rings of a Polygon or MultiPolygon: x, y of both ends."""
+    rings = [
+        np.asarray(ring.coords)[:, :2]
+        for part in shapely.get_parts(region)
+        if isinstance(part, shapely.Polygon)
+        for ring in (part.exterior, *part.interiors)
+    ]
+    return np.concatenate([np.hstack([ring[:-1], ring[1:]]) for ring in rings])
 
 
 def _turn_round(a: Pose, hand: int, arcs: int, radius_m: float) -> Path:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from fields.layout import Layout, Track
+from fields.rounds import Round
 from strategies.connect import Connector
 from strategies.paths import Path, Pose
 
@@ -47,8 +48,9 @@ class Job:
 
     `connector` finds ways anywhere in the field, `headland` only beside the tracks. `corner` is where to begin
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
-    to the strategy. Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the
-    turns driven by kind.
+    to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
+    be anywhere on the field, and `square` tells whether corners are worked whole. Ways once worked out are kept in
+    `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
     """
 
     layout: Layout
@@ -58,6 +60,9 @@ class Job:
     headland: Connector | None = None
     corner: tuple[bool, int] | None = None
     jump: int | None = None
+    rounds: tuple[Round, ...] = ()
+    rim: Connector | None = None
+    square: bool = True
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 

@@ -40,7 +40,12 @@ def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, task: Task, *,
 
 def way_legs(job: Job, path: Path, goal: Track) -> list[Leg]:
     """A turn or route to a track as one leg per gear; one with direction changes is all driven at manoeuvring speed."""
-    manner, task = job.manner, task_on(WAY if path.kind == "route" else TURN, goal)
+    return driven_legs(job, path, task_on(WAY if path.kind == "route" else TURN, goal))
+
+
+def driven_legs(job: Job, path: Path, task: Task) -> list[Leg]:
+    """A way with the implement up as one leg per gear, for a task."""
+    manner = job.manner
     speed = manner.reverse_speed_mps if path.reverse_m else manner.turn_speed_mps
     return [
         Leg(

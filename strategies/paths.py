@@ -10,7 +10,7 @@ papers' tables, so that every hand has its exact mirror image.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,15 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strategies.errors import StrategyError
+from strategies.words import MOST_PIECES, MOST_WORDS, backing_words, cusped_words, forward_words
 
 Pose = tuple[float, float, float]
 """x (m, east), y (m, north) and the heading of the vehicle as a mathematical angle (rad, ccw from x)."""
 
 Points = NDArray[np.float64]
 
+KINDS = ("route", "u", "omega", "switch-back")
 _TAU = 2.0 * math.pi
 _SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
-_FULL_TURN = _TAU + 1e-9
 
 
 class TurnError(StrategyError):
@@ -53,6 +54,11 @@ class Path:
     start: Pose
     segments: tuple[Segment, ...]
     kind: str
+
+    def rows(self) -> Points:
+        """Its segments as rows of length, curvature and gear (n, 3), as the compiled search has them."""
+        pieces = [(segment.length_m, segment.curvature, float(segment.gear)) for segment in self.segments]
+        return np.array(pieces).reshape(-1, 3)
 
     @property
     def length_m(self) -> float:
@@ -193,6 +199,12 @@ def require_radius(radius_m: float) -> None:
         raise TurnError(f"Turning radius {radius_m} m must be above zero and finite; give the tractor's own.")
 
 
+def path_of(start: Pose, rows: Points, kind: int) -> Path:
+    """A word of the compiled search (n, 3) from a pose as a path; `kind` is one of strategies.words."""
+    segments = (Segment(length, curvature, 1 if gear > 0.0 else -1) for length, curvature, gear in rows.tolist())
+    return make_path(start, segments, KINDS[kind])
+
+
 def dubins_paths(a: Pose, b: Pose, radius_m: float) -> list[Path]:
     """All forward words that exist from a to b: LSL, RSR, LSR, RSL, LRL and RLR, the shortest first.
 
@@ -200,16 +212,7 @@ def dubins_paths(a: Pose, b: Pose, radius_m: float) -> list[Path]:
     straight and an arc are "omega" when more than a quarter turn is turned in vain, "u" when the heading changes
     by a quarter turn or more, otherwise "route". Raises TurnError for a radius that is not positive.
     """
-    require_radius(radius_m)
-    centres = _centres(a, b, radius_m)
-    words = [w for hands in _HANDS if (w := _arc_straight_arc(a, b, radius_m, centres, hands, 1))]
-    for hand in (1, -1):
-        for first, second in _middle_headings(a, radius_m, centres, hand):
-            turns = (_turn(hand, a[2], first), _turn(-hand, first, second), _turn(hand, second, b[2]))
-            signs = (hand, -hand, hand)
-            arcs = (Segment(t * radius_m, h / radius_m, 1) for t, h in zip(turns, signs, strict=True))
-            words.append(make_path(a, arcs, "omega"))
-    return sorted(words, key=_by_length)
+    return _words(forward_words, a, b, radius_m)
 
 
 def three_arc(a: Pose, b: Pose, radius_m: float) -> list[Path]:
@@ -218,17 +221,7 @@ def three_arc(a: Pose, b: Pose, radius_m: float) -> list[Path]:
     Only those that turn the heading by a full turn at most are kept; there may be none. Raises
     TurnError for a radius that is not positive.
     """
-    require_radius(radius_m)
-    centres = _centres(a, b, radius_m)
-    words = []
-    for hand in (1, -1):
-        for first, second in _middle_headings(a, radius_m, centres, hand):
-            turns = (_turn(hand, a[2], first), _turn(hand, first, second), _turn(hand, second, b[2]))
-            if sum(turns) <= _FULL_TURN:
-                gears = ((hand, 1), (-hand, -1), (hand, 1))
-                arcs = [Segment(t * radius_m, h / radius_m, g) for t, (h, g) in zip(turns, gears, strict=True)]
-                words.append(make_path(a, arcs, "switch-back"))
-    return sorted(words, key=_by_length)
+    return _words(cusped_words, a, b, radius_m)
 
 
 def back_straight(a: Pose, b: Pose, radius_m: float) -> list[Path]:
@@ -237,83 +230,12 @@ def back_straight(a: Pose, b: Pose, radius_m: float) -> list[Path]:
     The fishtail turn is the one with both arcs to the same hand. Words that turn by more than a full turn
     altogether are left out. Raises TurnError for a radius that is not positive.
     """
+    return _words(backing_words, a, b, radius_m)
+
+
+def _words(family: Callable[..., int], a: Pose, b: Pose, radius_m: float) -> list[Path]:
+    """A family of words as paths."""
     require_radius(radius_m)
-    centres = _centres(a, b, radius_m)
-    words = [w for hands in _HANDS if (w := _arc_straight_arc(a, b, radius_m, centres, hands, -1))]
-    return sorted(words, key=_by_length)
-
-
-_Centres = dict[int, tuple[float, float, float, float]]
-_HANDS = ((1, 1), (-1, -1), (1, -1), (-1, 1))
-
-
-def _by_length(path: Path) -> float:
-    """Sort key; rounded so that equal words keep their fixed order."""
-    return round(path.length_m, 9)
-
-
-def _turn(hand: int, start: float, end: float) -> float:
-    """Angle in [0, 2 pi) turned to the given hand (1 left, -1 right) from one heading to another."""
-    angle = (hand * (end - start)) % _TAU
-    return 0.0 if angle > _TAU - _SNAP else angle
-
-
-def _centres(a: Pose, b: Pose, radius_m: float) -> _Centres:
-    """Centres of the circles driven from a and b to each hand, as ax, ay, bx, by."""
-    ax, ay = -radius_m * math.sin(a[2]), radius_m * math.cos(a[2])
-    bx, by = -radius_m * math.sin(b[2]), radius_m * math.cos(b[2])
-    return {h: (a[0] + h * ax, a[1] + h * ay, b[0] + h * bx, b[1] + h * by) for h in (1, -1)}
-
-
-def _arc_straight_arc(
-    a: Pose, b: Pose, radius_m: float, centres: _Centres, hands: tuple[int, int], gear: int
-) -> Path | None:
-    """The word with the given hands and the straight in the given gear, or None when it does not exist."""
-    first, second = hands
-    ax, ay, bx, by = (*centres[first][:2], *centres[second][2:])
-    dx, dy = gear * (bx - ax), gear * (by - ay)
-    run = math.hypot(dx, dy)
-    heading = math.atan2(dy, dx) if run > _SNAP else a[2]
-    if first != second:
-        square = run * run - 4.0 * radius_m * radius_m
-        if square < -_SNAP * radius_m * radius_m:
-            return None
-        run = math.sqrt(max(square, 0.0))
-        heading += math.atan2(2.0 * gear * first * radius_m, run)
-    turn_a, turn_b = _turn(first, a[2], heading), _turn(second, heading, b[2])
-    if gear < 0 and turn_a + turn_b > _FULL_TURN:
-        return None
-    kind = "switch-back" if gear < 0 else _forward_kind(a, b, turn_a + turn_b)
-    arc_a, arc_b = (Segment(t * radius_m, h / radius_m, 1) for t, h in ((turn_a, first), (turn_b, second)))
-    return make_path(a, (arc_a, Segment(run, 0.0, gear), arc_b), kind)
-
-
-def _forward_kind(a: Pose, b: Pose, turned: float) -> str:
-    """Kind of an arc, straight, arc word that turns by `turned` radians altogether."""
-    change = abs(math.remainder(b[2] - a[2], _TAU))
-    if turned - change > 0.5 * math.pi + 1e-9:
-        return "omega"
-    return "u" if change >= 0.5 * math.pi - 1e-9 else "route"
-
-
-def _middle_headings(a: Pose, radius_m: float, centres: _Centres, hand: int) -> list[tuple[float, float]]:
-    """Headings where the middle circle touches the outer two, for both places it can have.
-
-    Both outer circles lie to `hand`; the middle one touches them from the other side, so its centre is two radii
-    from either. The same points serve the forward word and the one with two cusps.
-    """
-    ax, ay, bx, by = centres[hand]
-    dx, dy = bx - ax, by - ay
-    apart = math.hypot(dx, dy)
-    square = 4.0 * radius_m * radius_m - 0.25 * apart * apart
-    if square < -_SNAP * radius_m * radius_m:
-        return []
-    rise = math.sqrt(max(square, 0.0))
-    ux, uy = (dx / apart, dy / apart) if apart > _SNAP else (math.cos(a[2]), math.sin(a[2]))
-    tangents = []
-    for side in (hand, -hand):
-        mx, my = 0.5 * (ax + bx) - side * rise * uy, 0.5 * (ay + by) + side * rise * ux
-        first = math.atan2(-hand * (ax - mx), hand * (ay - my))
-        second = math.atan2(-hand * (bx - mx), hand * (by - my))
-        tangents.append((first, second))
-    return tangents
+    rows, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
+    count = family(np.array(a), np.array(b), radius_m, rows, kinds, 0)
+    return [path_of(a, rows[index], int(kinds[index])) for index in range(count)]

@@ -7,15 +7,9 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from strategies.names import NAMES
 from strategies.record import Strategy
 
-NAMES = (
-    "row-by-row",
-    "row-by-row-optimised",
-    "col-by-col",
-    "split-field",
-    "interleaved",
-)
 STRATEGIES: dict[str, Strategy] = {
     name: import_module(f"strategies.{name.replace('-', '_')}").STRATEGY for name in NAMES
 }

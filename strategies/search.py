@@ -14,11 +14,12 @@ from strategies.words import (
     MOST_PIECES,
     MOST_WORDS,
     awkward_s,
+    backing_words,
+    cusped_words,
     driven_s,
     forward_words,
     inside,
     remainder,
-    reversing_words,
     word_fits,
 )
 from vehicle.jit import compiled
@@ -65,7 +66,7 @@ def _cheapest_fitting(a, out, costs, count, edges) -> tuple[int, bool]:  # type:
 @compiled
 def _words_of(a, b, rules, limit, out, kinds, costs) -> int:  # type: ignore[no-untyped-def]
     """Words allowed from a to b, with their rounded costs; those that must take `limit` seconds or more may lack."""
-    count = forward_words(a, b, rules.radius, out, kinds)
+    count = forward_words(a, b, rules.radius, out, kinds, 0)
     for k in range(count):
         length = 0.0
         for piece in range(MOST_PIECES):
@@ -75,7 +76,8 @@ def _words_of(a, b, rules, limit, out, kinds, costs) -> int:  # type: ignore[no-
     if rules.kinds[3] > 0.0:
         turning = abs(remainder(b[2] - a[2])) * rules.radius
         if turning / max(rules.speeds[0], rules.speeds[1]) + 2.0 * rules.speeds[2] < limit:
-            count = reversing_words(a, b, rules.radius, out, kinds, count)
+            count = cusped_words(a, b, rules.radius, out, kinds, count)
+            count = backing_words(a, b, rules.radius, out, kinds, count)
     for k in range(count):
         if rules.kinds[kinds[k]] == 0.0 or (k < forward and costs[k] == np.inf):
             costs[k] = np.inf
@@ -175,14 +177,14 @@ def best_word(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
     if near and (place < 0 or not first):
         other = _with_straights(a, b, rules, edges, bar, best)
         kind = other if other >= 0 else kind
-    return kind  # type: ignore[no-any-return]
+    return kind
 
 
 @compiled
 def shortest_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
     """The shortest fitting of the `most` shortest forward words into `best`; its kind, -1 when there is none."""
     out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
-    count = min(forward_words(a, b, radius, out, kinds), most)
+    count = min(forward_words(a, b, radius, out, kinds, 0), most)
     if not inside(a[0], a[1], edges):
         return -1
     for k in range(count):
@@ -196,7 +198,7 @@ def shortest_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no
 def shortest_m(a, b, radius) -> float:  # type: ignore[no-untyped-def]
     """Length of the shortest forward word, whether it fits anywhere or not (m)."""
     out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
-    forward_words(a, b, radius, out, kinds)
+    forward_words(a, b, radius, out, kinds, 0)
     total = 0.0
     for piece in range(MOST_PIECES):
         total += out[0, piece, 0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from fields.layout import Track
 from strategies.errors import StrategyError
@@ -23,6 +24,6 @@ def lines_of(job: Job) -> list[list[Track]]:
     return lines
 
 
-def plan_of(job: Job, name: str, missions: Iterable[Mission]) -> Plan:
-    """One mission per tractor as a plan that says which strategy wrote it."""
-    return Plan(tuple(missions), {"strategy": name, "tractors": job.tractors})
+def plan_of(job: Job, name: str, missions: Iterable[Mission], **notes: Any) -> Plan:
+    """One mission per tractor as a plan that says which strategy wrote it, and what else there is to note."""
+    return Plan(tuple(missions), {"strategy": name, "tractors": job.tractors, **notes})

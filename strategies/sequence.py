@@ -8,6 +8,7 @@ skips lines and comes back so that turns are wide.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import pairwise, product
 
 from fields.layout import Track
@@ -139,8 +140,17 @@ def patterned(shares: list[list[Track]], job: Job, jump: int) -> list[Order]:
     return min(distinct, key=lambda orders: round(max(driven_time(order, job) for order in orders), 2))
 
 
-def searched(share: list[Track], job: Job, table: TurnTable) -> tuple[Order, float]:
-    """The quickest order through some tracks by the ways that would be driven, and its seconds, work included.
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """An order of passes, its seconds with the work, and how much less another could take at most (percent)."""
+
+    order: Order
+    seconds: float
+    gap_pct: float
+
+
+def searched(share: list[Track], job: Job, table: TurnTable) -> Searched:
+    """The quickest order through some tracks by the ways that would be driven.
 
     `table` is that of all tracks of the layout. The search begins with the patterns in use and improves them
     (strategies.tours).
@@ -153,7 +163,7 @@ def searched(share: list[Track], job: Job, table: TurnTable) -> tuple[Order, flo
     distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]
     best = table.best([place[track] for track in share], distinct)
     work = sum(track.length for track in share) / job.manner.work_speed_mps
-    return [table.passes[p] for p in best.passes.tolist()], work + best.seconds
+    return Searched([table.passes[p] for p in best.passes.tolist()], work + best.seconds, best.gap_pct)
 
 
 def driven_time(order: Order, job: Job) -> float:

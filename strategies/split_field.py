@@ -9,7 +9,7 @@ from strategies.job import Job
 from strategies.legs import mission_of
 from strategies.record import Strategy
 from strategies.separate import lines_of, plan_of
-from strategies.sequence import Order, patterned, searched
+from strategies.sequence import Searched, patterned, searched
 from strategies.shares import balanced, cut
 from strategies.table import TurnTable
 from vehicle.missions import Plan
@@ -26,19 +26,20 @@ def split_field(job: Job) -> Plan:
     lines = lines_of(job)
     borders = cut([_weight(job, line) for line in lines], job.tractors)
     if job.jump is not None:
-        shares = [_tracks(lines, *block) for block in pairwise(borders)]
-        return plan_of(job, NAME, (mission_of(job, order) for order in patterned(shares, job, job.jump)))
+        orders = patterned([_tracks(lines, *ends) for ends in pairwise(borders)], job, job.jump)
+        return plan_of(job, NAME, (mission_of(job, order) for order in orders))
     table = TurnTable(job, list(job.layout.tracks))
-    known: dict[tuple[int, int], tuple[Order, float]] = {}
+    known: dict[tuple[int, int], Searched] = {}
 
-    def block(first: int, last: int) -> tuple[Order, float]:
+    def block(first: int, last: int) -> Searched:
         if (first, last) not in known:
             known[first, last] = searched(_tracks(lines, first, last), job, table)
         return known[first, last]
 
-    borders = balanced(borders, lambda first, last: block(first, last)[1])
-    orders = [block(first, last)[0] for first, last in pairwise(borders)]
-    return plan_of(job, NAME, (mission_of(job, order) for order in orders))
+    borders = balanced(borders, lambda first, last: block(first, last).seconds)
+    shares = [block(first, last) for first, last in pairwise(borders)]
+    gap = max(share.gap_pct for share in shares)
+    return plan_of(job, NAME, (mission_of(job, share.order) for share in shares), order_gap_pct=round(gap, 3))
 
 
 def _weight(job: Job, line: list[Track]) -> float:

@@ -77,12 +77,14 @@ class TurnTable:
         place = {track: index for index, track in enumerate(members)}
         first, last = self.ends()[:, rows]
         inner = [[place[track] for track in start] for start in starts]
-        best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed)
-        for _ in range(MOST_ROUNDS):
-            if not self.work_out(rows[best.passes].tolist()):
-                break
-            again = [(best.passes // 2).tolist()]
-            best = tour(self.seconds[np.ix_(rows, rows)], first, last, again, seed)
+        for kicked in (False, True):
+            best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=kicked)
+            for _ in range(MOST_ROUNDS):
+                if not self.work_out(rows[best.passes].tolist()):
+                    break
+                inner = [(best.passes // 2).tolist()]
+                best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=kicked)
+            inner = [(best.passes // 2).tolist()]
         return Tour(rows[best.passes], best.seconds, best.bound_s)
 
 

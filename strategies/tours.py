@@ -282,16 +282,20 @@ class Tour:
         return 100.0 * max(0.0, 1.0 - self.bound_s / self.seconds) if self.seconds > GAIN_S else 0.0
 
 
-def tour(turns: Floats, first: Floats, last: Floats, starts: list[list[int]], seed: int = 1) -> Tour:
+def tour(
+    turns: Floats, first: Floats, last: Floats, starts: list[list[int]], seed: int = 1, *, kicked: bool = True
+) -> Tour:
     """The best order of tracks found from several to start with; the same for the same input and seed.
 
     Each start is improved until no move helps; the best is then kicked, more often for few tracks, until it is as good
-    as its bound or the kicks are used up.
+    as its bound or the kicks are used up; without `kicked` it is left at that, and nothing is proven.
     """
     between = least_between(turns, first, last)
     promising = sorted((np.array(start) for start in starts), key=lambda start: seconds_of(start, turns, first, last))
     orders = [searched(start, turns, first, last, 0, -np.inf, seed, between) for start in promising[:MOST_STARTS]]
     order, seconds = min(orders, key=lambda one: one[1])
+    if not kicked:
+        return Tour(_directions(order, turns, first, last), float(seconds), 0.0)
     bound = held_karp(between, seconds - GAIN_S) if len(order) > 1 else seconds
     enough = bound * (1.0 + CLOSE)
     if seconds > enough and len(order) > 3:

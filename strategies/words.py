@@ -116,7 +116,7 @@ def _three_arcs(ax, ay, ah, bx, by, bh, radius, hand, gear, out, count, kinds): 
 @compiled
 def _length(word) -> float:  # type: ignore[no-untyped-def]
     total = 0.0
-    for piece in range(MOST_PIECES):
+    for piece in range(len(word)):
         total += word[piece, 0]
     return total
 
@@ -134,37 +134,47 @@ def _sorted_family(out, kinds, begin, end) -> None:  # type: ignore[no-untyped-d
 
 
 @compiled
-def forward_words(a, b, radius, out, kinds) -> int:  # type: ignore[no-untyped-def]
-    """Dubins' words from pose a to pose b, the shortest first; how many there are (at most 8)."""
-    count = 0
+def forward_words(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """Put Dubins' words from pose a to pose b behind the first `count`, the shortest first; how many there are then."""
+    begin = count
     for one, two in ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
         count = _arc_straight_arc(a[0], a[1], a[2], b[0], b[1], b[2], radius, one, two, 1.0, out, count, kinds)
     for hand in (1.0, -1.0):
         count = _three_arcs(a[0], a[1], a[2], b[0], b[1], b[2], radius, hand, 1.0, out, count, kinds)
-    _sorted_family(out, kinds, 0, count)
-    return count
+    _sorted_family(out, kinds, begin, count)
+    return count  # type: ignore[no-any-return]
 
 
 @compiled
-def reversing_words(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
-    """Add the words with a piece in reverse behind the first `count`; how many there are then."""
+def cusped_words(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """As `forward_words`: three arcs, the middle one in reverse."""
     begin = count
     for hand in (1.0, -1.0):
         count = _three_arcs(a[0], a[1], a[2], b[0], b[1], b[2], radius, hand, -1.0, out, count, kinds)
     _sorted_family(out, kinds, begin, count)
+    return count  # type: ignore[no-any-return]
+
+
+@compiled
+def backing_words(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """As `forward_words`: two arcs and between them a straight in reverse."""
     begin = count
     for one, two in ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
         count = _arc_straight_arc(a[0], a[1], a[2], b[0], b[1], b[2], radius, one, two, -1.0, out, count, kinds)
     _sorted_family(out, kinds, begin, count)
-    return count
+    return count  # type: ignore[no-any-return]
 
 
 @compiled
 def driven_s(word, speeds) -> float:  # type: ignore[no-untyped-def]
-    """Seconds to drive a word from standing or rolling ends, as TurnCosts.time_s; `speeds` from `speeds_of`."""
+    """Seconds to drive a word (n, 3), or a whole way of any number of segments; a direction change at its ends counts.
+
+    `speeds` (4,): forward and reverse (m/s; a way with any reversing is driven at the latter all along), seconds per
+    direction change, and seconds per 1/m of curvature by which the wheels must be turned over meanwhile.
+    """
     length, reverse = 0.0, False
     gear, curvature, lost = 1.0, 0.0, 0.0
-    for piece in range(MOST_PIECES):
+    for piece in range(len(word)):
         if word[piece, 0] <= SNAP:
             continue
         length += word[piece, 0]
@@ -182,7 +192,7 @@ def awkward_s(word, radius, full_arc, short_s, curved_s) -> float:  # type: igno
     """Charge for reversing on an arc, and for arcs beside a direction change too short to come round on."""
     reverse = curved = False
     first = last = -1.0
-    for piece in range(MOST_PIECES):
+    for piece in range(len(word)):
         if word[piece, 0] <= SNAP:
             continue
         reverse = reverse or word[piece, 2] < 0.0
@@ -259,7 +269,7 @@ def inside(x, y, edges) -> bool:  # type: ignore[no-untyped-def]
 def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
     """Whether a word driven from pose a, which lies in the region, never meets its boundary."""
     x, y, heading = a[0], a[1], a[2]
-    for piece in range(MOST_PIECES):
+    for piece in range(len(word)):
         length, curvature, gear = word[piece, 0], word[piece, 1], word[piece, 2]
         if length <= SNAP:
             continue
@@ -271,16 +281,3 @@ def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
             return False
         x, y, heading = u, v, after
     return True
-
-
-def region_boundary(region):  # type: ignore[no-untyped-def]
-    """Edges (n, 4) of the rings of a Polygon or MultiPolygon, for `inside` and `word_fits`."""
-    import shapely
-
-    rings = [
-        np.asarray(ring.coords)[:, :2]
-        for part in shapely.get_parts(region)
-        if isinstance(part, shapely.Polygon)
-        for ring in (part.exterior, *part.interiors)
-    ]
-    return np.concatenate([np.hstack([ring[:-1], ring[1:]]) for ring in rings])

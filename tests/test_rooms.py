@@ -5,13 +5,15 @@ reads a file has to know what they name.
 """
 
 import ast
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from strategies.registry import NAMES
+import planner
+from strategies.names import NAMES
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("fields", "vehicle", "strategies", "reports", "planner")
@@ -35,6 +37,8 @@ MAY_KNOW: dict[str, tuple[str, ...]] = {
     "planner": ("planner", "fields", "vehicle", "strategies", "reports"),
 }
 COMMAND_LINE = ("planner.commands", "planner.main")
+BY_NAME = {"planner", "strategies.registry"}
+"""Modules that import others by a name made at run time; the tests below say which those are."""
 
 Graph = dict[str, set[str]]
 
@@ -104,6 +108,13 @@ def circles(graph: Graph) -> list[frozenset[str]]:
     return found
 
 
+def loads_by_name(path: Path) -> bool:
+    """Whether a file can import what no import statement of it names."""
+    tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    names = {getattr(node, key, "") for node in tree for key in ("id", "attr", "name")}
+    return bool(names & {"import_module", "__import__", "find_spec", "run_module", "exec", "eval"})
+
+
 def test_circles_are_seen() -> None:
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a", "d2"}, "d2": set()}) == [frozenset("bc")]
     assert circles({"a": {"b"}, "b": set()}) == []
@@ -114,6 +125,13 @@ def test_the_graph_sees_imports_of_every_form(graph: Graph) -> None:
     assert "vehicle.world" in graph["strategies.timing"]  # at the top of a file
     assert "planner.planning" in graph["planner.commands.plan"]  # inside a function
     assert "reports.results" in graph["planner.commands.plan"]  # for type checking
+
+
+def test_imports_by_name_are_all_in_the_graph(graph: Graph) -> None:
+    assert {name for name, path in modules().items() if loads_by_name(path)} == BY_NAME
+    # What `import planner` loads on demand stands there for type checking as well.
+    assert {f"planner.{home}" for home in planner._HOMES} == graph["planner"]
+    assert {name for names in planner._HOMES.values() for name in names} == set(planner.__all__)
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -181,3 +199,12 @@ def test_every_package_says_that_it_is_typed() -> None:
     assert {str(package.relative_to(ROOT)) for package in packages if not (package / "py.typed").is_file()} == set()
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     assert settings["tool"]["setuptools"]["package-data"]["*"] == ["py.typed"]
+
+
+@pytest.mark.parametrize("package", [*ROOMS, "vehicle/measured", "vehicle/trials"])
+def test_the_map_of_a_room_names_every_module(package: str) -> None:
+    folder = ROOT / package
+    words = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+    inside = {path.stem for path in folder.glob("[a-z]*.py")}
+    inside |= {path.parent.name for path in folder.glob("*/__init__.py")}
+    assert inside - {"errors"} - set(re.findall(r"\w+", words)) == set()

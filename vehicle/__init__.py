@@ -1,17 +1,24 @@
 """The tractor: parameters, steering, tyres, guidance, speed control, missions, and the pymunk world that drives them.
 
     tractor, ground   frozen parameters, read from the files in `data`
-    steering, tyres, guidance, speed   scalar formulas of the thesis, one place each
-    plan_file         plans as text: format version, place of the metres, scenario
-    chassis           forces on one tractor body
+    faults            what is wrong with a parameter file, in a sentence
+    steering, tyres, guidance, speed, gnss   scalar formulas of the thesis, one place each
+    jit               the one setting with which they are compiled
+    chassis, driveline   forces on one tractor body; from commands to wheel angle and drive force
+    control           what a tractor decides ten times a second
     missions          legs and gates: the program a tractor executes
-    effects, rest     what logs can teach about a tractor; terms has their formulas
+    plan_file         plans as text: format version, place of the metres, scenario
+    effects, rest     what logs can teach about a tractor; terms has their formulas, kinds their coordinates for a fit
     learnt            what logs did teach about one tractor, and the tractor without it
-    layout, compile   parameters and missions as arrays
+    layout, compile   parameters and missions as arrays; joining makes paths of legs
     loop, engine      the compiled loop and its door to pymunk
     slow              the same loop in plain Python: oracle and fallback
     bodies, circles   a tractor as a pymunk body; circles at a fixed wheel angle
     calibration       the steering table made from such circles
-    world             drives missions and hands back a run
+    world, run        drives missions and hands back a run
+    rehearsal         plans of one fleet one after another, each from where it differs from the one before
+    clearance         how close two tractors come
     instruments       what antenna and heading show of a pose, for control and for logs
+    measured          from logs of a real tractor to what the simulation gets wrong
+    trials            the experiments of the thesis
 """

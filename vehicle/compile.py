@@ -17,7 +17,6 @@ from vehicle.missions import Mission, Plan
 from vehicle.tractor import Implement, Tractor
 
 Array = npt.NDArray[Any]
-FOOTPRINT = ("nose", "tail", "half_width", "tool_front", "tool_tail", "tool_half_width")
 
 
 def outline(tractor: Tractor, implement: Implement) -> dict[str, float]:

@@ -94,8 +94,8 @@ def make_table(east_mm: npt.NDArray[np.float64], north_mm: npt.NDArray[np.float6
     if cells.min() < 0 or cells.max() >= GRID:
         worst = float(np.abs(cells - CENTRE).max())
         raise VehicleError(
-            f"The fixes reach {worst:.0f} mm from their mean, beyond the {GRID} mm grid; remove what was recorded "
-            "before the receiver had a fixed solution."
+            f"The fixes reach {worst:.0f} mm from their mean, and the grid {CENTRE} mm each way; remove what was "
+            "recorded before the receiver had a fixed solution."
         )
     places, counts = np.unique(cells, axis=0, return_counts=True)
     order = np.lexsort((places[:, 1], places[:, 0], counts))

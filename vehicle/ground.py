@@ -43,7 +43,8 @@ def ground_names() -> tuple[str, ...]:
 def ground_index(name: str) -> int:
     """Row of a ground in the tables; refuses an unknown one."""
     if name not in ground_names():
-        raise VehicleError(f"The ground {name!r} is unknown; use one of: {', '.join(ground_names())}.")
+        known = ", ".join(ground_names())
+        raise VehicleError(f"The ground {name!r} is unknown; use one of: {known}.", parameter="ground")
     return ground_names().index(name)
 
 

@@ -41,7 +41,8 @@ class _Kept(FunctionCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         own = self._impl.locator.get_source_stamp()
-        self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, (own, _sources()))
+        home = Path(function.__code__.co_filename).parent
+        self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, (own, _sources(home)))
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The kept result, or None: a file that is cut off or garbage is forgotten."""
@@ -68,10 +69,10 @@ class _Kept(FunctionCache):
 
 
 @cache
-def _sources() -> str:
-    """A digest of every module whose functions or constants are compiled in: those of this room, and its users."""
+def _sources(home: Path) -> str:
+    """A digest of the modules that may be compiled in: this room's, and those at `home` that use it."""
     room = Path(__file__).parent
-    texts = {path: path.read_bytes() for path in sorted(room.rglob("*.py"))}
+    texts = {path: path.read_bytes() for path in sorted({*room.rglob("*.py"), *home.glob("*.py")})}
     digest = hashlib.sha256()
     for path, text in texts.items():
         if path.parent == room or b"vehicle.jit" in text:

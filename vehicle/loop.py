@@ -96,16 +96,16 @@ def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, every, clock, addresses, read, write, touching, read_count, write_count, touch_count,
     states, models, grounds, tables, legs, gates, points, cumulative, record, clearances, contacts, stop_clearance,
-    beside_clearance, stall_s, fixes, near, wanted,
+    beside_clearance, stall_s, position_errors, near, wanted,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `every` steps.
 
     `clock` (3,) holds the step count, the best total progress and the time it was reached, and is carried on.
     `tables` (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last
-    row counts. `fixes` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. `near` (n,) tells which
-    tractors have their contact boxes in the space: before a tick at which these are the wrong ones the loop ends with
-    NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows, and
-    the closest pair.
+    row counts. `position_errors` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. `near` (n,) tells
+    which tractors have their contact boxes in the space: before a tick at which these are the wrong ones the loop ends
+    with NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows,
+    and the closest pair.
     """
     count = len(states)
     touchable = near.any()
@@ -123,8 +123,8 @@ def run_loop(  # type: ignore[no-untyped-def]
             if count > 1 and look_around(states, models, every * dt, near, wanted):
                 return NEIGHBOURS, rows, -1, -1
             for i in range(count):
-                if len(fixes) > 0:
-                    draw_error(states[i], fixes)
+                if len(position_errors) > 0:
+                    draw_error(states[i], position_errors)
             for i in range(count):
                 control_tick(i, states, models, legs, gates, points, cumulative, time, every * dt)
                 total += states[i].progress

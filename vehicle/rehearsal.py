@@ -26,18 +26,18 @@ class Rehearsal:
 
     def __init__(
         self, tractor: Tractor, implement: Implement, *, stop_clearance_m: float,
-        beside_clearance_m: float | None = None, fixes: Any = None, seed: int = 1,
+        beside_clearance_m: float | None = None, position_errors: Any = None, seed: int = 1,
     ) -> None:  # fmt: skip
         self.tractor, self.implement = tractor, implement
         self.stop_clearance_m, self.beside_clearance_m = stop_clearance_m, beside_clearance_m
-        self.fixes, self.seed = fixes, seed
+        self.position_errors, self.seed = position_errors, seed
         self.began_s = 0.0
         self._plan: Plan | None = None
         self._kept: list[Snapshot] = []
 
     def simulate(self, plan: Plan, max_time_s: float) -> Run:
         """The run of a plan, as a world of its own would drive it."""
-        world = World(plan, self.tractor, self.implement, fixes=self.fixes, seed=self.seed)
+        world = World(plan, self.tractor, self.implement, position_errors=self.position_errors, seed=self.seed)
         limits = self._limits(world)
         self._kept = [
             one for one in self._kept if one.time_s < max_time_s and (one.states["progress"] < limits).all()

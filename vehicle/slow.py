@@ -32,7 +32,7 @@ class Scene:
     models: Array
     grounds: Array
     tables: Array
-    fixes: Array
+    position_errors: Array
     every: int
     clock: Array
     clearances: Array
@@ -53,9 +53,9 @@ def run_slow(
         time = step * dt
         if step % scene.every == 0:
             _read_poses(scene)
-            if len(scene.fixes):
+            if len(scene.position_errors):
                 for state in states:
-                    draw_error(state, scene.fixes)
+                    draw_error(state, scene.position_errors)
             for me in range(len(states)):
                 control_tick(
                     me, states, models, legs, gates, program.points, program.cumulative, time, scene.every * dt

@@ -52,12 +52,12 @@ class Snapshot:
 class World:
     """Executes one plan. Every tractor is of the same kind and carries the same implement.
 
-    `fixes` is a GNSS table of vehicle.gnss, from which each tractor draws errors of its own by the `seed`.
+    `position_errors` is a GNSS table of vehicle.gnss, from which each tractor draws errors of its own by the `seed`.
     """
 
     def __init__(
         self, plan: Plan, tractor: Tractor, implement: Implement, *, tables: Array | None = None,
-        fixes: Array | None = None, seed: int = 1,
+        position_errors: Array | None = None, seed: int = 1,
     ) -> None:  # fmt: skip
         check_plan(plan)
         self.plan = plan
@@ -65,7 +65,7 @@ class World:
         self.models = np.array([compile_model(tractor, implement)])
         self.grounds = compile_grounds()
         self.tables = (steering_tables(tractor) if tables is None else tables)[None]
-        self.fixes = NO_ERROR if fixes is None else fixes
+        self.position_errors = NO_ERROR if position_errors is None else position_errors
         self.program.states["error_key"] = error_keys(seed, plan.tractors)
         self.every = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))
         self.space = pymunk.Space()
@@ -141,8 +141,8 @@ class World:
         self.ids = np.array([body.id for body in self.bodies])
         self.boxes.bring_all()
         scene = Scene(
-            self.space, self.bodies, self.program, self.models, self.grounds, self.tables, self.fixes, self.every,
-            self.clock, self.clearances, self.contacts,
+            self.space, self.bodies, self.program, self.models, self.grounds, self.tables, self.position_errors,
+            self.every, self.clock, self.clearances, self.contacts,
         )  # fmt: skip
         return lambda steps, record, stop: run_slow(scene, steps, DT_S, record, stop, STALL_S)
 
@@ -155,7 +155,7 @@ class World:
                 engine.touching, engine.read_count, engine.write_count, engine.touch_count,
                 program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
                 program.points, program.cumulative, record[rows:], self.clearances, self.contacts, *stop, STALL_S,
-                self.fixes, self.boxes.near, self.boxes.wanted,
+                self.position_errors, self.boxes.near, self.boxes.wanted,
             )  # fmt: skip
             rows += more
             if outcome != NEIGHBOURS:

@@ -33,8 +33,30 @@ Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]  # noq
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
 
 
+Operation = Annotated[
+    str, typer.Option(help="till, sow, spray, harvest or mow: says whether the headland comes first or last.")
+]
+HeadlandFirst = Annotated[bool, typer.Option("--headland-first", help="Work the headland before the tracks.")]
+HeadlandLast = Annotated[bool, typer.Option("--headland-last", help="Work the headland after the tracks.")]
+Corners = Annotated[str, typer.Option(help="Corners of the headland: square (worked whole, backing up) or round.")]
+TracksOnly = Annotated[
+    bool,
+    typer.Option("--tracks-only/--rounds", help="Leave the headland as room for turning, or work it in rounds too."),
+]
+
+
+def headland_order(first: bool, last: bool) -> str | None:
+    """When the headland is to be worked, None where it was left open; refuses both at once."""
+    if first and last:
+        from planner.errors import ScenarioError
+
+        raise ScenarioError("--headland-first and --headland-last exclude each other; leave out one of them.")
+    return "first" if first else "last" if last else None
+
+
 _OPTIONS = {
-    "field": "the field", "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
+    "field": "the field", "headland_order": "--headland-first or --headland-last",
+    "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
 }  # fmt: skip
 _UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 

@@ -10,13 +10,20 @@ import typer
 from planner.commands.options import (
     AsJson,
     Bearing,
+    Corners,
     FieldArgument,
     Headland,
+    HeadlandFirst,
+    HeadlandLast,
     Local,
     Margin,
+    Operation,
+    TracksOnly,
     TractorOption,
     Width,
+    headland_order,
 )
+from strategies.names import NAMES
 
 if TYPE_CHECKING:
     from planner.commands.outputs import Content
@@ -35,10 +42,7 @@ def plan(
     tractors: Annotated[str, typer.Option(help="Tractor counts to try: 3, 1-6 or 1,3,5.")] = "1-6",
     strategies: Annotated[
         str,
-        typer.Option(
-            help="Strategies to try, separated by commas: row-by-row, row-by-row-optimised, col-by-col, split-field, "
-            "interleaved; or all."
-        ),
+        typer.Option(help=f"Strategies to try, separated by commas: {', '.join(NAMES)}; or all."),
     ] = "all",
     turn: Annotated[str, typer.Option(help="auto, u, omega or switch-back.")] = "auto",
     start: Annotated[Optional[str], typer.Option(help="Start of work, hh:mm.")] = None,  # noqa: UP045
@@ -48,6 +52,11 @@ def plan(
     speed_kmh: Annotated[float, typer.Option(help="Working speed, km/h.")] = 5.0,
     turn_speed_kmh: Annotated[Optional[float], typer.Option(help="Turn speed, km/h; --speed-kmh, at most 5.")] = None,  # noqa: UP045
     headland: Headland = None,
+    operation: Operation = "till",
+    headland_first: HeadlandFirst = False,
+    headland_last: HeadlandLast = False,
+    corners: Corners = "square",
+    tracks_only: TracksOnly = True,
     bearing: Bearing = None,
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.05,
@@ -82,6 +91,8 @@ def plan(
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
+        operation, headland_order(headland_first, headland_last), corners,
+        tracks_only and not (headland_first or headland_last),
     )  # fmt: skip
     planned = _planned(scenario, processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
@@ -95,7 +106,8 @@ def _scenario(
     field: str, local: bool, width: float, tractors: str, strategies: str, turn: str, start: str | None,
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
-    clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None,
+    clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
+    order: str | None, corners: str, tracks_only: bool,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_clock, parse_counts, parse_strategies
 
@@ -121,6 +133,10 @@ def _scenario(
         seed=seed,
         gnss=gnss or gnss_table is not None,
         gnss_table=gnss_table,
+        operation=operation,
+        headland_order=order,
+        corners=corners,
+        tracks_only=tracks_only,
     )
 
 
@@ -149,13 +165,14 @@ def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
 
 def _results(planned: Planned, html: Path | None, png: Path | None, save: Path | None) -> list[tuple[Path, Content]]:
     """Pictures and files of the best plan; says on standard error where it is none or late."""
-    from reports.wording import duration
+    from reports.wording import closest, duration
 
     best, late = planned.ranking.best, planned.ranking.missed_by_s
     drive = None if best is None else planned.drives[best.strategy, best.tractors]
     results: list[tuple[Path, Content]] = []
     if late is not None:
-        typer.echo(f"No plan meets the deadline; the closest misses it by {duration(late)}.", err=True)
+        which = closest(planned.ranking)
+        typer.echo(f"No plan meets the deadline; the {which} misses it by {duration(late)}.", err=True)
     if drive is None and (html or png or save):
         typer.echo("No plan is feasible, so there is no map and no plan to save.", err=True)
     if html:

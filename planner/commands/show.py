@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 PATIENCE_S = 1.5
 NARROWEST, USUAL_WIDTH, WIDEST = 20, 80, 160
+LOOPS = (("vehicle.loop", "run_fixed"), ("vehicle.loop", "run_loop"))  # what takes long to compile
 COMPILING = "Compiling the simulator for this machine: first run only, up to half a minute."
 
 
@@ -26,16 +27,26 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def warm_up() -> None:
-    """Load the compiled loop; says so when that takes long because it must be compiled first."""
-    notice = threading.Timer(PATIENCE_S, lambda: print(COMPILING, file=sys.stderr, flush=True))
-    notice.daemon = True
-    notice.start()
+    """Load the compiled loop; says so where it must be compiled first and that takes a while."""
+    loaded = threading.Event()
+    threading.Thread(target=_tell_of_compiling, args=(loaded,), daemon=True).start()
     try:
         from planner.warmup import run_once
 
         run_once()
     finally:
-        notice.cancel()
+        loaded.set()
+
+
+def _tell_of_compiling(loaded: threading.Event) -> None:
+    """After a while, and once it is known that the loop is not on disk, say so; nothing when it is loaded before."""
+    wait_s = PATIENCE_S
+    while not loaded.wait(wait_s):
+        loops = [sys.modules[name].__dict__.get(loop) for name, loop in LOOPS if name in sys.modules]
+        if any(loop is not None and loop.stats.cache_misses for loop in loops):
+            print(COMPILING, file=sys.stderr, flush=True)
+            return
+        wait_s = 0.2
 
 
 def remark(sentences: Iterable[str]) -> None:

@@ -99,7 +99,7 @@ def new_world(tractors: int, length: float = FIELD_M) -> World:
 def full_world(tractors: int) -> World:
     """The same world on shaped tyres with a friction circle, and with GNSS error."""
     plan, tractor = formation_plan(tractors), load_tractor("eg105")
-    world = World(plan, tractor, Implement(), fixes=default_table())
+    world = World(plan, tractor, Implement(), position_errors=default_table())
     world.grounds = compile_tyres([tyres_on("asphalt", "nonlinear"), tyres_on("asphalt", "linear")])
     return world
 

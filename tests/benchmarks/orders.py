@@ -79,7 +79,7 @@ def slanted(n: int) -> tuple[Floats, Floats]:
             ends = ((2 * a, 2 * b + 1, east, 0.0, math.pi), (2 * a + 1, 2 * b, west, math.pi, 0.0))
             for p, q, side, leaving, entering in ends:
                 start, goal = np.array([side[a], north[a], leaving]), np.array([side[b], north[b], entering])
-                forward_words(start, goal, RADIUS_M, out, kinds)
+                forward_words(start, goal, RADIUS_M, out, kinds, 0)
                 turns[p, q] = out[0, :, 0].sum() / TURN_MPS
     return (east - west) / WORK_MPS, turns
 

@@ -23,8 +23,9 @@ class Outcome:
 
     @property
     def sentences(self) -> list[str]:
-        """Lines on standard error."""
-        return [line for line in self.err.splitlines() if line.strip()]
+        """Lines on standard error, but for the word that the simulator is compiled first."""
+        lines = (line for line in self.err.splitlines() if line.strip())
+        return [line for line in lines if not line.startswith("Compiling the simulator")]
 
 
 def polygon(*corners: tuple[float, float]) -> dict[str, Any]:

@@ -38,6 +38,13 @@ def test_every_option_of_plan_is_explained(headland: Callable[..., Any]) -> None
         assert option in text
 
 
+def test_the_strategies_to_choose_from_are_those_of_the_registry(headland: Callable[..., Any]) -> None:
+    from strategies.registry import STRATEGIES
+
+    text = " ".join(headland("plan", "--help").out.replace("│", " ").split())
+    assert f"commas: {', '.join(STRATEGIES)}; or all." in text
+
+
 def test_no_words_at_all_show_the_help(headland: Callable[..., Any]) -> None:
     outcome = headland()
     assert "plan" in outcome.out + outcome.err and "study" in outcome.out + outcome.err

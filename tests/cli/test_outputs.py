@@ -61,6 +61,7 @@ REFUSED_ON_POSIX = [
     ("plan good.geojson --local --save soft.json", "soft.json would overwrite the field"),
     ("plan soft.json --local --save good.geojson", "good.geojson would overwrite the field"),
     ("plan good.geojson --local --html later.html --save later.json", "would overwrite another result"),
+    ("replay loop.json", "loop.json does not exist"),
     ("plan good.geojson --local --save loop.json", "links that lead round in a circle"),
     ("plan good.geojson --local --save pipe.json", "pipe.json is a device or a pipe"),
     ("plan good.geojson --local --save /dev/full", "/dev/full is a device or a pipe"),

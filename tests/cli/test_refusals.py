@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -141,7 +140,7 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--headland 0", ("--headland",)),
     ("--headland -2", ("-2",)),
     ("--headland nan", ("nan",)),
-    ("--headland 1e308", ("1e+308 m", "0 to 100000 m")),
+    ("--headland 1e308", ("1e+308 m", "1000 m or less")),
     ("--headland 1000", ("1000 m", "smaller headland")),
     ("--bearing nan", ("bearing", "nan")),
     ("--bearing inf", ("inf",)),
@@ -221,9 +220,7 @@ def test_an_unwritable_place_is_found_before_anything_is_simulated(
 
     monkeypatch.setattr(planner.warmup, "run_once", never)
     monkeypatch.setattr(vehicle.world.World, "run", never)
-    began = time.monotonic()
     assert_refused(headland("plan", option, folder / "nowhere" / "x"), "nowhere")
-    assert time.monotonic() - began < 2.0
 
 
 DRAWING: list[tuple[str, ...]] = [
@@ -334,13 +331,14 @@ class TestFaults:
 class TestTerminals:
     """A table is printed whatever the terminal: its width unknown or tiny, its characters few."""
 
-    @pytest.mark.parametrize(("columns", "widest"), [("0", 100), ("1", 40), ("30", 40), ("60", 60), ("500", 100)])
+    @pytest.mark.parametrize(("columns", "widest"), [("0", 80), ("1", 20), ("30", 30), ("60", 60), ("500", 160)])
     def test_widths(
         self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch, columns: str, widest: int
     ) -> None:
         monkeypatch.setenv("COLUMNS", columns)
         text = headland("field", "good.geojson", "--local").out
-        assert "Area (ha)" in text and "0.60" in text.replace("0.6 ", "0.60") and "tracks" in text.lower()
+        told = " ".join(text.split())
+        assert "Area (ha) 0.6 " in told and "tracks" in told.lower()
         assert max(map(len, text.splitlines())) <= widest
 
     @pytest.mark.parametrize("settings", [

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.measured.tables import refusal, saved, table
-from vehicle.measured.logs.reading import log_files, log_from_frame, read_logs, remarks
+from vehicle.measured.logs.reading import log_files, log_from_frame, read_logs
+from vehicle.measured.logs.remarks import remarks
 from vehicle.measured.replay.course import make_course
 
 

@@ -25,8 +25,9 @@ def moved(field: Field, move: Callable[[Any], Any]) -> Field:
 
 
 def site_on(polygon: shapely.Polygon, entrance: tuple[float, float] | None = None, **options: Any) -> Site:
-    """A site on a polygon in local metres."""
-    return prepare(Scenario(field="drawn", **options), Field("drawn", polygon, entrance=entrance))
+    """A site on a polygon in local metres, its headland left for turning unless `tracks_only` is False."""
+    scenario = Scenario(field="drawn", **{"tracks_only": True, **options})
+    return prepare(scenario, Field("drawn", polygon, entrance=entrance))
 
 
 @pytest.fixture(scope="session")

@@ -82,7 +82,9 @@ def test_objects_and_names_are_the_same_question(scenario: Scenario, first: str,
 
     field, tractor = read_field(scenario.field, local=True), load_tractor("eg105")
     nameless = replace(scenario, field="no such file", tractor="no such tractor")
-    assert ranking_json(plan(nameless, field=field, tractor=tractor, executor=pool).ranking) == first
+    answer = plan(nameless, field=field, tractor=tractor, executor=pool)
+    assert ranking_json(answer.ranking) == first
+    assert (answer.site.scenario.field, answer.site.scenario.tractor) == (field.name, tractor.name)
     assert ranking_json(plan(nameless, field=scenario.field, tractor="eg105", executor=pool).ranking) == first
 
 
@@ -90,6 +92,17 @@ def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: Scenario) -
     broken = load_tractor("eg105").model_copy(update={"mass_kg": -1.0})
     with pytest.raises(HeadlandError, match="mass_kg"):
         plan(scenario, tractor=broken, executor=SerialExecutor())
+
+
+@pytest.mark.parametrize(("parameter", "question"), [
+    ("field", {"field": "nowhere.geojson"}), ("tractor", {"tractor": "nobody"}),
+    ("gnss_table", {"gnss": True, "gnss_table": "nothing.csv"}), ("headland_m", {"headland_m": 1e9}),
+    ("width_m", {"width_m": 1e-9}), ("radius_m", {"radius_m": 0.1}),
+])  # fmt: skip
+def test_a_refusal_names_the_parameter_at_fault(scenario: Scenario, parameter: str, question: dict[str, Any]) -> None:
+    with pytest.raises(HeadlandError) as refusal:
+        plan(replace(scenario, **question), executor=SerialExecutor())
+    assert refusal.value.parameter == parameter
 
 
 def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(

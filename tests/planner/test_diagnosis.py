@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from planner import HeadlandError, diagnose, replay
 from planner.diagnosis import PLAN_FIELD, PLAN_WIDTH_M, SMALLEST_M, plan_gain
 from planner.evaluate import Candidate, evaluate
 from planner.scenario import Scenario
@@ -69,3 +70,22 @@ def test_a_tractor_whose_radii_are_not_known_there_is_diagnosed_all_the_same(tmp
     assert gain is None
     assert why_not.startswith("No plan was driven to compare: No turning radii of Yanmar EG105 are known on 'soil'")
     assert why_not.endswith(".") and not why_not.endswith("..")
+
+
+@pytest.mark.parametrize(("ask", "parameter"), [
+    (lambda: diagnose([]), "logs"),
+    (lambda: diagnose("nothing.csv"), "logs"),
+    (lambda: diagnose(["nothing.csv"], tractor="nobody"), "tractor"),
+    (lambda: diagnose(["nothing.csv"], fixes=["nonsense"]), "fixes"),
+    (lambda: replay("nothing.csv"), "log"),
+    (lambda: replay("nothing.csv", tractor="nobody"), "tractor"),
+])  # fmt: skip
+def test_a_refusal_names_the_parameter_at_fault(ask: Any, parameter: str) -> None:
+    with pytest.raises(HeadlandError) as refusal:
+        ask()
+    assert refusal.value.parameter == parameter
+
+
+def test_one_log_need_not_be_in_a_list() -> None:
+    with pytest.raises(HeadlandError, match=r"nothing\.csv does not exist"):
+        diagnose("nothing.csv")

@@ -1,4 +1,4 @@
-"""Coverage and excursion of made-up runs, by hand."""
+"""Coverage, trampled ground and excursion of made-up runs, by hand."""
 
 import math
 from dataclasses import replace
@@ -8,23 +8,35 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
-from planner.measure import coverage, excursion, finite_or_none, guided_point, reversals
-from vehicle.missions import TRACK, TURN, Leg, Mission, Plan, Task
+from fields import Field
+from planner.measure import coverage, excursion, finite_or_none, guided_point, outline_excursion_m, reversals
+from planner.site import Site
+from planner.swept import swept_ground
+from planner.trampled import TYRE_M, trampled_m2
+from vehicle.compile import outline
+from vehicle.missions import ROUND, TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.run import DONE, Run
 
 # The small site is 36 m by 80 m; the implement is 3 m wide.
 AREA = 36.0 * 80.0
+QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+Poses = list[tuple[float, float, float, bool]]
 
 
-def run_of(site: Any, *passes: list[tuple[float, float, float, bool]]) -> Run:
-    """A run in which the bar of tractor k passes its poses (x, y, angle, implement down), one leg per pair of them."""
+def run_of(site: Any, *passes: Poses, kind: str = TRACK) -> Run:
+    """A run in which the bar of tractor k passes its poses (x, y, angle, implement down), one leg per pair of them.
+
+    `kind` is the task of legs with the implement down.
+    """
     reach = site.tractor.rear_axle_m + site.implement.hitch_m
     missions, rows = [], []
     for poses in passes:
         xya = np.array([pose[:3] for pose in poses])
         legs = [
-            Leg(np.array([a[:2], b[:2]]), 1.0, implement=a[3], task=Task(TRACK if a[3] else TURN))
+            Leg(np.array([a[:2], b[:2]]), 1.0, implement=a[3], task=Task(kind if a[3] else TURN))
             for a, b in pairwise(poses)
         ]
         body = xya[:, :2] + reach * np.column_stack([np.cos(xya[:, 2]), np.sin(xya[:, 2])])
@@ -41,8 +53,30 @@ def run_of(site: Any, *passes: list[tuple[float, float, float, bool]]) -> Run:
 NORTH = math.pi / 2
 
 
-def pass_north(x: float, start: float, end: float) -> list[tuple[float, float, float, bool]]:
-    return [(x, float(y), NORTH, True) for y in np.linspace(start, end, 30)]
+def pass_north(x: float, start: float, end: float, count: int = 30) -> Poses:
+    return [(x, float(y), NORTH, True) for y in np.linspace(start, end, count)]
+
+
+def arc(x: float, y: float, radius: float, start: float, end: float) -> Poses:
+    """A left-hand bend of the bar's middle round a point, from one heading to another, a degree at a time."""
+    headings = np.linspace(start, end, round(abs(end - start) * 180 / math.pi) + 1)
+    return [(x + radius * math.sin(h), y - radius * math.cos(h), float(h), True) for h in headings]
+
+
+def lap(low: float, east: float, north: float, radius: float, beyond: float) -> Poses:
+    """Once round a rectangle from (low, low) with rounded corners, anticlockwise, and some way beyond the start."""
+    inner = [(east - radius, low + radius), (east - radius, north - radius), (low + radius, north - radius),
+             (low + radius, low + radius)]  # fmt: skip
+    corners = [pose for k, place in enumerate(inner) for pose in arc(*place, radius, k * NORTH, (k + 1) * NORTH)]
+    start = low + radius
+    poses = [(start, low, 0.0, True), *corners, (start + beyond, low, 2 * math.pi, True)]
+    return [(*(a + t * (b - a)), True) for a, b in pairwise(np.array(poses)[:, :3]) for t in np.linspace(0, 1, 5)]
+
+
+def on_field(site: Any, polygon: shapely.Polygon) -> Site:
+    """The site with another field; its tracks stay, and do not count."""
+    changed: Site = replace(site, layout=replace(site.layout, field=Field("drawn", polygon)))
+    return changed
 
 
 class TestCoverage:
@@ -88,6 +122,195 @@ class TestCoverage:
         holed = place(shapely.box(0, 0, 60, 80).difference(shapely.box(20, 30, 26, 40)), margin_m=0.0)
         share = coverage(run_of(holed, pass_north(23.0, 20.0, 60.0)), holed)
         assert share.worked_pct == pytest.approx(100 * 30.0 * 3.0 / (60 * 80 - 60), rel=1e-6)
+
+
+class TestSweptInBends:
+    def test_a_bend_sweeps_part_of_a_ring(self, small_site: Any) -> None:
+        share = coverage(run_of(small_site, arc(18.0, 40.0, 6.0, 0.3, 2.9)), small_site)
+        assert share.worked_m2 == pytest.approx(0.5 * 2.6 * (7.5**2 - 4.5**2), rel=2e-3)
+        assert share.overlap_m2 == pytest.approx(0.0, abs=1e-3)
+
+    def test_a_bar_that_turns_on_the_spot_sweeps_a_disc(self, small_site: Any) -> None:
+        share = coverage(run_of(small_site, arc(18.0, 40.0, 0.0, 0.0, math.pi)), small_site)
+        assert share.worked_m2 == pytest.approx(math.pi * 1.5**2, rel=0.01)
+
+    def test_a_round_is_worked_where_it_meets_itself(self, small_site: Any) -> None:
+        # The middle of the bar drives 33 m by 77 m with corners of 4 m, and 5 m beyond the start.
+        field = shapely.box(0, 0, 36, 80).difference(shapely.box(3, 3, 33, 77))
+        site = on_field(small_site, field)
+        share = coverage(run_of(site, lap(1.5, 34.5, 78.5, 4.0, 5.0)), site)
+        corner = (1 - math.pi / 4) * (4.0 + 1.5) ** 2
+        assert corner == pytest.approx(6.49, abs=0.01)
+        assert share.missed_m2 == pytest.approx(4 * corner, rel=0.01)
+        assert share.overlap_m2 == pytest.approx(5.0 * 3.0, rel=0.01)
+        assert share.largest is not None and share.largest.m2 == pytest.approx(corner, rel=0.05)
+        assert min(share.largest.x_m, 36 - share.largest.x_m) < 2 and min(share.largest.y_m, 80 - share.largest.y_m) < 2
+
+    def test_backwards_over_the_same_ground_is_overlap(self, small_site: Any) -> None:
+        there = pass_north(10.0, 5.0, 55.0)
+        share = coverage(run_of(small_site, [*there, *there[::-1]]), small_site)
+        assert share.worked_m2 == pytest.approx(150.0, rel=1e-9)
+        assert share.overlap_m2 == pytest.approx(150.0, rel=1e-9)
+
+
+class TestMissed:
+    def test_what_a_pass_leaves_on_both_sides(self, small_site: Any) -> None:
+        share = coverage(run_of(small_site, pass_north(10.0, -5.0, 85.0)), small_site)
+        assert share.missed_m2 == pytest.approx(AREA - 240.0, rel=1e-9)
+        assert [piece.area for piece in share.missed] == pytest.approx([24.5 * 80, 8.5 * 80], rel=1e-9)
+        assert share.largest is not None and share.largest.m2 == pytest.approx(24.5 * 80, rel=1e-9)
+        assert 11.5 < share.largest.x_m < 36 and 0 < share.largest.y_m < 80
+
+    def test_nothing_worked_is_all_missed_and_never_finished(self, small_site: Any) -> None:
+        share = coverage(run_of(small_site, [(10.0, 5.0, NORTH, False), (10.0, 9.0, NORTH, False)]), small_site)
+        assert (share.worked_m2, share.missed_m2) == (0.0, pytest.approx(AREA))
+        assert share.finished(60.0) == math.inf
+
+    def test_finishing_is_at_the_own_rate(self, small_site: Any) -> None:
+        share = coverage(run_of(small_site, pass_north(10.0, -5.0, 85.0)), small_site)
+        assert share.finished(60.0) == pytest.approx(60.0 * 12, rel=1e-9), "one of twelve swaths in a minute"
+
+    def test_a_narrow_neck_does_not_make_one_piece_of_two(self, small_site: Any) -> None:
+        rooms = shapely.union_all([shapely.box(0, 0, 20, 20), shapely.box(20, 9, 40, 10), shapely.box(40, 0, 50, 20)])
+        site = on_field(small_site, rooms)
+        share = coverage(run_of(site, [(100.0, 0.0, 0.0, True), (110.0, 0.0, 0.0, True)]), site)
+        assert share.missed_m2 == pytest.approx(620.0) and len(share.missed) == 1
+        assert share.largest is not None and share.largest.m2 == pytest.approx(400.0, rel=1e-6)
+        assert share.largest.x_m < 20
+
+    def test_ground_too_narrow_to_be_sent_to_is_missed_but_no_piece(self, small_site: Any) -> None:
+        field = shapely.box(0, 0, 3.1, 50)
+        site = on_field(small_site, field)
+        share = coverage(run_of(site, pass_north(1.5, -1.0, 51.0)), site)
+        assert share.missed_m2 == pytest.approx(5.0, rel=1e-6)
+        assert share.missed == () and share.largest is None
+
+
+@st.composite
+def convex_fields(draw: Any) -> shapely.Polygon:
+    """A convex field of 20 to 120 m."""
+    angles = draw(st.lists(st.floats(0, 2 * math.pi), min_size=3, max_size=8))
+    across, along = draw(st.floats(10, 60)), draw(st.floats(10, 60))
+    corners = [(round(across * math.cos(a), 3), round(along * math.sin(a), 3)) for a in angles]
+    hull = shapely.convex_hull(shapely.MultiPoint(corners))
+    assume(hull.geom_type == "Polygon" and hull.area > 100)
+    return hull
+
+
+@st.composite
+def wanderings(draw: Any) -> Poses:
+    """A bar that wanders about: bends of any sharpness, forwards and backwards, up and down."""
+    x, y, heading = draw(st.floats(-50, 50)), draw(st.floats(-50, 50)), draw(st.floats(-4, 4))
+    moves = st.tuples(st.floats(-8, 8), st.floats(-1, 1), st.booleans(), st.integers(1, 12))
+    poses = [(x, y, heading, True)]
+    for metres, turn, down, count in draw(st.lists(moves, min_size=1, max_size=8)):
+        for _ in range(count):
+            heading += turn / 4
+            x, y = x + metres / 4 * math.cos(heading), y + metres / 4 * math.sin(heading)
+            poses.append((x, y, heading, down))
+    return poses
+
+
+@QUICK
+@given(field=convex_fields(), way=wanderings(), turned=st.floats(0, 360))
+def test_swept_and_missed_are_the_field_whatever_is_driven(
+    small_site: Any, field: shapely.Polygon, way: Poses, turned: float
+) -> None:
+    site = on_field(small_site, shapely.affinity.rotate(field, turned))
+    share = coverage(run_of(site, way), site)
+    assert share.worked_m2 + share.missed_m2 == pytest.approx(share.field_m2, rel=1e-6, abs=1e-3)
+    assert share.overlap_m2 >= 0 and 0 <= share.worked_pct <= 100 + 1e-6
+    assert sum(piece.area for piece in share.missed) <= share.missed_m2 + 1e-3
+    if share.largest is not None:
+        assert share.largest.m2 <= share.missed_m2 + 1e-3
+        assert site.layout.field.boundary.buffer(1e-3).covers(shapely.Point(share.largest.x_m, share.largest.y_m))
+
+
+@QUICK
+@given(field=convex_fields(), offset=st.floats(-60, 60), heading=st.floats(0, 2 * math.pi))
+def test_a_straight_pass_sweeps_its_strip_of_any_field(
+    small_site: Any, field: shapely.Polygon, offset: float, heading: float
+) -> None:
+    site = on_field(small_site, field)
+    ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
+    ends = np.array([-100.0, 100.0])[:, None] * ahead + offset * aside
+    strip = shapely.LineString(ends).buffer(1.5, cap_style="flat").intersection(field)
+    poses = [(*(ends[0] + t * (ends[1] - ends[0])), heading, True) for t in np.linspace(0, 1, 40)]
+    assert coverage(run_of(site, poses), site).worked_m2 == pytest.approx(strip.area, rel=1e-6, abs=1e-3)
+
+
+class TestTrampled:
+    """One tractor works a swath of 3 m northwards; another crosses it eastwards with its implement up, or down."""
+
+    SWATH = pass_north(10.0, 5.0, 55.0)
+    ONCE = 2 * TYRE_M * 3.0  # left and right wheels, front and rear in one line, across 3 m
+
+    def crossing(self, y: float, down: bool = False, count: int = 30) -> Poses:
+        return [(float(x), y, 0.0, down) for x in np.linspace(-4.0, 20.0, count)]
+
+    def waiting(self, pose: tuple[float, float, float, bool]) -> Poses:
+        return [(*pose[:3], False)] * 30
+
+    def run(self, site: Any, crossing: Poses, *, before: bool = False, kind: str = TRACK) -> Run:
+        parts = [(self.SWATH, self.waiting(crossing[0])), (self.waiting(self.SWATH[-1]), crossing)]
+        if before:
+            parts = [(self.waiting(self.SWATH[0]), crossing), (self.SWATH, self.waiting(crossing[-1]))]
+        return run_of(site, *([*parts[0][k], *parts[1][k]] for k in (0, 1)), kind=kind)
+
+    def trampled(self, site: Any, run: Run) -> float:
+        return trampled_m2(run, site, swept_ground(run, site))
+
+    def test_wheels_over_a_finished_swath(self, small_site: Any) -> None:
+        run = self.run(small_site, self.crossing(30.0))
+        assert self.trampled(small_site, run) == pytest.approx(self.ONCE, rel=1e-6)
+
+    def test_each_place_once(self, small_site: Any) -> None:
+        twice = self.crossing(30.0)[::2] + self.crossing(30.0)[::-2]
+        assert self.trampled(small_site, self.run(small_site, twice)) == pytest.approx(self.ONCE, rel=1e-6)
+
+    def test_before_it_is_worked_nothing_is_spoilt(self, small_site: Any) -> None:
+        assert self.trampled(small_site, self.run(small_site, self.crossing(30.0), before=True)) == 0.0
+
+    def test_with_the_implement_down_it_is_worked_again(self, small_site: Any) -> None:
+        assert self.trampled(small_site, self.run(small_site, self.crossing(30.0, down=True))) == 0.0
+
+    def test_the_headland_is_there_to_turn_on(self, small_site: Any) -> None:
+        assert self.trampled(small_site, self.run(small_site, self.crossing(30.0), kind=ROUND)) == 0.0
+
+    def test_outside_the_field_is_nobodys_ground(self, small_site: Any) -> None:
+        site = on_field(small_site, shapely.box(0, 0, 10, 80))
+        assert self.trampled(site, self.run(site, self.crossing(30.0))) == pytest.approx(self.ONCE / 2, rel=1e-6)
+
+    @pytest.mark.parametrize(("y", "spoilt"), [(8.0, True), (18.0, True), (40.0, False)])
+    def test_while_it_is_being_worked_only_what_is_done_counts(self, small_site: Any, y: float, spoilt: bool) -> None:
+        # Both set out together: the bar is at y = 22 after 10 s, when the first crossing wheels are at its swath.
+        run = run_of(small_site, pass_north(10.0, 5.0, 55.0, 300), self.crossing(y, count=300))
+        assert self.trampled(small_site, run) == pytest.approx(self.ONCE if spoilt else 0.0, rel=1e-6)
+
+
+class TestOutlineOutside:
+    def test_nothing_in_the_middle(self, small_site: Any) -> None:
+        assert outline_excursion_m(run_of(small_site, pass_north(18.0, 20.0, 60.0)), small_site) == 0.0
+
+    @pytest.mark.parametrize(("x", "length"), [(1.3, 40.0), (1.4, 0.0), (34.6, 0.0), (34.7, 40.0)])
+    def test_along_the_side_by_half_the_frame(self, small_site: Any, x: float, length: float) -> None:
+        # The frame is a tenth narrower than the swath of 3 m: it reaches 1.35 m to either side.
+        run = run_of(small_site, pass_north(x, 20.0, 60.0))
+        assert outline_excursion_m(run, small_site) == pytest.approx(length)
+
+    def test_over_the_end_with_the_nose(self, small_site: Any) -> None:
+        nose = outline(small_site.tractor, small_site.implement)["nose"]
+        bar_to_nose = nose + small_site.tractor.rear_axle_m + small_site.implement.hitch_m
+        run = run_of(small_site, [(18.0, 60.0 + 0.02 * k, NORTH, True) for k in range(801)])
+        assert outline_excursion_m(run, small_site) == pytest.approx(76.0 - (80.0 - bar_to_nose), abs=0.11)
+
+    def test_over_a_post_that_no_corner_touches(self, small_site: Any) -> None:
+        site = on_field(small_site, shapely.box(0, 0, 36, 80).difference(shapely.box(17.9, 39.9, 18.1, 40.1)))
+        boxes = outline(site.tractor, site.implement)
+        along = boxes["nose"] - boxes["tail"] + boxes["tool_front"] - boxes["tool_tail"]
+        run = run_of(site, [(18.0, 20.0 + 0.02 * k, NORTH, True) for k in range(2001)])
+        # The post is as long again as the gap of 0.11 m between the boxes leaves of it.
+        assert outline_excursion_m(run, site) == pytest.approx(along + 0.2 + 0.11, abs=0.15)
 
 
 class TestExcursion:

@@ -1,6 +1,9 @@
 """Processes that take tasks: clean ones, that end with whoever started them; and executors of other makes."""
 
+import multiprocessing
+import multiprocessing.context
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +17,9 @@ from typing import Any
 
 import pytest
 
+import planner.tasks
+from planner.errors import HeadlandError
+from planner.evaluate import Candidate
 from planner.pool import AHEAD, LocalPool, SerialExecutor, completed, local_pool
 
 ROOT = Path(__file__).parents[2]
@@ -78,6 +84,14 @@ class TestLocalPool:
         with LocalPool(1) as executor, pytest.raises(BrokenExecutor):
             executor.submit(os._exit, 3).result(60)
 
+    def test_a_process_that_cannot_be_started_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def broken(*_: Any) -> None:
+            raise BrokenPipeError
+
+        monkeypatch.setattr(multiprocessing.context.SpawnProcess, "_Popen", broken)
+        with pytest.raises(BrokenExecutor, match="could not be started"), LocalPool(1):
+            pass
+
     def test_the_caller_helps(self, pool: LocalPool) -> None:
         hands = {process for _, process in completed(pool, busy, [(0.05,)] * 40)}
         assert os.getpid() in hands and len(hands) > 1
@@ -89,6 +103,29 @@ class TestLocalPool:
             executor.submit(time.sleep, 600)
             raise KeyError
         assert time.monotonic() - began < 60
+
+    @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
+    def test_processes_are_deaf_to_interrupts_from_their_first_moment(self) -> None:
+        with LocalPool(1) as executor:
+            (process,) = executor._processes
+            heard = int(re.search(r"SigBlk:\s*(\w+)", Path(f"/proc/{process}/status").read_text())[1], 16)
+        assert heard >> (signal.SIGINT - 1) & 1
+
+    def test_an_interrupt_ends_the_caller_with_large_tasks_not_yet_handed_over(self, tmp_path: Path) -> None:
+        script = tmp_path / "script.py"
+        script.write_text(
+            "import multiprocessing, time\nfrom planner.pool import LocalPool, completed\n"
+            "def wait(load):\n"
+            "    time.sleep(0.05)\n"
+            "    if multiprocessing.parent_process() is None:\n"
+            "        raise KeyboardInterrupt\n"
+            "if __name__ == '__main__':\n"
+            "    with LocalPool(2) as pool:\n"
+            "        list(completed(pool, wait, [(bytes(10**7),)] * 40))\n"
+        )
+        run = subprocess.run([sys.executable, script], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+                             capture_output=True, text=True, timeout=60)  # fmt: skip
+        assert run.stderr.splitlines()[-1] == "KeyboardInterrupt" and "Exception in thread" not in run.stderr
 
 
 def busy(seconds: float) -> int:
@@ -180,3 +217,18 @@ def test_a_script_may_plan_from_threads(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout == "once\n"
+
+
+def test_a_lost_process_refuses_the_plan_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner.tasks, "work_out", lose_the_process)
+    words = r"is gone or could not be started.* fewer .processes."
+    with pytest.raises(HeadlandError, match=words) as refusal, LocalPool(1) as executor:
+        list(planner.tasks.outcomes(executor, [(b"", Candidate("split-field", 1), False)] * 9, None))
+    assert refusal.value.parameter == "processes" and refusal.value.status == 1
+
+
+def lose_the_process(*_: Any) -> None:
+    """End the process without a word, but not the one that runs the tests."""
+    if multiprocessing.parent_process() is not None:
+        os._exit(3)
+    time.sleep(0.05)

@@ -1,5 +1,6 @@
 """Order, Pareto front, deadline and cost of plans, by hand."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -13,7 +14,7 @@ from planner.planning import plan
 from planner.pool import SerialExecutor
 from planner.rank import candidates, rank
 from planner.scenario import Scenario
-from reports.results import PlanResult, Ranking
+from reports.results import MissedPiece, PlanResult, Ranking
 
 QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 Row = tuple[int, float]
@@ -112,6 +113,63 @@ class TestBest:
         assert self.ranking(refused("x", 1)).best is None
         touches = result(2, 1.0, feasible=False, cost=0.0, meets_deadline=True)
         assert self.ranking(self.PLANS[3], touches).best == self.PLANS[3]
+
+
+class TestEqualWork:
+    """Plans are ranked by what they come to when what they leave open is worked at their own rate."""
+
+    def part(self, share: float, tractors: int, time_s: float, **more: Any) -> PlanResult:
+        return result(
+            tractors, time_s, worked_pct=100 * share, finished_s=time_s / share,
+            finished_cost=tractors * time_s / 90.0 / share, **more,
+        )  # fmt: skip
+
+    def test_whoever_leaves_more_has_to_be_quicker_by_as_much(self, small_site: Any) -> None:
+        whole, half = self.part(1.0, 2, 500.0, strategy="whole"), self.part(0.5, 2, 300.0, strategy="half")
+        quick = self.part(0.5, 2, 240.0, strategy="quick")
+        ranked = rank(small_site, [half, whole, quick]).plans
+        assert [plan.strategy for plan in ranked] == ["quick", "whole", "half"]
+        assert [plan.time_s for plan in ranked] == [240.0, 500.0, 300.0], "time stays what was driven"
+        assert [plan.on_pareto_front for plan in ranked] == [True, False, False]
+
+    @QUICK
+    @given(st.lists(st.tuples(st.integers(1, 6), st.integers(10, 1000)), min_size=1, max_size=12), st.floats(0.2, 1.0))
+    def test_equal_shares_are_ordered_as_driven(self, small_site: Any, rows: list[Row], share: float) -> None:
+        def order(plans: list[PlanResult]) -> list[tuple[str, bool]]:
+            return [(plan.strategy, plan.on_pareto_front) for plan in rank(small_site, plans).plans]
+
+        driven = [result(n, float(t), strategy=str(k)) for k, (n, t) in enumerate(rows)]
+        assert order([self.part(share, n, float(t), strategy=str(k)) for k, (n, t) in enumerate(rows)]) == order(driven)
+
+    def test_in_time_counts_who_could_finish_in_time_first(self) -> None:
+        little = self.part(0.5, 1, 500.0, meets_deadline=True)
+        whole = self.part(1.0, 3, 550.0, meets_deadline=True)
+        late = self.part(1.0, 9, 700.0, meets_deadline=False)
+        ranking = Ranking("f", 1.0, 1, (late, little, whole), allowed_s=600.0)
+        assert ranking.best == whole, "though it costs more"
+        assert replace(ranking, allowed_s=1000.0).best == little
+        assert replace(ranking, plans=(late, little)).best == little
+        assert ranking.missed_by_s is None
+
+    def test_the_largest_piece_has_its_place_on_the_earth(self, small_site: Any) -> None:
+        field = replace(small_site.layout.field, crs="EPSG:32632", origin_m=(500_000.0, 0.0))
+        site = replace(small_site, layout=replace(small_site.layout, field=field))
+        left = result(1, 100.0, largest_missed=MissedPiece(7.0, 0.0, 30.0))
+        (plan,) = rank(site, [left]).plans
+        assert plan.largest_missed is not None and plan.largest_missed.lon == pytest.approx(9.0, abs=1e-9)
+        # At the equator the meridian of WGS84 has the radius a (1 - e2) = 6,335,439 m; the scale of UTM is 0.9996.
+        assert plan.largest_missed.lat == pytest.approx(math.degrees(30.0 / 0.9996 / 6_335_439.0), rel=1e-4)
+        (local,) = rank(small_site, [left]).plans
+        assert local.largest_missed == left.largest_missed
+
+    def test_a_plan_of_tracks_alone_is_charged_for_its_headlands(self, small_site: Any, evaluate_once: Any) -> None:
+        plan = evaluate_once(small_site, "split-field", 2)
+        area = small_site.layout.field.area_m2
+        assert plan.missed_m2 == pytest.approx(area * (1 - plan.worked_pct / 100), rel=1e-6)
+        assert plan.finished_s == pytest.approx(plan.time_s / (plan.worked_pct / 100), rel=1e-6)
+        assert plan.finished_cost == pytest.approx(plan.cost * plan.finished_s / plan.time_s, rel=1e-9)
+        assert plan.largest_missed.m2 == pytest.approx(36 * small_site.layout.headland_m, rel=0.02)
+        assert min(plan.largest_missed.y_m, 80 - plan.largest_missed.y_m) < small_site.layout.headland_m
 
 
 class TestLittleWork:

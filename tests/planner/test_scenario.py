@@ -2,15 +2,18 @@
 
 import math
 import re
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from planner import HeadlandError, diagnose, replay
 from planner.commands.options import option_of
 from planner.errors import ScenarioError, named
 from planner.scenario import Scenario, clock, nearest, parse_clock, parse_counts, parse_strategies
+from planner.site import prepare
 
 QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 
@@ -74,6 +77,15 @@ class TestClock:
         ({"width_m": 0.0}, "width_m.* must be above 0"),
         ({"width_m": -1.0}, "width_m.* must be above 0"),
         ({"width_m": math.nan}, "width_m"),
+        ({"width_m": math.inf}, "width_m. is inf m; use 1000 m or less"),
+        ({"width_m": "3"}, "width_m is '3'; give a number"),
+        ({"width_m": None}, "width_m is None; give a number"),
+        ({"tractors": 3}, "tractors is 3; give whole numbers in a tuple"),
+        ({"strategies": "split-field"}, "strategies is 'split-field'; give names in a tuple"),
+        ({"seed": 1.5}, "seed is 1.5; give a whole number"),
+        ({"start_s": True}, "start_s is True; give a whole number"),
+        ({"local": 1}, "local is 1; give True or False"),
+        ({"gnss_table": "table.csv"}, "gnss_table is used with gnss alone"),
         ({"width_m": math.inf}, "width_m"),
         ({"clearance_m": 0.0}, "clearance_m.* is 0 m; use 0.05 to 10 m"),
         ({"clearance_m": math.nan}, "clearance_m.* is nan m"),
@@ -128,3 +140,42 @@ def test_defaults_are_those_of_the_thesis() -> None:
     scenario = Scenario("f")
     assert scenario.width_m == 3.0
     assert scenario.speed_mps == scenario.turning_mps == pytest.approx(5 / 3.6)
+
+
+class TestBlame:
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [
+            ("field", None), ("field", 3), ("local", 1), ("width_m", "3"), ("width_m", None), ("width_m", True),
+            ("bearing_deg", "n"), ("tractor", None), ("tractors", 3), ("tractors", "1-3"),
+            ("strategies", "split-field"), ("turn", None), ("start_s", "13:00"), ("seed", 1.5), ("gnss", "yes"),
+            ("gnss_table", 3),
+        ],
+    )  # fmt: skip
+    def test_another_kind_of_value_is_refused_by_name(self, name: str, value: Any) -> None:
+        with pytest.raises(ScenarioError, match=rf"^{name} is .*; give (a|names|whole|True)") as caught:
+            Scenario(**{name: value})
+        assert caught.value.parameter == name
+
+    @pytest.mark.parametrize("name", ["width_m", "headland_m", "radius_m", "price_per_hour", "price_per_tractor"])
+    @pytest.mark.parametrize("value", [1e300, math.inf])
+    def test_what_is_far_too_large(self, name: str, value: float) -> None:
+        with pytest.raises(ScenarioError, match="or less") as caught:
+            Scenario(**{name: value})
+        assert caught.value.parameter == name
+
+    @pytest.mark.parametrize(
+        ("ask", "parameter"),
+        [
+            (lambda: prepare(Scenario("nowhere.geojson")), "field"),
+            (lambda: prepare(Scenario(), tractor="none"), "tractor"),
+            (lambda: prepare(Scenario(gnss=True, gnss_table="none.csv")), "gnss_table"),
+            (lambda: replay("none.csv"), "log"),
+            (lambda: replay("none.csv", tractor="none"), "tractor"),
+            (lambda: diagnose("none.csv"), "logs"),
+        ],
+    )
+    def test_files_that_cannot_be_used(self, ask: Callable[[], object], parameter: str) -> None:
+        with pytest.raises(HeadlandError, match=r"none|nowhere") as caught:
+            ask()
+        assert caught.value.parameter == parameter

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from reports.results import Claim, Drive, PlanResult, Ranking, Study, StudyRow
+from reports.results import Claim, Drive, MissedPiece, PlanResult, Ranking, Study, StudyRow
 
 STEP_S = 0.5
 SPEED_MPS = 1.5
@@ -119,6 +120,29 @@ def ranking() -> Ranking:
         allowed_s=3600.0,
         assumptions=("Working width 3.00 m.", "Turning radius 4.10 m on soil."),
     )
+
+
+@pytest.fixture
+def leaving(ranking: Ranking) -> Ranking:
+    """The same with what every plan that works leaves open: a tenth of the field, those with 5 tractors a fifth."""
+    piece = MissedPiece(1200.0, 131.4, 64.6, 141.75, 43.2)
+    plans = tuple(
+        replace(plan, worked_pct=100.0 * share, missed_m2=18_900.0 * (1 - share), largest_missed=piece,
+                finished_s=(plan.time_s or 0.0) / share, finished_cost=(plan.cost or 0.0) / share, trampled_m2=12.4,
+                outside_outline_m=31.2)
+        if plan.feasible and (share := 0.8 if plan.tractors == 5 else 0.9) else plan
+        for plan in ranking.plans
+    )  # fmt: skip
+    return replace(ranking, plans=plans)
+
+
+@pytest.fixture
+def open_drive(drive: Drive) -> Drive:
+    """The drive with two strips of 10 m by 60 m and 5 m by 20 m left open, the first with 2 m by 5 m worked in it."""
+    strip = np.array([[2.0, 2.0], [12.0, 2.0], [12.0, 62.0], [2.0, 62.0]])
+    island = np.array([[5.0, 30.0], [5.0, 35.0], [7.0, 35.0], [7.0, 30.0]])
+    other = np.array([[250.0, 40.0], [255.0, 40.0], [255.0, 60.0], [250.0, 60.0]])
+    return replace(drive, missed=(strip, island, other), largest_missed=MissedPiece(590.0, 8.0, 20.0))
 
 
 @pytest.fixture

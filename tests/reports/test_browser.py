@@ -134,6 +134,23 @@ class TestPlan:
         assert chosen["shown"] == "the other plan" and chosen["clock"] == "0:00:00"
         assert chosen["marks"] == chosen["rows"] == 1
 
+    def test_the_hatching_is_that_of_the_plan_shown(
+        self, leaving: Ranking, open_drive: Drive, drive: Drive, ask: Ask
+    ) -> None:
+        page = plan_page(leaving, open_drive, {("row-by-row", 5): replace(drive, title="the other plan")})
+        read = ask(page, 900, """
+            const tell = () => [...doc.querySelectorAll("#missed path")].map((one) => one.getAttribute("d").length)
+              .concat(doc.getElementById("largest").textContent);
+            const said = [tell()];
+            for (const number of [1, 0]) {
+              doc.querySelector(`.pick[data-plan="${number}"]`).click();
+              said.push(tell());
+            }
+            return said;
+        """)  # fmt: skip
+        assert read[0][:2] > [10, 100] and read[0][2] == "590 m2 left"
+        assert read[1:] == [[0, 0, ""], read[0]]
+
     def test_all_that_can_be_used_is_reached_by_keyboard(self, usual: Ranking, drive: Drive, ask: Ask) -> None:
         assert ask(plan_page(usual, drive), 900, """
             return [...doc.querySelectorAll("button, input, select, .scroll")].filter(

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from reports.export import CSV_KEYS, PLAN_KEYS, ranking_csv, ranking_json, study_json
 from reports.plain import finite
-from reports.results import PlanResult, Ranking, Study
+from reports.results import MissedPiece, PlanResult, Ranking, Study
 
 CONTRACT = [
     "rank",
@@ -29,17 +29,28 @@ CONTRACT = [
     "feasible",
     "worked_pct",
     "overlap_pct",
+    "missed_m2",
+    "largest_missed",
+    "finished_s",
+    "finished_cost",
+    "trampled_m2",
     "outside_m",
     "excursion_m",
+    "outside_outline_m",
     "turning_s",
     "waiting_s",
     "reversals",
     "min_clearance_m",
     "collisions",
+    "order_gap_pct",
     "reason",
     "on_pareto_front",
     "remark",
+    "rounds",
+    "headland_s",
 ]
+PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
+COLUMNS = [column for key in CONTRACT for column in (PIECE if key == "largest_missed" else [key])]
 
 
 def no_constant(name: str) -> float:
@@ -97,9 +108,10 @@ def test_text_ends_once_and_repeats(ranking: Ranking, study: Study) -> None:
 def test_csv_has_one_row_per_plan(ranking: Ranking) -> None:
     rows = list(csv.reader(io.StringIO(ranking_csv(ranking))))
     asked = ["field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor"]
-    assert rows[0] == [*CONTRACT, *asked] == [*PLAN_KEYS, *CSV_KEYS]
+    assert rows[0] == [*COLUMNS, *asked]
+    assert (CONTRACT, asked) == ([*PLAN_KEYS], [*CSV_KEYS])
     assert len(rows) == 1 + len(ranking.plans)
-    assert {len(row) for row in rows} == {len(CONTRACT) + len(asked)}
+    assert {len(row) for row in rows} == {len(COLUMNS) + len(asked)}
 
 
 def test_every_row_says_what_was_asked(ranking: Ranking) -> None:
@@ -124,9 +136,31 @@ def test_csv_values(ranking: Ranking) -> None:
 def test_csv_and_json_tell_the_same(ranking: Ranking) -> None:
     plans = json.loads(ranking_json(ranking))["plans"]
     for row, plan in zip(csv.DictReader(io.StringIO(ranking_csv(ranking))), plans, strict=True):
-        told = {key: "" if plan[key] is None else str(plan[key]) for key in CONTRACT}
+        told = {key: "" if plan.get(key) is None else str(plan[key]) for key in COLUMNS}
         said = {key: text.lower() if text in ("True", "False") else text for key, text in told.items()}
-        assert {key: row[key] for key in CONTRACT} == said
+        assert {key: row[key] for key in COLUMNS} == said
+
+
+def test_what_is_left_open_has_a_place(leaving: Ranking) -> None:
+    for entry, row in zip(
+        json.loads(ranking_json(leaving))["plans"], csv.DictReader(io.StringIO(ranking_csv(leaving))), strict=True
+    ):
+        if entry["feasible"]:
+            piece = {"m2": 1200.0, "lon": 141.75, "lat": 43.2, "x_m": 131.4, "y_m": 64.6}
+            assert entry["largest_missed"] == piece and list(entry["largest_missed"]) == list(piece)
+            assert [float(row[key]) for key in PIECE] == list(piece.values())
+            assert entry["missed_m2"] == pytest.approx(18_900 * (1 - entry["worked_pct"] / 100))
+            assert (entry["trampled_m2"], entry["outside_outline_m"]) == (12.4, 31.2)
+        else:
+            assert entry["largest_missed"] is None and {row[key] for key in PIECE} == {""}
+
+
+def test_a_field_in_local_metres_has_no_place_on_the_earth(leaving: Ranking) -> None:
+    piece = MissedPiece(5.0, 1.0, 2.0)
+    local = replace(leaving, plans=(replace(leaving.plans[0], largest_missed=piece),))
+    (entry,), (row,) = json.loads(ranking_json(local))["plans"], csv.DictReader(io.StringIO(ranking_csv(local)))
+    assert entry["largest_missed"] == {"m2": 5.0, "lon": None, "lat": None, "x_m": 1.0, "y_m": 2.0}
+    assert [row[key] for key in PIECE] == ["5.0", "", "", "1.0", "2.0"]
 
 
 def test_study(study: Study) -> None:

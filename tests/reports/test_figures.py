@@ -49,6 +49,16 @@ def test_map_legend_names_every_tractor_and_mark(drive: Drive) -> None:
     }
 
 
+def test_ground_that_is_not_worked_is_hatched_and_its_largest_piece_marked(drive: Drive, open_drive: Drive) -> None:
+    figure = map_figure(open_drive)
+    assert "590 m2 left" in [text.get_text() for text in figure.axes[0].texts]
+    assert "not worked" in {text.get_text() for text in figure.legends[0].get_texts()}
+    plain = map_figure(drive)
+    assert "not worked" not in {text.get_text() for text in plain.legends[0].get_texts()}
+    assert not any("left" in text.get_text() for text in plain.axes[0].texts)
+    assert to_svg(figure) == to_svg(map_figure(open_drive))
+
+
 def test_a_picture_says_field_plan_width_tracks_tractors_and_time(drive: Drive) -> None:
     figure = map_figure(replace(drive, title="split-field, 3 tractors, turns: omega"), "Long Acre")
     text = " ".join(figure.get_suptitle().split())

@@ -129,7 +129,7 @@ def test_table_has_every_feasible_plan_with_values_to_sort_by(ranking: Ranking) 
     assert [row[0] for row in values] == ["1", "2", "3", "4", "5", "6"]
     assert [float(row[4]) for row in values] == [1253.0, 1290.0, 1712.4, 3725.0, 4475.0, 5012.0]
     assert [row[-1] for row in values] == ["1", "1", "1", "0", "0", "0"], "in time or not"
-    assert {len(row) for row in values} == {body.count('<th scope="col"')} == {18}
+    assert {len(row) for row in values} == {body.count('<th scope="col"')} == {20}
     assert [index for index, row in enumerate(re.findall(r"<tr[^>]*><td", body)) if "best" in row] == [2]
 
 
@@ -276,6 +276,35 @@ def test_no_point_of_the_front_hides_another(ranking: Ranking) -> None:
     front = front_picture(replace(ranking, plans=twins))
     assert front is not None
     assert len({(point["x"], point["y"]) for point in front["points"]}) == 4
+
+
+def test_ground_that_is_not_worked_is_hatched_on_the_map_and_told(leaving: Ranking, open_drive: Drive) -> None:
+    page = plan_page(leaving, open_drive)
+    words = Outline(page).text
+    for part in ("leaves 0.19 ha (10 %)", "not worked by the plan shown", "590 m2 left", "Time to finish, h:mm",
+                 "Left is ground that no implement worked", "Left open0.19 ha (10 %)", "Trampled12 m2",
+                 "Outline outside31 m"):  # fmt: skip
+        assert part in words.replace("\n", "").replace("  ", ""), part
+    (plan,) = told(page)
+    assert plan["missed"]["ground"].count("z") == 3
+    assert f'<path class="hatch" d="{plan["missed"]["hatch"]}"/>' in page, "drawn without the script, too"
+    lines = re.findall(r"M(\d+) (\d+)l(-?\d+) (-?\d+)", plan["missed"]["hatch"])
+    length = sum(np.hypot(float(x), float(y)) for _, _, x, y in lines) / 100
+    assert length * 0.011 * 273.0 == pytest.approx(600 - 10 + 100, rel=0.03), "one line for so many metres of width"
+
+
+def test_where_nothing_is_missed_nothing_is_said_of_it(ranking: Ranking, drive: Drive) -> None:
+    words = Outline(plan_page(ranking, drive)).text
+    assert "not worked" not in words and "Left open" not in words and "to finish" not in words
+    assert told(plan_page(ranking, drive))[0]["missed"] == {"ground": "", "hatch": "", "largest": None}
+
+
+def test_the_front_shows_the_time_to_finish(leaving: Ranking) -> None:
+    plain = front_picture(replace(leaving, plans=tuple(replace(p, time_s=p.finished_s) for p in leaving.plans)))
+    front = front_picture(leaving)
+    assert front is not None and plain is not None
+    assert [point["y"] for point in front["points"]] == [point["y"] for point in plain["points"]]
+    assert front["points"][-1]["text"] == "5 x row-by-row, omega: 0:20:53, to finish 0:26:06"
 
 
 def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: Ranking) -> None:

@@ -13,7 +13,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reports.errors import ReportError
-from reports.paths import REVERSING, WAITING, WORKING, check_drive, extent, pieces, round_length, swath, waits
+from reports.paths import (
+    REVERSING,
+    WAITING,
+    WORKING,
+    check_drive,
+    extent,
+    hatching,
+    pieces,
+    round_length,
+    swath,
+    waits,
+)
 from reports.results import Drive
 
 
@@ -67,6 +78,33 @@ def test_a_track_without_length_is_a_point() -> None:
     assert swath(np.ones((2, 2)), 3.0).tolist() == [[1.0, 1.0]] * 4
 
 
+def test_hatching_of_a_square_by_hand() -> None:
+    lines = hatching([np.array([[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0]])], np.sqrt(2) * 0.5)
+    assert lines.reshape(-1, 4) == pytest.approx(np.array([
+        [2, 1, 3, 2], [1, 1, 3, 3], [1, 2, 2, 3],
+    ]))  # fmt: skip
+    assert hatching([], 1.0).shape == (0, 2, 2)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(3, 12), st.floats(0.0, 6.3))
+def test_hatching_lies_in_its_ground_and_is_as_dense_as_asked(seed: int, corners: int, turn: float) -> None:
+    rng = np.random.default_rng(seed)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, corners)) + turn
+    star = np.column_stack([np.cos(angles), np.sin(angles)]) * rng.uniform(30, 60, (corners, 1))
+    rings, apart = [star + 100.0, 0.4 * star[::-1] + 100.0, star - 500.0], 0.25
+    ground = shapely.union_all([
+        shapely.make_valid(shapely.Polygon(rings[0])) - shapely.make_valid(shapely.Polygon(rings[1])),
+        shapely.make_valid(shapely.Polygon(rings[2])),
+    ]).buffer(1e-6)  # fmt: skip
+    lines = hatching(rings, apart)
+    length = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum())
+    around = sum(shapely.LinearRing(ring).length for ring in rings)
+    if not shapely.Polygon(rings[0]).is_valid or not shapely.Polygon(rings[0]).contains(shapely.Polygon(rings[1])):
+        return
+    assert length * apart == pytest.approx(ground.area, abs=apart * around)
+    assert shapely.covers(ground, shapely.linestrings(lines)).all()
+
+
 @pytest.mark.parametrize(("length", "bar"), [(1.0, 1), (68.0, 50), (49.9, 20), (20.0, 20), (0.3, 0.2), (1000.0, 1000)])
 def test_round_lengths(length: float, bar: float) -> None:
     assert round_length(length) == pytest.approx(bar)
@@ -85,6 +123,7 @@ def test_extent_holds_field_paths_and_entrance(drive: Drive) -> None:
         ({"step_s": 0.0}, "step_s 0.0"),
         ({"finish_s": (1.0,)}, "3 paths and 1 of finish_s"),
         ({"boundary": np.zeros((2, 2))}, r"ring of the field has shape \(2, 2\)"),
+        ({"missed": (np.zeros((2, 2)),)}, r"ring of missed ground has shape \(2, 2\)"),
         ({"xy": (np.zeros((4, 3)),) * 3}, r"Tractor 1 has positions of shape \(4, 3\)"),
         ({"seconds": {}}, "no 'working' seconds"),
         ({"seconds": dict.fromkeys(("working", "turning", "waiting", "reversing"), (1.0, -2.0, 0.0))}, "-2.0"),

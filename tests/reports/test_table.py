@@ -25,6 +25,24 @@ def printed(what: RenderableType, width: int = 80) -> str:
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
+def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: Ranking, width: int) -> None:
+    text = printed(ranking_table(leaving), width)
+    flat = " ".join(text.split())
+    assert max(map(len, text.splitlines())) <= width
+    assert "Left is ground that no implement worked; ranks count the time to finish it too" in flat
+    missing = re.search(r"No room for: (.*?); a wider", flat)
+    dropped = missing is not None and "Left ha" in missing.group(1)
+    rows = [line for line in text.splitlines() if re.match(r" *[1-6][* ] ", line)]
+    told = [re.findall(r" (0\.\d\d)(?= )", row + " ") for row in rows]
+    assert told == [[] if dropped else [ha] for ha in ("0.38", "0.38", "0.19", "0.19", "0.19", "0.19")]
+    assert not dropped or width < 80
+
+
+def test_without_a_word_of_what_is_left_there_is_no_column(ranking: Ranking) -> None:
+    assert "Left" not in printed(ranking_table(ranking), 200)
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
 def test_no_line_is_wider_than_the_console(ranking: Ranking, study: Study, width: int) -> None:
     long = replace(
         ranking,

@@ -9,18 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reports.effect_words import spelled
-from reports.results import PlanResult, Ranking
+from reports.results import MissedPiece, PlanResult, Ranking
 from reports.wording import (
     NO_BREAK,
     bound,
     clock,
+    closest,
     duration,
     effects_words,
     headline,
+    left,
     listed,
     members,
     minutes,
     number,
+    place,
     price,
     refusals,
     remarks,
@@ -74,6 +77,11 @@ def test_headline_with_a_deadline(ranking: Ranking) -> None:
     ]
 
 
+def test_a_deadline_on_the_next_day_says_so(ranking: Ranking) -> None:
+    late = replace(ranking, start="22:00", before="02:00", allowed_s=4 * 3600.0)
+    assert headline(late)[1].startswith("The deadline (02:00, 1 d later) can be met with")
+
+
 def test_headline_without_a_deadline_takes_the_fastest(ranking: Ranking) -> None:
     plans = tuple(replace(plan, meets_deadline=None) for plan in ranking.plans)
     sentences = headline(replace(ranking, plans=plans, start=None, before=None))
@@ -97,6 +105,57 @@ def test_what_is_remarkable_about_the_best_plan_is_told_after_it(ranking: Rankin
     assert not any("Remark" in sentence for sentence in headline(ranking))
     late = tuple(replace(plan, meets_deadline=False) for plan in little if plan.feasible)
     assert headline(replace(ranking, plans=late, allowed_s=600.0))[2] == said
+
+
+class TestWhatIsLeft:
+    def test_the_best_plan_says_what_it_leaves_and_what_finishing_comes_to(self, leaving: Ranking) -> None:
+        plans = tuple(replace(plan, meets_deadline=None) for plan in leaving.plans)
+        sentences = headline(replace(leaving, plans=plans, before=None, allowed_s=None))
+        assert sentences == [
+            "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89, leaves 0.38 ha "
+            "(20 %).",
+            "With that finished at its own rate: 0:26:06 (at 08:26), cost 8.61.",
+            "The largest piece it leaves, 0.12 ha, is at latitude 43.20000, longitude 141.75000.",
+            "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:14), cost 4.92, leaves 0.19 ha (10 %).",
+        ]
+
+    def test_fastest_and_cheapest_are_those_of_the_finished_field(self, leaving: Ranking) -> None:
+        little = replace(leaving.plans[4], worked_pct=30.0, missed_m2=13_230.0, finished_s=14_917.0, finished_cost=16.4)
+        plans = (*leaving.plans[:4], little, *leaving.plans[5:])
+        sentences = headline(replace(leaving, plans=plans))
+        assert sentences[-1].startswith("Cheapest: 1 tractor, split-field, turns switch-back")
+        quick = replace(leaving.plans[1], time_s=900.0, finished_s=4500.0, missed_m2=15_120.0, worked_pct=20.0)
+        sentences = headline(replace(leaving, plans=(leaving.plans[0], quick, *leaving.plans[2:])))
+        assert next(s for s in sentences if s.startswith("Fastest")).startswith("Fastest: 5 tractors, row-by-row")
+
+    def test_finishing_too_late_for_the_deadline_is_said(self, leaving: Ranking) -> None:
+        said = headline(replace(leaving, plans=leaving.plans[2:3], allowed_s=1800.0))
+        assert said[1].endswith("(at 08:31), cost 6.28, too late for the deadline.")
+        assert not any("too late" in sentence for sentence in headline(leaving))
+
+    def test_a_plan_that_could_finish_in_time_is_best_and_called_so(self, leaving: Ranking) -> None:
+        cheap = replace(leaving.plans[3], time_s=3500.0, meets_deadline=True, finished_s=3889.0, finished_cost=1.0)
+        ranking = replace(leaving, plans=(*leaving.plans[:3], cheap))
+        assert ranking.best is leaving.plans[2]
+        assert "the best plan is the cheapest that could finish the field by then." in " ".join(headline(ranking))
+
+    def test_the_best_of_late_plans_is_called_closest_only_if_it_is(self, leaving: Ranking) -> None:
+        late = [replace(plan, meets_deadline=False) for plan in leaving.plans[:3]]
+        assert closest(replace(leaving, plans=tuple(late))) == "closest"
+        late[1] = replace(late[1], time_s=1000.0, finished_s=5000.0)
+        assert headline(replace(leaving, plans=tuple(late), allowed_s=60.0))[1].startswith("The best of them misses it")
+
+    @pytest.mark.parametrize(
+        ("m2", "pct", "words"),
+        [(8300.0, 79.4, "0.83 ha (21 %)"), (450.0, 96.35, "450 m2 (3.7 %)"), (3.0, 99.99, "3 m2 (under 0.1 %)"),
+         (0.3, 99.9, None), (None, 98.0, None)],
+    )  # fmt: skip
+    def test_how_much_in_words(self, leaving: Ranking, m2: float | None, pct: float, words: str | None) -> None:
+        assert left(replace(leaving.plans[0], missed_m2=m2, worked_pct=pct)) == words
+
+    def test_a_place_on_the_earth_or_in_the_field(self) -> None:
+        assert place(MissedPiece(5.0, 12.4, -3.6)) == "x 12 m, y -4 m"
+        assert place(MissedPiece(5.0, 12.4, -3.6, 9.88618, 56.463781)) == "latitude 56.46378, longitude 9.88618"
 
 
 def test_a_value_stays_with_the_word_before_it() -> None:

@@ -107,7 +107,6 @@ def test_kinds_left_out_are_not_driven() -> None:
     assert turn_in(20.0, 3.0, kinds=("u", "switch-back")).kind == "switch-back"
     cheap = TurnCosts(2.0, 2.0, 0.0)
     assert turn_in(20.0, 3.0, cheap, kinds=("u", "omega")).reversals == 0
-    assert turn_in(20.0, 3.0, cheap, prefer=("omega",)).kind == "omega"
 
 
 def test_without_reversing_nothing_fits_a_narrow_headland_unless_there_is_a_way_round() -> None:

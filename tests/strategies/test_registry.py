@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from strategies.registry import NAMES, STRATEGIES
+from strategies.names import NAMES
+from strategies.registry import STRATEGIES
 from vehicle.plan_file import plan_to_json
 
 README = Path(__file__).parents[2] / "README.md"

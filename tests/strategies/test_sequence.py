@@ -5,12 +5,23 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fields import Track
 from strategies.job import Job, Pass
-from strategies.sequence import best_orders, cells_of, jumps, order_time, order_tracks, skip_pattern
+from strategies.sequence import (
+    cells_of,
+    driven_time,
+    jumps,
+    order_time,
+    order_tracks,
+    patterned,
+    searched,
+    skip_pattern,
+)
+from strategies.table import TurnTable
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 WHOLE = [(0.0, 100.0)]
@@ -153,29 +164,33 @@ class TestOrder:
             assert (order[0].track.line, order[0].track.piece) == (3, int(last_piece))
 
 
-class TestBestOrders:
-    def test_skips_tracks_when_turns_over_several_are_much_quicker(self, jobs: Any) -> None:
-        job = jobs.drawn([WHOLE] * 12, turn_s=(0.0, 60.0, 55.0, 10.0, 10.0))
-        (order,) = best_orders([list(job.layout.tracks)], job)
-        steps = {abs(b.track.line - a.track.line) for a, b in pairwise(order)}
-        assert steps & {3, 4}
-
-    def test_goes_track_by_track_when_all_turns_cost_the_same(self, jobs: Any) -> None:
-        job = jobs.drawn([WHOLE] * 12, turn_s=(0.0, 10.0, 10.0, 10.0, 60.0))
-        for only in (1, None):
-            (order,) = best_orders([list(job.layout.tracks)], job, only)
-            assert order_time(order, job) <= 1200 / 1.5 + 11 * (10.0 + jobs.tool_m / 1.5) + 1e-6
-
-    def test_no_order_with_another_corner_or_pattern_is_estimated_quicker(self, jobs: Any) -> None:
-        job = jobs.drawn(AROUND_HOLE)
+class TestSearched:
+    def test_no_pattern_from_any_corner_is_driven_quicker(self, jobs: Any) -> None:
+        job: Job = jobs.rectangle(14, 60.0)
         tracks = list(job.layout.tracks)
-        (best,) = best_orders([tracks], job)
-        others = [order_tracks(tracks, job, jump, corner) for jump in jumps(job) for corner in CORNERS]
-        assert order_time(best, job) <= min(order_time(order, job) for order in others) + 2e-3
+        best = searched(tracks, job, TurnTable(job, tracks))
+        others = [order_tracks(tracks, job, jump, corner) for jump in (1, 2, 3, 4) for corner in CORNERS]
+        assert best.seconds == pytest.approx(driven_time(best.order, job), abs=0.02) and best.gap_pct < 1.0
+        assert best.seconds <= min(driven_time(other, job) for other in others) + 0.02
 
-    def test_an_entrance_fixes_the_corner(self, jobs: Any) -> None:
+    def test_every_track_once_around_a_hole(self, jobs: Any) -> None:
+        job: Job = jobs.rectangle(14, 100.0, hole=shapely.box(15, 50, 27, 62))
+        tracks = list(job.layout.tracks)
+        order = searched(tracks, job, TurnTable(job, tracks)).order
+        assert sorted((one.track.line, one.track.piece) for one in order) == [(t.line, t.piece) for t in tracks]
+        assert all(job.way(job.exit(a), job.entry(b)) for a, b in pairwise(order))
+
+    def test_begins_and_ends_near_an_entrance(self, jobs: Any) -> None:
         for x, y in ((0, 0), (30, 0), (0, 98), (30, 98)):
             job: Job = jobs.rectangle(10, 80.0, entrance=(x, y))
-            (order,) = best_orders([list(job.layout.tracks)], job)
-            start = job.entry(order[0])
-            assert math.dist(start[:2], (x, y)) < 10.0
+            tracks = list(job.layout.tracks)
+            order = searched(tracks, job, TurnTable(job, tracks)).order
+            apart = math.dist(job.entry(order[0])[:2], (x, y)) + math.dist(job.exit(order[-1])[:2], (x, y))
+            assert apart < 30.0
+
+
+def test_a_pattern_keeps_to_the_corner_of_an_entrance(jobs: Any) -> None:
+    for x, y in ((0, 0), (30, 0), (0, 98), (30, 98)):
+        job: Job = jobs.rectangle(10, 80.0, entrance=(x, y))
+        (order,) = patterned([list(job.layout.tracks)], job, 1)
+        assert math.dist(job.entry(order[0])[:2], (x, y)) < 10.0

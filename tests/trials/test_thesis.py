@@ -79,7 +79,8 @@ def test_mud_parts_the_models_only_through_the_curve(eg105: Any) -> None:
 
 
 def lateral(tractor: Any, offset: int, speed: float, steering: str, limit: float, seed: int) -> float:
-    drive = step_response(tractor, offset, speed, "soil", steering, fixes=default_table(), seed=seed, limit_m=limit)
+    errors = default_table()
+    drive = step_response(tractor, offset, speed, "soil", steering, position_errors=errors, seed=seed, limit_m=limit)
     return drive.lateral_cm
 
 
@@ -141,7 +142,7 @@ def test_zigzag_parts_the_simulators_where_the_path_bends_too_tightly(eg105: Any
 
 
 def test_the_navigation_plan_holds_both_passes(eg105: Any) -> None:
-    found = navigation(eg105, fixes=default_table())
+    found = navigation(eg105, position_errors=default_table())
     assert max(found.lateral_mean_cm) < 5.2  # the real tractor's first pass
     assert max(found.heading_mean_deg) < 1.49
     assert found.track.column("done")[-1] == 1.0 or found.track.column("leg")[-1] == len(found.mission.legs) - 1

@@ -104,7 +104,7 @@ def test_keys_belong_to_seed_and_tractor() -> None:
 
 
 def errant(plan: Any, tractor: Any, implement: Any, seed: int, *, slow: bool = False) -> Any:
-    world = World(plan, tractor, implement, fixes=default_table(), seed=seed)
+    world = World(plan, tractor, implement, position_errors=default_table(), seed=seed)
     return world.run(max_time_s=20.0, slow=slow).record
 
 
@@ -171,7 +171,7 @@ def test_bad_files_are_refused(tmp_path: Path, rows: list[str], header: str, wor
 def test_fixes_beyond_the_grid_are_refused() -> None:
     east = np.zeros(200)
     east[-1] = 40.0
-    with pytest.raises(VehicleError, match=r"reach 40 mm from their mean, beyond the 32 mm grid"):
+    with pytest.raises(VehicleError, match=r"reach 40 mm from their mean, and the grid 16 mm each way"):
         make_table(east, np.zeros(200))
 
 

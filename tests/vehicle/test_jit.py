@@ -52,6 +52,22 @@ def test_a_changed_callee_is_compiled_into_its_callers(run: Run, room: Path) -> 
     assert run() == ("16.0 1", "")
 
 
+def test_so_it_is_in_a_room_that_uses_this_one(run: Run, room: Path) -> None:
+    (room / "strategies").mkdir()
+    (room / "strategies" / "inner.py").write_text(CALLEE.format("2.0"))
+    (room / "strategies" / "outer.py").write_text(CALLER.replace("vehicle.one", "strategies.inner"))
+    code = CODE.replace("vehicle.two", "strategies.outer")
+    environment = {**os.environ, "PYTHONPATH": str(room), "NUMBA_CACHE_DIR": str(room / "kept")}
+
+    def start() -> str:
+        words = [sys.executable, "-c", code]
+        return subprocess.run(words, capture_output=True, text=True, env=environment, cwd=room, check=True).stdout
+
+    assert [start(), start()] == ["7.0 0\n", "7.0 1\n"]
+    (room / "strategies" / "inner.py").write_text(CALLEE.format("5.0"))
+    assert start() == "16.0 0\n"
+
+
 @pytest.mark.parametrize("kind", ["*.nbi", "*.nbc"])
 @pytest.mark.parametrize("damage", ["empty", "cut", "garbage"])
 def test_damaged_files_are_compiled_anew(run: Run, room: Path, kind: str, damage: str) -> None:

@@ -44,15 +44,16 @@ def assert_same_bits(run: Run, other: Run) -> None:
 def test_every_plan_is_driven_as_in_a_world_of_its_own(
     build: Any, eg105: Tractor, implement: Implement, gnss: bool
 ) -> None:
-    fixes = default_table() if gnss else None
-    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5, fixes=fixes, seed=3)
+    position_errors = default_table() if gnss else None
+    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5, position_errors=position_errors, seed=3)
     plan = crossing(build)
     gated = plan.with_gate(1, 2, Gate(0, 1, 130.0))
     plans = [plan, gated, slower(gated, 0, 1), slower(plan, 1, 1), plan.with_gate(1, 0, Gate(0, 0, 5.0)), plan]
     began, outcomes = [], []
     for one in plans:
         run = rehearsal.simulate(one, FOREVER_S)
-        alone = World(one, eg105, implement, fixes=fixes, seed=3).run(stop_clearance_m=0.5, max_time_s=FOREVER_S)
+        world = World(one, eg105, implement, position_errors=position_errors, seed=3)
+        alone = world.run(stop_clearance_m=0.5, max_time_s=FOREVER_S)
         assert_same_bits(run, alone)
         began.append(rehearsal.began_s)
         outcomes.append(run.outcome)

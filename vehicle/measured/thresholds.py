@@ -77,7 +77,7 @@ ABOVE_UNNAMED = 2.0
 
 # --- A model that is wrong everywhere: causes.refit
 # Chosen: mean square of the surprises above which measurements are trusted less, the factor of each easing, and how
-# often: enough for a vehicle of another kind and scale (tests/diagnosis/test_model_car.py); the factor was 1.35 before.
+# often: enough for a vehicle of another kind and scale (tests/diagnosis/test_model_car.py).
 WRONG_EVERYWHERE, EASING, MOST_EASINGS = 2.0, 1.6, 12
 
 # --- Entering the model that lowers the open-loop error: mend.mending, mend.proposals, mend.levels
@@ -97,7 +97,7 @@ CLEARLY_AT = 0.05
 # --- Carrying a name though parts have none: mend.irreplaceable
 # Chosen, of the squared error above noise that an effect must take away.
 MARKED = 0.2
-# Chosen: times the squared error left with the effect that its best rival must leave, two thirds more; 1.5 before.
+# Chosen: times the squared error left with the effect that its best rival must leave, two thirds more.
 RIVALS_LEAVE = 5.0 / 3.0
 # Chosen, of what can be taken away: below this the noise of the errors themselves decides.
 LEAST_LEFT = 0.05
@@ -106,12 +106,12 @@ CLEARLY_LARGE = 2.0
 
 # --- Keeping a name: answer.names
 # Chosen, percent of the held-out error over 5 s (of the wheel angle for the steering): less is the trace of a
-# simplification, as the end of a steering movement is that once passed for a fault (seeds 503 and 506 of the tests).
+# simplification, as the end of a steering movement is, which passes for a fault (seeds 503 and 506 of the tests).
 WORTH_A_NAME_PCT, WORTH_OF_WHEEL_PCT = 0.5, 10.0
 # Chosen, percent of the error of the path that a name may cost: effects of the steering are worth it for the wheel.
 HARM_PCT = 2.0
 # Chosen: times the noise floor that passes for noise, and how much more per second between rows, in which nothing is
-# known. It was 1.5 before the noise of uneven rows was told from their own times.
+# known.
 ABOVE_FLOOR, ABOVE_PER_ROW_S = 1.3, 1.0
 # Chosen: shares of unexplained error below this are 0 in print.
 WORTH_SAYING = 0.02

@@ -4,6 +4,10 @@ loop         the compiled loop: drive_tractor as in plans, every step recorded
 drive        drives with given steering, on tyres of chapter 4 or the corrected base model; along a path
 oversteer    the one criterion of stability
 paths        the paths of the experiments
-errors       distances between tracks, errors along a path
+setting      the tractor as the experiments of chapters 3 and 4 drive it
+deviation    distances between tracks, errors along a path
+offsets, waves, navigation, fixed   the experiments: step response, zigzag, the real plan, fixed wheel angles
+design       tyres and the place of the centre of mass
 thesis       the numbers the thesis prints
+sheets       all of them as sheets, ours beside the thesis's, for reports
 """

@@ -18,7 +18,7 @@ from vehicle.engine import Engine
 from vehicle.errors import VehicleError
 from vehicle.gnss import NO_ERROR, Table, error_keys
 from vehicle.ground import Tyres
-from vehicle.layout import DT_S, GATE, GROUND, LEG, STATE
+from vehicle.layout import BODY_PLACE, DT_S, GATE, GROUND, LEG, STATE
 from vehicle.missions import Mission, Plan
 from vehicle.tractor import Implement, Steering, Tractor
 from vehicle.trials.loop import COLUMNS, run_trials
@@ -54,14 +54,14 @@ class Trace:
     def place(self, ahead_m: float | None = None) -> Array:
         """Path (t, 2) of a point of the centre line; by default the controlled one."""
         reach = self.point_m if ahead_m is None else ahead_m
-        angle = self.rows[:, 2:3]
-        return np.asarray(self.rows[:, :2] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
+        angle = self.column("angle")[:, None]
+        return np.asarray(self.rows[:, BODY_PLACE] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
 
     def velocity(self) -> tuple[Array, Array, Array]:
         """Forward and rightward speed of the centre of mass (m/s) and clockwise spin (rad/s), (t,) each."""
-        cosine, sine = np.cos(self.rows[:, 2]), np.sin(self.rows[:, 2])
-        vx, vy = self.rows[:, 3], self.rows[:, 4]
-        return vx * cosine + vy * sine, vx * sine - vy * cosine, -self.rows[:, 5]
+        cosine, sine = np.cos(self.column("angle")), np.sin(self.column("angle"))
+        vx, vy = self.column("vx"), self.column("vy")
+        return vx * cosine + vy * sine, vx * sine - vy * cosine, -self.column("spin")
 
     def slips(self) -> tuple[Array, Array]:
         """Slip angles of front and rear axle (t,), radians, Eq. 4.1 and 4.2."""
@@ -143,10 +143,10 @@ def drive_steered(
 
 def follow(
     tractor: Tractor, mission: Mission, *, tyres: Tyres | None = None, seconds: float = 600.0,
-    fixes: Table = NO_ERROR, seed: int = 1, dt: float = DT_S, jump: tuple[float, float] | None = None,
+    position_errors: Table = NO_ERROR, seed: int = 1, dt: float = DT_S, jump: tuple[float, float] | None = None,
 ) -> Trace:  # fmt: skip
     """Drive one tractor along a mission, entered at full speed: with the corrected base model of its grounds, or
-    uncorrected on `tyres` of chapter 4. `fixes` is a GNSS table, `jump` the arguments of paths.with_jump.
+    uncorrected on `tyres` of chapter 4. `position_errors` is a GNSS table, `jump` the arguments of paths.with_jump.
     """
     program = compile_plan(Plan((mission,)), tractor)
     if jump is not None:
@@ -163,7 +163,7 @@ def follow(
     poses = np.array([[state["x"], state["y"], state["angle"]]])
     trial = _Trial([tractor], poses, program.states, legs, program.gates, program.points, program.cumulative)
     trial.set_off(mission.legs[0].speed_mps)
-    return trial.run(round(seconds / dt), dt, 1, grounds, tables, np.zeros((0, 1)), fixes)[0]
+    return trial.run(round(seconds / dt), dt, 1, grounds, tables, np.zeros((0, 1)), position_errors)[0]
 
 
 class _Trial:
@@ -193,7 +193,7 @@ class _Trial:
 
     def run(
         self, steps: int, dt: float, keep: int, grounds: npt.NDArray[Any], tables: Array, commands: Array,
-        fixes: Table = NO_ERROR,
+        position_errors: Table = NO_ERROR,
     ) -> list[Trace]:  # fmt: skip
         """Drive and hand back one track per tractor."""
         engine = Engine(self.space, self.bodies)
@@ -203,7 +203,7 @@ class _Trial:
         rows = run_trials(
             steps, dt, every, keep, engine.addresses, engine.read, engine.write, engine.read_count,
             engine.write_count, self.states, models, grounds, tables, self.legs, self.gates, self.points,
-            self.cumulative, commands, fixes, track,
+            self.cumulative, commands, position_errors, track,
         )  # fmt: skip
         time = np.arange(rows, dtype=np.float64) * (dt * keep)
         return [

@@ -30,7 +30,7 @@ COLUMNS = ("x", "y", "angle", "vx", "vy", "spin", "steering", "command", "stage"
 @compiled
 def run_trials(  # type: ignore[no-untyped-def]
     steps, dt, every, keep, addresses, read, write, read_count, write_count, states, models, grounds, tables, legs,
-    gates, points, cumulative, commands, fixes, track,
+    gates, points, cumulative, commands, position_errors, track,
 ) -> int:  # fmt: skip
     """Drive all tractors for `steps` of `dt`, on their paths or, when there are `commands` (steps, n), by these.
 
@@ -50,8 +50,8 @@ def run_trials(  # type: ignore[no-untyped-def]
         if len(commands) == 0 and step % every == 0:
             running = 0
             for i in range(count):
-                if len(fixes) > 0:
-                    draw_error(states[i], fixes)
+                if len(position_errors) > 0:
+                    draw_error(states[i], position_errors)
                 control_tick(i, states, models, legs, gates, points, cumulative, step * dt, every * dt)
                 running += 1 - states[i].done
             if running == 0:

@@ -61,10 +61,12 @@ def navigation_mission() -> Mission:
     ))  # fmt: skip
 
 
-def navigation(tractor: Tractor, *, fixes: Table = NO_ERROR, seed: int = 1, steering: str = "proposed") -> Passes:
+def navigation(
+    tractor: Tractor, *, position_errors: Table = NO_ERROR, seed: int = 1, steering: str = "proposed"
+) -> Passes:
     """Drive the plan with 5 m lookahead and measure both passes."""
     mission = navigation_mission()
-    track = follow(as_tested(tractor, steering), mission, fixes=fixes, seed=seed, seconds=900.0)
+    track = follow(as_tested(tractor, steering), mission, position_errors=position_errors, seed=seed, seconds=900.0)
     found = np.array([_pass_errors(mission, track, leg) for leg in (FIRST_PASS, SECOND_PASS)])
     pairs = [(float(found[0, column]), float(found[1, column])) for column in range(4)]
     return Passes(mission, track, *pairs)

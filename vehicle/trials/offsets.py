@@ -62,12 +62,12 @@ class Step:
 
 def step_response(
     tractor: Tractor, offset_cm: int, speed_kmh: float, ground: str, steering: str = "proposed", *,
-    fixes: Table = NO_ERROR, seed: int = 1, limit_m: float = UNLIMITED_M, second_m: float = SECOND_M,
+    position_errors: Table = NO_ERROR, seed: int = 1, limit_m: float = UNLIMITED_M, second_m: float = SECOND_M,
 ) -> Step:  # fmt: skip
     """Drive one step response with the corrected base model of a ground."""
     path = straight(FIRST_M + second_m + RUN_OUT_M, speed_kmh / 3.6, ground)
     tested = as_tested(tractor, steering, limit_m=limit_m)
-    track = follow(tested, path, fixes=fixes, seed=seed, jump=(FIRST_M, 0.01 * offset_cm))
+    track = follow(tested, path, position_errors=position_errors, seed=seed, jump=(FIRST_M, 0.01 * offset_cm))
     return Step(offset_cm, speed_kmh, ground, steering, track, second_m)
 
 

@@ -19,7 +19,7 @@ from vehicle.measured.logs.reading import log_from_frame
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import PACE_MPS, Pieces, blank
-from vehicle.measured.replay.replaying import Rig, make_rig, replay
+from vehicle.measured.replay.replaying import ANGLE, Rig, X, Y, make_rig, replay
 from vehicle.measured.surprise.draws import noisy_instruments, over_rough_ground
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor
@@ -95,7 +95,8 @@ def _log(
     place = rng.uniform(-10.0, 10.0, 2)
     # Effects that belong to a place look at the measured pose, so the drive is made twice: to learn where it goes.
     states = replay(rig, drive, settings, from_sensor=False, from_speed=False)
-    drive = _placed(drive, states, place - 0.5 * (states[:, :2].max(axis=0) + states[:, :2].min(axis=0)))
+    path = states[:, [X, Y]]
+    drive = _placed(drive, states, place - 0.5 * (path.max(axis=0) + path.min(axis=0)))
     for _ in range(3):
         states = replay(rig, drive, settings, from_sensor=False, from_speed=False)
         drive = _placed(drive, states, np.zeros(2))
@@ -119,9 +120,9 @@ def _known(values: Array | None) -> Array:
 
 def _placed(drive: Stretch, states: Array, shift: Array) -> Stretch:
     grid = np.arange(len(states)) * DT_S
-    x, y = states[:, 0] + shift[0], states[:, 1] + shift[1]
-    grids = dict(drive.grids) | {"east": x, "north": y, "heading": states[:, 2]}
+    x, y = states[:, X] + shift[0], states[:, Y] + shift[1]
+    grids = dict(drive.grids) | {"east": x, "north": y, "heading": states[:, ANGLE]}
     return replace(
         drive, grids=grids, east=np.interp(drive.time, grid, x), north=np.interp(drive.time, grid, y),
-        heading=np.interp(drive.time, grid, states[:, 2]),
+        heading=np.interp(drive.time, grid, states[:, ANGLE]),
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -107,11 +108,12 @@ def _fix_set(fixes: Iterable[Fix | str]) -> frozenset[Fix]:
     try:
         given = frozenset(Fix(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
     except ValueError as error:
-        raise LogError(f"{error}; the fixes are: {', '.join(Fix)}.") from error
+        raise LogError(f"{error}; the fixes are: {', '.join(Fix)}.", parameter="fixes") from error
     speeds = [str(fix) for fix in _SPEED_FIXES if fix in given]
     if len(speeds) > 1:
         raise LogError(
-            f"The fixes {' and '.join(speeds)} would convert a speed twice or say the same; give one of them."
+            f"The fixes {' and '.join(speeds)} would convert a speed twice or say the same; give one of them.",
+            parameter="fixes",
         )
     return given
 
@@ -130,7 +132,7 @@ def log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
             if not matches:
                 raise LogError(f"{text} matches no file; check the pattern.")
         for path in matches:
-            files.setdefault(path.resolve(), []).append(path)
+            files.setdefault(Path(os.path.realpath(path)), []).append(path)
     if not files:
         raise LogError("No log was given; name at least one file or pattern, for example runs/*.csv.")
     return {first: tuple(map(str, again)) for first, *again in files.values()}

@@ -40,12 +40,12 @@ def replay_steps(  # type: ignore[no-untyped-def]
     """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
 
     `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
-    are those on the ground; where that itself is carried along, the tractor keeps its speed over what stays.
+    are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it.
     """
     x, y, angle, forward = east[0], north[0], heading[0], speed[0]
     state.steering = state.play = state.commands[-1] = wheel[0]
     state.reference_speed = forward
-    right = spin = along = 0.0
+    right = spin = 0.0
     for i in range(len(command)):
         state.command, state.working, state.target_speed = command[i], working[i], target[i]
         if from_speed:
@@ -56,16 +56,12 @@ def replay_steps(  # type: ignore[no-untyped-def]
             state.play = played(state.play, state.steering, model)
         else:
             turn_wheels(state, model, dt)
-        there, across = math.cos(heading[i]), math.sin(heading[i])
-        known = from_speed or i == 0
-        pace = forward if known else forward + along
-        along, slide = ground_drift(state.play, pace, there, across, model)
-        if not known:
-            forward = pace - along
         drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
+        there, across = math.cos(heading[i]), math.sin(heading[i])
         tangent = affected_tangent(
-            state.play, pace, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
+            state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
+        along, slide = ground_drift(state.play, forward, there, across, model)
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
         x += ((forward + along) * cosine + right * sine) * dt

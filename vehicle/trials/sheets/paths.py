@@ -109,7 +109,7 @@ def wheel_panel(title: str, drive: Tracking) -> Panel:
 
 def navigation_sheet(tractor: Tractor, seed: int = 1) -> Sheet:
     """Table 3.4; the column of the digital twin is lost, only its distance from the real tractor is in the text."""
-    found = navigation(tractor, fixes=default_table(), seed=seed)
+    found = navigation(tractor, position_errors=default_table(), seed=seed)
     ours = {LATERAL[0]: found.lateral_max_cm, LATERAL[1]: found.lateral_mean_cm,
             HEADING[0]: found.heading_max_deg, HEADING[1]: found.heading_mean_deg}  # fmt: skip
     rows = []

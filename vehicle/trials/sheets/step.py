@@ -44,7 +44,8 @@ def _noisy(tractor: Tractor, limit_m: float, seed: int) -> Steps:
     """The drives of Table 3.3: soil, GNSS error, each with errors of its own."""
     return {
         ("soil", steering, speed, offset): step_response(
-            tractor, offset, speed, "soil", steering, fixes=default_table(), seed=1000 * seed + number, limit_m=limit_m
+            tractor, offset, speed, "soil", steering, position_errors=default_table(), seed=1000 * seed + number,
+            limit_m=limit_m,
         )
         for steering in ("proposed", "traditional")
         for speed in SPEEDS_KMH
@@ -60,7 +61,7 @@ def _lengths(tractor: Tractor, noisy: Steps, seed: int) -> TextTable:
         if length != SECOND_M:
             cells = [
                 step_response(
-                    tractor, offset, speed, "soil", fixes=default_table(), seed=1000 * seed + number,
+                    tractor, offset, speed, "soil", position_errors=default_table(), seed=1000 * seed + number,
                     limit_m=tractor.guidance.lateral_limit_m, second_m=length,
                 ).lateral_cm
                 for speed in SPEEDS_KMH

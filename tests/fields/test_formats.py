@@ -1,0 +1,43 @@
+"""Forms of field files: one record each, chosen by the ending; a new one is used wherever a field is named."""
+
+from pathlib import Path
+
+import pytest
+
+import fields.formats
+from fields import FieldError, list_fields, read_field
+from fields.document import Document, Format, RawPolygon
+from fields.formats import FOREIGN, FORMATS, format_of, geojson
+
+
+def squares(path: str, label: str) -> Document:
+    """A toy form: a side in metres a line, a square each."""
+    sides = [float(line) for line in Path(path).read_text().split()]
+    rings = [[[[0, 0], [side, 0], [side, side], [0, side], [0, 0]]] for side in sides]
+    polygons = tuple(RawPolygon(ring, (f"square-{number}",), {}) for number, ring in enumerate(rings))
+    return Document(polygons, (), (), None, "local_metres", {}, "drawn")
+
+
+def test_endings_are_told_apart() -> None:
+    endings = [ending for form in FORMATS for ending in form.endings]
+    assert len(set(endings)) == len(endings) and not set(endings) & set(FOREIGN)
+    assert all(ending.startswith(".") and ending == ending.lower() for ending in endings)
+    assert format_of("a/b.GeoJSON") is geojson.FORMAT and format_of("plain") is geojson.FORMAT
+    assert format_of("parcels.SHP") is None
+
+
+def test_a_new_form_is_a_record_and_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    toy = Format("squares", (".sq",), squares)
+    monkeypatch.setattr(fields.formats, "FORMATS", (*FORMATS, toy))
+    place = tmp_path / "two.sq"
+    place.write_text("30\n50\n")
+    assert [one.area_ha for one in list_fields(place)] == [0.09, 0.25]
+    field = read_field(f"{place}#square-1")
+    assert field.area_m2 == pytest.approx(2500.0) and field.crs is None and field.source == "drawn"
+
+
+def test_a_foreign_form_is_named_with_a_way_out(tmp_path: Path) -> None:
+    place = tmp_path / "parcels.gpkg"
+    place.write_bytes(b"")
+    with pytest.raises(FieldError, match=r"is a GeoPackage, and fields are read from GeoJSON for now; convert it"):
+        read_field(place)

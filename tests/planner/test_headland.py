@@ -1,0 +1,147 @@
+"""Worked headlands: rounds as legs of every plan, by the rules of the planner, with little ground left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from shapely.ops import substring
+
+from planner.errors import ScenarioError
+from planner.evaluate import Candidate, Evaluation, simulated
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from strategies.corners import missed_m2
+from strategies.registry import STRATEGIES
+from vehicle.missions import ROUND, TRACK, check_plan
+from vehicle.plan_file import plan_from_json, plan_to_json
+from vehicle.run import DONE, Run
+
+
+def planned_strips(site: Site, run: Run) -> shapely.Geometry:
+    """Ground that the bar passes over if every leg is driven as planned; it is `tool_m` behind the guided point."""
+    tool, half = site.manner.tool_m, 0.5 * site.layout.width_m
+    strips = []
+    for mission in run.plan.missions:
+        for down, group in groupby(mission.legs, key=lambda leg: leg.implement):
+            points = np.concatenate([leg.points for leg in group])
+            if down:
+                ahead = (points[1] - points[0]) / np.hypot(*(points[1] - points[0]))
+                line = substring(shapely.LineString([points[0] - tool * ahead, *points]), 0.0, -tool)
+                strips.append(line.buffer(half, cap_style="flat"))
+    return shapely.union_all(strips, grid_size=1e-6)
+
+
+@pytest.fixture(scope="module")
+def rectangle(place: Callable[..., Site]) -> Callable[..., Site]:
+    """The field of 120 m by 60 m, its headland worked."""
+    return lambda **options: place(shapely.box(0, 0, 120, 60), tracks_only=False, **options)
+
+
+def of(site: Site, name: str, tractors: int) -> Evaluation:
+    return simulated(site, Candidate(name, tractors))
+
+
+def test_square_corners_leave_next_to_nothing(rectangle: Any) -> None:
+    site = rectangle()
+    evaluation = of(site, "split-field", 1)
+    assert evaluation.result.feasible and evaluation.run is not None
+    assert planned_strips(site, evaluation.run).intersection(site.layout.field.boundary).area >= 0.995 * 7200
+    assert (evaluation.result.worked_pct or 0.0) > 99.0
+    assert evaluation.result.rounds == site.layout.rounds == 3
+
+
+def test_round_corners_leave_what_is_said(rectangle: Any) -> None:
+    """Three corners of the outermost round are driven round; where it begins, it ends, and that one is whole."""
+    site = rectangle(corners="round")
+    evaluation = of(site, "split-field", 1)
+    assert evaluation.result.feasible and evaluation.run is not None
+    swept = planned_strips(site, evaluation.run)
+    missed = [shapely.box(x, y, x + 9, y + 9).difference(swept).area for x in (0, 111) for y in (0, 51)]
+    said = missed_m2(math.pi / 2, 3.0, site.manner.radius_m)
+    assert sorted(missed)[0] < 0.3 * said
+    assert sorted(missed)[1:] == pytest.approx([said] * 3, rel=0.1)
+
+
+@pytest.mark.parametrize("name", sorted(STRATEGIES))
+@pytest.mark.parametrize("tractors", [2, 3])
+def test_every_strategy_works_the_headland(rectangle: Any, name: str, tractors: int) -> None:
+    site = rectangle()
+    result, run = (evaluation := of(site, name, tractors)).result, evaluation.run
+    assert result.feasible, result.reason
+    assert run is not None and run.outcome == DONE and run.contacts == ()
+    check_plan(run.plan)
+    assert plan_to_json(plan_from_json(plan_to_json(run.plan))) == plan_to_json(run.plan)
+    numbers = {leg.task.number for mission in run.plan.missions for leg in mission.legs if leg.task.kind == ROUND}
+    assert numbers == {1, 2, 3}
+    worked = sum(leg.length_m for mission in run.plan.missions for leg in mission.legs if leg.task.kind == TRACK)
+    assert worked == pytest.approx(site.layout.total_m, abs=0.01)
+    assert (result.worked_pct or 0.0) > 98.5
+    assert (result.excursion_m or 0.0) < 0.5
+    assert result.headland_s is not None and 0.0 < result.headland_s < (result.time_s or 0.0)
+
+
+@pytest.mark.parametrize(("order", "outermost"), [("first", 0), ("last", -1)])
+def test_order_and_direction(rectangle: Any, order: str, outermost: int) -> None:
+    """First: from the outside in, before any track; last: from the inside out, after all of them."""
+    run = of(rectangle(headland_order=order), "split-field", 1).run
+    assert run is not None
+    tasks = [leg.task for leg in run.plan.missions[0].legs if leg.implement]
+    kinds = [task.kind for task in tasks]
+    rounds = [task.number for task in tasks if task.kind == ROUND]
+    assert rounds[outermost] == 1 and rounds == sorted(rounds, reverse=order == "last")
+    assert kinds == sorted(kinds, key=(ROUND, TRACK).index if order == "first" else (TRACK, ROUND).index)
+
+
+@pytest.mark.parametrize(
+    ("operation", "orders"), [("mow", ("first",)), ("sow", ("last",)), ("till", ("first", "last"))]
+)
+def test_operations_allow_their_orders(operation: str, orders: tuple[str, ...]) -> None:
+    assert Scenario(operation=operation, tracks_only=False).headland_orders == orders
+    assert Scenario(operation=operation, headland_order="first", tracks_only=False).headland_orders == ("first",)
+    assert Scenario(operation=operation, tracks_only=True).headland_orders == ()
+
+
+def test_nobody_goes_on_before_all_are_through(rectangle: Any) -> None:
+    run = of(rectangle(headland_order="first"), "split-field", 2).run
+    assert run is not None
+    last_round, first_track = [], []
+    for tractor, mission in enumerate(run.plan.missions):
+        kinds = [mission.legs[leg].task.kind for leg in run.leg(tractor)]
+        last_round.append(max(row for row, kind in enumerate(kinds) if kind == ROUND))
+        first_track.append(kinds.index(TRACK))
+    assert max(last_round) < min(first_track)
+
+
+def test_tracks_only_leaves_the_headland(place: Any) -> None:
+    site = place(shapely.box(0, 0, 120, 60), tracks_only=True)
+    result = of(site, "split-field", 1).result
+    assert site.rounds == () and result.rounds == 0 and result.headland_s is None
+
+
+@pytest.mark.parametrize("name", ["netherlands", "sweden"])
+@pytest.mark.parametrize("tractors", [1, 2, 3])
+def test_samples_are_worked_whole(name: str, tractors: int) -> None:
+    site = prepare(Scenario(field=name, tracks_only=False))
+    result = of(site, "split-field", tractors).result
+    assert result.feasible, result.reason
+    assert (result.worked_pct or 0.0) > 99.0 and (result.excursion_m or 0.0) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"operation": "hoe"}, "operation 'hoe' is unknown"),
+        ({"corners": "sharp"}, "corners 'sharp' is unknown"),
+        ({"headland_order": "never"}, "headland_order 'never' is unknown"),
+        ({"tracks_only": True, "headland_order": "first"}, "tracks_only leaves the headland"),
+    ],
+)
+def test_refusals(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ScenarioError, match=words):
+        Scenario(**options)

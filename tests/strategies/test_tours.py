@@ -1,0 +1,89 @@
+"""Orders of tracks against brute force, proven optima in closed form, and the bounds beside them."""
+
+import math
+from itertools import pairwise, permutations, product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from strategies.bounds import held_karp, least_between
+from strategies.circuit import circuit
+from strategies.sequence import skip_pattern
+from strategies.tours import FAR_S, seconds_of, tour
+from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for, turn_m
+
+
+def quickest(turns: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
+    """Least seconds over all orders and directions, tried one by one."""
+    n = len(first) // 2
+    best = math.inf
+    for order in permutations(range(n)):
+        for ways in product((0, 1), repeat=n):
+            passes = [2 * track + way for track, way in zip(order, ways, strict=True)]
+            inner = sum(turns[p, q] for p, q in pairwise(passes))
+            best = min(best, first[passes[0]] + inner + last[passes[-1]])
+    return float(best)
+
+
+tables = st.integers(2, 5).flatmap(
+    lambda n: st.tuples(
+        st.lists(st.integers(1, 60), min_size=4 * n * n, max_size=4 * n * n),
+        st.lists(st.integers(0, 20), min_size=4 * n, max_size=4 * n),
+    )
+)
+
+
+@given(tables)
+def test_bounds_hold_and_small_orders_are_the_best(drawn: tuple[list[int], list[int]]) -> None:
+    n = len(drawn[1]) // 4
+    turns = np.array(drawn[0], dtype=float).reshape(2 * n, 2 * n)
+    first, last = np.array(drawn[1], dtype=float).reshape(2, 2 * n)
+    best = tour(turns, first, last, [list(range(n)), list(range(n))[::-1]])
+    exact = quickest(turns, first, last)
+    assert sorted(best.passes // 2) == list(range(n))
+    assert best.bound_s - 1e-6 <= exact <= best.seconds + 1e-6
+    steps = turns[best.passes[:-1], best.passes[1:]].sum()
+    assert best.seconds == pytest.approx(first[best.passes[0]] + steps + last[best.passes[-1]])
+    if n >= 4:
+        assert best.seconds <= exact * 1.0005 + 1e-3
+    assert held_karp(least_between(turns, first, last), math.inf) <= exact + 1e-6
+
+
+def test_a_turn_in_closed_form() -> None:
+    assert turn_m(3.0, 4.0) == pytest.approx(25.5705, abs=1e-4)
+    assert turn_m(9.0, 4.0) == pytest.approx(13.5664, abs=1e-4)
+
+
+@pytest.mark.parametrize(("n", "width", "radius", "proven"), [row for row in PROVEN if row[0] <= 50])
+def test_proven_optima(n: int, width: float, radius: float, proven: float) -> None:
+    """Optima of a circuit model with every arc allowed, given to two decimals of a turn's length each."""
+    turns, free = parallel(n, width, radius), np.zeros(2 * n)
+    best = tour(turns, free, free, starts_for(n, width, radius))
+    assert best.seconds <= proven * 1.0005
+    assert best.seconds >= best.bound_s >= 0.99 * proven
+    for start in starts_for(n, width, radius):
+        assert best.seconds <= seconds_of(np.array(start), turns, free, free) + 1e-6
+
+
+def test_the_same_bytes_twice() -> None:
+    turns, free = parallel(33, 3.0, 5.0), np.zeros(66)
+    one, two = (tour(turns, free, free, [list(range(33)), skip_pattern(33, 4)]) for _ in range(2))
+    assert one.passes.tobytes() == two.passes.tobytes() and one.seconds == two.seconds
+
+
+def test_the_circuit_model_proves_what_the_bound_does_not() -> None:
+    turns, free = parallel(12, 3.0, 4.0), np.zeros(24)
+    assert held_karp(least_between(turns, free, free), math.inf) < 0.995 * 165.32
+    best = tour(turns, free, free, [list(range(12))])
+    assert best.gap_pct < 0.01 and best.seconds == pytest.approx(165.32, abs=0.05)
+    solved = circuit(turns, free, free, best.passes, FAR_S)
+    assert solved is not None and solved[1] == pytest.approx(best.seconds, abs=0.02)
+
+
+@pytest.mark.parametrize(("n", "tractors"), [(40, 1), (40, 3), (60, 4)])
+def test_a_fleet_keeps_near_its_bound(n: int, tractors: int) -> None:
+    work, turns = slanted(n)
+    bound = (float(work.sum()) + (n - tractors) * float(turns.min())) / tractors
+    assert bound <= fleet(work, turns, tractors) <= 1.06 * bound
