@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,8 @@ def test_json_gives_everything_back(
     for mission, other in zip(plan.missions, again.missions, strict=True):
         for a, b in zip(mission.legs, other.legs, strict=True):
             assert a.points.tobytes() == b.points.tobytes()
-            assert replace(a, points=b.points).__dict__ == b.__dict__
+            same = replace(a, points=b.points)
+            assert all(getattr(same, one.name) == getattr(b, one.name) for one in fields(b) if one.name != "points")
     assert plan_to_json(again, crs=saved.crs, origin_m=saved.origin_m, scenario=saved.scenario) == text
 
 
