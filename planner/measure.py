@@ -107,7 +107,7 @@ def _largest(missed: shapely.Geometry, neck_m: float) -> MissedPiece | None:
 
 def _wide(missed: shapely.Geometry, least_m: float) -> Areas:
     """Pieces of missed ground without what is narrower than `least_m` of it, the largest first."""
-    half = 0.5 * least_m
+    half, missed = 0.5 * least_m, only_areas(missed)
     core = missed.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     parts = shapely.get_parts(only_areas(shapely.intersection(wide, missed, grid_size=GRID_M)))

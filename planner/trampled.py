@@ -44,7 +44,8 @@ def _swept_before(run: Run, site: Site, swept: Swept, strip: Rows, row: Rows) ->
     parts = swept.ground[strip]
     for n in np.flatnonzero(swept.last[strip] > row):
         at = strip[n]
-        parts[n] = swept_until(run, site, (int(swept.tractor[at]), int(swept.first[at])), int(row[n]))
+        began = int(swept.tractor[at]), int(swept.first[at])
+        parts[n] = only_areas(swept_until(run, site, began, int(row[n])))
     return parts
 
 
