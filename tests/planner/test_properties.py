@@ -134,7 +134,7 @@ def test_a_plan_read_back_drives_the_same(small_site: Site) -> None:
 @pytest.mark.parametrize("turn", ["omega", "switch-back", "u"])
 def test_a_forced_turn_is_the_one_driven(place: Any, turn: str) -> None:
     site = place(shapely.box(0, 0, 45, 90), turn=turn)
-    result = evaluate(site, Candidate("interleaved", 3) if turn == "u" else Candidate("split-field", 1, jump=1))
+    result = evaluate(site, Candidate("interleaved", 3) if turn == "u" else Candidate("split-field", 1, jump=3))
     assert result.feasible, result.reason
     assert turn in result.turn.split("+")
     assert set(result.turn.split("+")) <= {"u", turn}
