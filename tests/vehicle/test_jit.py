@@ -54,6 +54,7 @@ def test_a_changed_callee_is_compiled_into_its_callers(run: Run, room: Path) -> 
 
 def test_so_it_is_in_a_room_that_uses_this_one(run: Run, room: Path) -> None:
     (room / "strategies").mkdir()
+    (room / "strategies" / "__init__.py").touch()
     (room / "strategies" / "inner.py").write_text(CALLEE.format("2.0"))
     (room / "strategies" / "outer.py").write_text(CALLER.replace("vehicle.one", "strategies.inner"))
     code = CODE.replace("vehicle.two", "strategies.outer")
