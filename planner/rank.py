@@ -132,8 +132,8 @@ def _headland(site: Site) -> str:
     count = site.layout.rounds
     if not count:
         return (
-            "Time runs from the start on the headland to the end of the last track; the headland itself is left for a "
-            "last round, which is not counted."
+            "Time runs from the start on the headland to the end of the last track; the headland is left, and charged "
+            "like other ground left open."
         )
     plural = "s" if count > 1 else ""
     return (

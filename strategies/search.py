@@ -87,7 +87,7 @@ def _words_of(a, b, rules, limit, out, kinds, costs) -> int:  # type: ignore[no-
 
 
 @compiled
-def _level(a, b, rules, number, sure) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+def _level(a, b, rules, number) -> tuple[float, float]:  # type: ignore[no-untyped-def]
     """The straights (m) before and after a word that are tried as the `number`-th; (-1, -1) when there are no more."""
     if number < 8:
         pair = number + 1  # (0, 0) is the plain word
@@ -120,7 +120,7 @@ def _with_straights(a, b, rules, edges, bar, best) -> int:  # type: ignore[no-un
     p, q = np.empty(3), np.empty(3)
     total = 0
     for number in range(11):
-        before, after = _level(a, b, rules, number, True)
+        before, after = _level(a, b, rules, number)
         if before < 0.0:
             break
         p[0], p[1], p[2] = a[0] + before * math.cos(a[2]), a[1] + before * math.sin(a[2]), remainder(a[2])
