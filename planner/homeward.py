@@ -1,4 +1,4 @@
-"""Whether all tractors get home from where they stand, if only one moves at a time; what would have to give for that."""
+"""Whether all tractors get home from where they stand, if one moves at a time; what would have to give for that."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ class Homeward:
         for one, home in enumerate(self.homes):
             if state[one] == home:
                 continue
-            there = [other for other, hold in self.crossings.blockers.get((one, state[one]), {}) if state[other] == hold]
-            for blocker in sorted(there):
+            places = self.crossings.blockers.get((one, state[one]), {})
+            for blocker in sorted(other for other, hold in places if state[other] == hold):
                 held = [pair for pair in waiting if pair[0] == blocker]
                 if any(wait.tractor == one for _, wait in held):
                     return [pair for pair in waiting if pair[1].tractor == one]

@@ -136,7 +136,8 @@ class RightOfWay:
                     return NEVER
                 soonest = max(soonest, table.begins_s[wait.tractor][wait.stretch] + wait.after_s - shift)
             for other in sorted(self.crossings.near[one]):
-                taken += [(low - shift, high - shift) for low, high in self._taken(table, (one, number), other, soonest)]
+                spans = self._taken(table, (one, number), other, soonest)
+                taken += [(low - shift, high - shift) for low, high in spans]
         stand_s = course.begins_s(at + length) - course.begins_s(at)
         taken += self._stood_in_way(table, one, at + length, stand_s, soonest)
         for low, high in sorted(taken):
