@@ -15,7 +15,7 @@ from fields.layout import Layout, lay_tracks
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.errors import ScenarioError, about, named
-from planner.scenario import KMH, Scenario
+from planner.scenario import KMH, SOW, Scenario
 from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
 from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
@@ -70,7 +70,7 @@ class Site:
             )
         return Job(
             self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
-            rim=rim, square=self.scenario.corners == "square",
+            rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
         )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def prepare(
     with about("tractor"):
         tractor = as_tractor(scenario.tractor if tractor is None else tractor)
     implement = Implement(width_m=scenario.width_m)
-    radius = _planned_radius(scenario, tractor, field.default_ground)
+    radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
@@ -127,7 +127,8 @@ def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
     most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
     for count in range(most, 1, -1):
         try:
-            return lay_tracks(field, width, count * width, bearing, rounds=count)
+            depth = headland_m if count == most else count * width
+            return lay_tracks(field, width, depth, bearing, rounds=count)
         except FieldError:
             if scenario.headland_m is not None:
                 raise
@@ -174,7 +175,8 @@ def _check_field(field: Field) -> None:
             )
 
 
-def _planned_radius(scenario: Scenario, tractor: Tractor, ground: str) -> float:
+def _planned_radius(scenario: Scenario, tractor: Tractor, field: Field) -> float:
+    ground = field.default_ground
     smallest = tractor.smallest_radius_m(ground)
     if scenario.radius_m is None:
         return RADIUS_MARGIN * smallest
@@ -182,5 +184,12 @@ def _planned_radius(scenario: Scenario, tractor: Tractor, ground: str) -> float:
         raise ScenarioError(
             f"A turning radius ({named('radius_m')}) of {scenario.radius_m:g} m is tighter than {tractor.name} can "
             f"drive on {ground} ({smallest:.2f} m); use {smallest:.2f} m or more."
+        )
+    west, south, east, north = field.boundary.bounds
+    across = math.hypot(east - west, north - south)
+    if scenario.radius_m > across:
+        raise ScenarioError(
+            f"A turning radius ({named('radius_m')}) of {scenario.radius_m:g} m has no room on field {field.name!r}, "
+            f"{across:.0f} m across; use a smaller one, {smallest:.2f} m or more."
         )
     return scenario.radius_m
