@@ -194,6 +194,15 @@ def clock(ranking: Ranking, seconds: float | None) -> str | None:
     return later.strftime("%H:%M") + (f", {days} d later" if days else "")
 
 
+def clock_at(start: str | None, seconds: float) -> str:
+    """The clock time ``9:14:05`` so many seconds after the start; without one the seconds as ``h:mm:ss``."""
+    begin = moment(start)
+    if begin is None:
+        return duration(seconds)
+    later = begin + timedelta(seconds=_whole(seconds))
+    return f"{later.hour}:{later.minute:02d}:{later.second:02d}"
+
+
 def headline(ranking: Ranking) -> list[str]:
     """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
     best = ranking.best
