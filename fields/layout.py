@@ -13,6 +13,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.bearings import candidate_bearings
+from fields.cells import Cell, compass_deg
 from fields.errors import FieldError, named
 from fields.field import Field
 from fields.filling import filled
@@ -38,15 +39,17 @@ class Track:
     """One straight piece of a swath.
 
     Attributes:
-        line: number of the parallel line, counted from one side of the field to the other.
+        line: number of the parallel line, counted from one side of its cell to the other, cell after cell.
         piece: 0 and up along +u where a hole or a notch interrupts the line.
         start, end: ends of the centre line, metres; end - start points along +u.
+        cell: number of the cell it belongs to.
     """
 
     line: int
     piece: int
     start: tuple[float, float]
     end: tuple[float, float]
+    cell: int = 1
 
     @property
     def length(self) -> float:
@@ -60,12 +63,14 @@ class Layout:
 
     Attributes:
         field: the field they are laid on.
-        bearing_rad: direction +u of every track as a mathematical angle, radians, in (-pi/2, pi/2].
-        width_m: working width. Lines are evenly spaced by at most that, so that the whole width is covered.
+        bearing_rad: direction +u of the tracks of the first cell, the largest, as a mathematical angle, radians, in
+            (-pi/2, pi/2].
+        width_m: working width. Lines of a cell are evenly spaced by at most that, so that the whole width is covered.
         headland_m: room left along the tracks beyond their ends.
-        tracks: sorted by line and piece; lines are numbered from one side to the other.
+        tracks: sorted by line and piece; no line number is used in two cells.
         inner: region in which the centre lines of tracks may lie; with rounds, what these leave for tracks.
         rounds: number of rounds of the headland that are worked; 0 where it is only room for turning.
+        cells: parts of `inner`, each with tracks in one direction, in order of their numbers; one where none are given.
     """
 
     field: Field
@@ -75,6 +80,15 @@ class Layout:
     tracks: tuple[Track, ...]
     inner: shapely.Geometry
     rounds: int = 0
+    cells: tuple[Cell, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.cells:
+            object.__setattr__(self, "cells", (Cell(1, self.bearing_rad, self.inner),))
+
+    def bearing_of(self, track: Track) -> float:
+        """Direction +u of a track: that of its cell, radians."""
+        return self.cells[track.cell - 1].bearing_rad
 
     @property
     def lines(self) -> int:
@@ -83,9 +97,8 @@ class Layout:
 
     @property
     def bearing_deg(self) -> float:
-        """Direction of the tracks clockwise from north, degrees in [0, 180)."""
-        bearing = (90.0 - math.degrees(self.bearing_rad)) % 180.0
-        return 0.0 if 180.0 - bearing < 1e-9 else bearing
+        """Direction of the tracks of the first cell clockwise from north, degrees in [0, 180)."""
+        return compass_deg(self.bearing_rad)
 
     @property
     def total_m(self) -> float:

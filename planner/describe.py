@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fields.layout import Layout
 from planner.site import Site
 from reports.results import Drive
 from strategies.connect import Connector
@@ -28,6 +29,7 @@ def describe(site: Site) -> dict[str, Any]:
         "obstacles": [f"{one.name or one.kind}: {one.shape.area:.3g} m2" for one in field.obstacles],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
+        "cells": cells(layout),
         "headland_m": layout.headland_m,
         "rounds": layout.rounds,
         "tracks": len(lengths),
@@ -39,6 +41,19 @@ def describe(site: Site) -> dict[str, Any]:
         "most_tractors": min(50, len({track.line for track in layout.tracks})),
         "turns": _turns(site),
     }
+
+
+def cells(layout: Layout) -> list[dict[str, float]]:
+    """The cells of a layout in order of their numbers."""
+    return [
+        {
+            "number": cell.number,
+            "bearing_deg": round(cell.bearing_deg, 2),
+            "area_m2": round(cell.area_m2, 1),
+            "tracks": sum(track.cell == cell.number for track in layout.tracks),
+        }
+        for cell in layout.cells
+    ]
 
 
 def _turns(site: Site) -> dict[str, Any]:
@@ -71,13 +86,13 @@ def _fitting(site: Site, lines: int) -> dict[str, float]:
 def _ends(site: Site, lines: int) -> list[tuple[Pose, Pose]]:
     """From where to where a turn leads over so many lines, to either side at both ends of every piece."""
     job = site.job(1)
-    by_place = {(track.line, track.piece): track for track in site.layout.tracks}
+    by_place = {(track.cell, track.line, track.piece): track for track in site.layout.tracks}
     ends = [
         (job.exit(Pass(track, way)), job.entry(Pass(other, -way)))
         for track in site.layout.tracks
         for step in (lines, -lines)
         for way in (1, -1)
-        if (other := by_place.get((track.line + step, track.piece)))
+        if (other := by_place.get((track.cell, track.line + step, track.piece)))
     ]
     return ends[:: max(1, math.ceil(len(ends) / MOST_ENDS))]
 

@@ -204,7 +204,7 @@ def _label(key: object) -> str:
 
 
 def _plain(value: Any, inner: str = "\n") -> str:
-    """A value in words: six significant digits, lists with commas, a mapping's pairs parted by `inner`."""
+    """A value in words: six significant digits, lists with commas (of mappings, in lines), pairs parted by `inner`."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if value is None or isinstance(value, bool):
@@ -214,5 +214,6 @@ def _plain(value: Any, inner: str = "\n") -> str:
     if isinstance(value, Mapping):
         return inner.join(f"{_label(label)}: {_plain(item, ', ')}" for label, item in value.items()) or NOTHING
     if isinstance(value, list | tuple):
-        return ", ".join(_plain(item) for item in value) or NOTHING
+        joint = "\n" if value and isinstance(value[0], Mapping) else ", "
+        return joint.join(_plain(item, ", ") for item in value) or NOTHING
     return str(value)

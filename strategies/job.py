@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from fields.layout import Layout, Track
 from fields.rounds import Round
 from strategies.connect import Connector
 from strategies.paths import Path, Pose
+from strategies.search import shortest_m
 
 PLAIN_TURN_S = 40.0  # a turn in the headland that is quicker than this is not compared with one across tracks
 DETOUR, DETOUR_S = 1.25, 5.0  # how much longer than one across tracks a way round them may take, factor and seconds
@@ -36,7 +39,7 @@ class Manner:
 
 @dataclass(frozen=True)
 class Pass:
-    """One track driven in one direction (+1 along the layout's bearing, -1 against it)."""
+    """One track driven in one direction (+1 along the bearing of its cell, -1 against it)."""
 
     track: Track
     direction: int
@@ -112,11 +115,14 @@ class Job:
 
     def heading(self, this: Pass) -> float:
         """Mathematical angle of travel."""
-        bearing = self.layout.bearing_rad
+        bearing = self.layout.bearing_of(this.track)
         return math.remainder(bearing if this.direction > 0 else bearing + math.pi, 2.0 * math.pi)
 
     def turn_time(self, a: Pass, b: Pass) -> float:
         """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""
+        if a.track.cell != b.track.cell:
+            radius = self.manner.radius_m
+            return shortest_m(np.array(self.exit(a)), np.array(self.entry(b)), radius) / self.manner.turn_speed_mps
         (ax, ay, heading), (bx, by, _) = self.exit(a), self.entry(b)
         along = (bx - ax) * math.cos(heading) + (by - ay) * math.sin(heading)
         across = abs((by - ay) * math.cos(heading) - (bx - ax) * math.sin(heading))
@@ -130,12 +136,16 @@ class Job:
 
 
 def starting_corner(layout: Layout) -> tuple[bool, int] | None:
-    """Which side and direction to begin with when the field has an entrance: (from the last line, direction)."""
+    """Which side and direction to begin with when the field has an entrance: (from the last line, direction).
+
+    The side is one of the cell that is nearest to the entrance.
+    """
     entrance = layout.field.entrance
     if entrance is None:
         return None
-    nearest = min(
-        ((math.dist(entrance, end), track.line, direction) for track in layout.tracks
+    _, line, direction, cell = min(
+        ((math.dist(entrance, end), track.line, direction, track.cell) for track in layout.tracks
          for end, direction in ((track.start, 1), (track.end, -1))),
     )  # fmt: skip
-    return nearest[1] > (layout.lines - 1) / 2, nearest[2]
+    lines = [track.line for track in layout.tracks if track.cell == cell]
+    return line > (lines[0] + lines[-1]) / 2, direction
