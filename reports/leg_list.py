@@ -48,6 +48,17 @@ def cells(place: int, step: Step, start: str | None = None) -> tuple[str, ...]:
     return str(place), step_words(step), clock_at(start, step.from_s), length, minutes(step.seconds)
 
 
+def text_rows(steps: Sequence[Step]) -> list[str]:
+    """The rows of a list in columns for a fixed pitch, a heading first."""
+    rows = [HEADINGS, *(cells(place, step) for place, step in enumerate(steps, start=1))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        " ".join(cell.ljust(width) if place == 1 else cell.rjust(width)
+                 for place, (cell, width) in enumerate(zip(row, widths, strict=True)))
+        for row in rows
+    ]  # fmt: skip
+
+
 def _table(steps: Sequence[Step], start: str | None) -> FittedTable:
     columns = tuple(Column(name, words=name == "Leg") for name in HEADINGS)
     return FittedTable(columns, tuple(cells(place, step, start) for place, step in enumerate(steps, start=1)))

@@ -196,8 +196,8 @@ class Drive:
     `step_s`; `seconds` maps working / turning / waiting / reversing to one value per tractor. `missed` are rings (n, 2)
     around ground that is left open, counter-clockwise, and clockwise round what is worked inside it; `largest_missed`
     is the largest piece of it. `track_names` are what tracks are called, by default their places from 1; `rounds` are
-    those of the headland that are worked, `cells` the parts of a field that has several, and `steps` what each tractor
-    does, in order.
+    those of the headland that are worked, `cells` the parts of a field that has several, `obstacles` rings (n, 2) around
+    what stands in it, and `steps` what each tractor does, in order.
     """
 
     title: str
@@ -216,6 +216,7 @@ class Drive:
     track_names: tuple[str, ...] = ()
     rounds: tuple[RoundLine, ...] = ()
     cells: tuple[CellOutline, ...] = ()
+    obstacles: tuple[Points, ...] = ()
     steps: tuple[tuple[Step, ...], ...] = ()
 
 

@@ -6,7 +6,7 @@ from reports.results import Step
 from reports.wording import listed
 
 _POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-_TURNS = {"u": "U", "omega": "omega", "switch-back": "turn, backing up,"}
+_TURNS = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
 
 
 def step_words(step: Step) -> str:
