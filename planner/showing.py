@@ -40,8 +40,8 @@ def show(path: str | Path) -> Shown:
     run = driven_again(saved, scenario)
     if run.outcome != DONE:
         raise MissionError(
-            f"The plan is not driven to its end ({run.outcome}); it was changed, or the tractor {scenario.tractor!r} is "
-            "another one since, so plan anew."
+            f"The plan is not driven to its end ({run.outcome}): it or the tractor {scenario.tractor!r} was changed "
+            "since; plan anew."
         )
     return Shown(saved, scenario, run, steps_of(run))
 
@@ -49,7 +49,7 @@ def show(path: str | Path) -> Shown:
 def scenario_of(saved: SavedPlan) -> Scenario:
     """The scenario that was saved with a plan; raises ScenarioError for none or a garbled one."""
     if not saved.scenario:
-        raise ScenarioError("The plan names no scenario, so its tractor is not known; save it with headland plan --save.")
+        raise ScenarioError("The plan has no scenario that names its tractor; save it with headland plan --save.")
     known = {each.name for each in fields(Scenario)}
     strange = sorted(saved.scenario.keys() - known)
     if strange:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -87,7 +88,7 @@ def _steps(run: Run, tractor: int, lettered: frozenset[int]) -> Iterator[Step]:
 def _groups(legs: Sequence[Leg]) -> Rows:
     """For every leg the number of the step it belongs to (n,)."""
     group, groups = 0, [0]
-    for before, after in zip(legs[:-1], legs[1:], strict=True):
+    for before, after in pairwise(legs):
         group += _manner(before.task) != _manner(after.task) or not before.task.same_goal(after.task)
         groups.append(group)
     return np.array(groups, dtype=np.int64)
@@ -108,7 +109,7 @@ def _stretches(run: Run, tractor: int, groups: Rows) -> Iterator[_Stretch]:
     waits = _long(status[:end] == WAITING, math.ceil(LEAST_WAIT_S / step_s - 1e-9) if step_s else 1)
     keys = 2 * group[:end] + waits
     cuts = [0, *(np.flatnonzero(np.diff(keys)) + 1).tolist(), end]
-    for first, last in zip(cuts[:-1], cuts[1:], strict=True):
+    for first, last in pairwise(cuts):
         if last > first:
             yield _Stretch(int(group[first]), bool(waits[first]), first, last)
 

@@ -19,7 +19,7 @@ from reports.landmarks import (
     track_labels,
     work_marks,
 )
-from reports.leg_list import heading
+from reports.leg_list import heading, metres
 from reports.palette import TRACTORS
 from reports.paths import (
     REVERSING,
@@ -191,11 +191,10 @@ def _arrows(marks: Sequence[WorkMark], frame: Viewport) -> str:
 
 
 def _legs(drive: Drive, number: int) -> list[list[Any]]:
-    """Start and duration (s), length (m, 0 of a wait) and words of everything a tractor does, in order."""
+    """Start and duration (s), length (m, "" of a wait) and words of everything a tractor does, in order."""
     steps = drive.steps[number] if drive.steps else ()
     return [
-        [round(step.from_s, 1), round(step.seconds, 1), 0 if step.kind == "wait" else round(step.length_m), step_words(step)]
-        for step in steps
+        [round(step.from_s, 1), round(step.seconds, 1), metres(step), step_words(step)] for step in steps
     ]
 
 

@@ -67,7 +67,7 @@ def cell_labels(drive: Drive) -> list[Label]:
 
 
 def missed_label(drive: Drive, box: Extent) -> Label | None:
-    """What the largest piece of missed ground measures, on it and within the map; None where it is too small to tell."""
+    """What the largest piece of missed ground measures, on it and within the map; None where it is too small."""
     piece = drive.largest_missed
     if piece is None or piece.m2 < LEAST_ON_MAP_M2:
         return None

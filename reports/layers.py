@@ -39,7 +39,8 @@ def draw_ground(axes: Axes, drive: Drive) -> None:
     axes.add_patch(whole)
     for one in drive.rounds:
         band = shapely.LineString(one.points).buffer(0.5 * drive.width_m, **_JOIN)
-        rings = [np.asarray(ring.coords) for part in shapely.get_parts(band) for ring in (part.exterior, *part.interiors)]
+        parts = shapely.get_parts(band)
+        rings = [np.asarray(ring.coords) for part in parts for ring in (part.exterior, *part.interiors)]
         look = _patch(rings, facecolor=palette.ROUNDS[one.number % 2], edgecolor="none", zorder=1.5)
         axes.add_patch(look)
         look.set_clip_path(whole)

@@ -38,14 +38,18 @@ def leg_lists(title: str, steps: Steps, start: str | None = None, only: int | No
 
 def heading(tractor: int, steps: Sequence[Step]) -> str:
     """``Tractor 2: 21 legs, 4.1 km, 0:52:10``."""
-    length, seconds = sum(step.length_m for step in steps), max((step.from_s + step.seconds for step in steps), default=0)
-    return f"Tractor {tractor}: {len(steps)} legs, {number(length / 1000.0, 1)} km, {duration(seconds)}"
+    length_m, end_s = sum(step.length_m for step in steps), steps[-1].from_s + steps[-1].seconds if steps else 0.0
+    return f"Tractor {tractor}: {len(steps)} legs, {number(length_m / 1000.0, 1)} km, {duration(end_s)}"
 
 
 def cells(place: int, step: Step, start: str | None = None) -> tuple[str, ...]:
     """The row of a step under `HEADINGS`."""
-    length = "" if step.kind == "wait" else number(step.length_m, 0)
-    return str(place), step_words(step), clock_at(start, step.from_s), length, minutes(step.seconds)
+    return str(place), step_words(step), clock_at(start, step.from_s), metres(step), minutes(step.seconds)
+
+
+def metres(step: Step) -> str:
+    """How far it leads; nothing of a wait."""
+    return "" if step.kind == "wait" else number(step.length_m, 0)
 
 
 def text_rows(steps: Sequence[Step]) -> list[str]:

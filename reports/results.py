@@ -145,9 +145,9 @@ class Step:
 
     `kind` is "track", "round" (one side of it), "corner" (between two sides of a round), "turn" or "way" (to the next
     track or round), "wait" or "drive". `number` counts the track or round from 1, `part` names the piece of a track
-    ("a", "b", ...) or the side of a round ("1", "2", ...), "" where there is only one; for turns and ways both are those
-    led to, and `to_round` says which they are. `again` marks what goes on after a wait. It begins at `from_s` and takes
-    `seconds`, over `length_m`; `bearing_deg` is the direction worked in, clockwise from north. A turn leads over
+    ("a", "b", ...) or the side of a round ("1", "2", ...), "" where there is only one; for turns and ways both are
+    those led to, and `to_round` says which they are. `again` marks what goes on after a wait. It begins at `from_s` and
+    takes `seconds`, over `length_m`; `bearing_deg` is the direction worked in, clockwise from north. A turn leads over
     `over` tracks in the `shape` of a "u", "omega" or "switch-back" ("" for none of these); `for_tractors` are those,
     from 1, that are waited for. `x_m` and `y_m` are half way along it.
     """
@@ -196,8 +196,8 @@ class Drive:
     `step_s`; `seconds` maps working / turning / waiting / reversing to one value per tractor. `missed` are rings (n, 2)
     around ground that is left open, counter-clockwise, and clockwise round what is worked inside it; `largest_missed`
     is the largest piece of it. `track_names` are what tracks are called, by default their places from 1; `rounds` are
-    those of the headland that are worked, `cells` the parts of a field that has several, `obstacles` rings (n, 2) around
-    what stands in it, and `steps` what each tractor does, in order.
+    those of the headland that are worked, `cells` the parts of a field that has several, `obstacles` rings (n, 2)
+    around what stands in it, and `steps` what each tractor does, in order.
     """
 
     title: str
