@@ -194,9 +194,13 @@ def _strips(job: Job, share: Sequence[Stretch]) -> list[_Strip]:
 
 
 def _piece(job: Job, stretch: Stretch) -> int:
-    """Number of a side among all sides of rounds of the same number."""
-    before = (lap for lap in job.rounds if lap.number == stretch.lap.number and lap.ring < stretch.lap.ring)
-    return sum(len(lap.sides) for lap in before) + stretch.side
+    """Number of a side among all sides of rounds of the same number, the same whichever way it is driven."""
+    same = [lap for lap in job.rounds if lap.number == stretch.lap.number]
+    before = sum(len(lap.sides) for lap in same if lap.ring < stretch.lap.ring)
+    lap = next((lap for lap in same if lap.ring == stretch.lap.ring), stretch.lap)
+    ends = stretch.lap.sides[stretch.side].points[[0, -1]]
+    turned = not np.array_equal(lap.sides[stretch.side].points[[0, -1]], ends)
+    return before + (len(lap.sides) - 1 - stretch.side if turned else stretch.side)
 
 
 def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:
