@@ -17,7 +17,7 @@ MISSED_TO_M = 0.1  # of what is left open, a picture needs no more
 def picture(site: Site, run: Run, result: PlanResult) -> Drive:
     """Plain arrays of the run of a plan on its field."""
     plural = "s" if result.tractors > 1 else ""
-    boundary, layout = site.layout.field.boundary, site.layout
+    boundary, layout = site.layout.field.ground, site.layout
     step = float(run.time_s[1] - run.time_s[0])
     shares = run.time_shares()
     return Drive(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from fields.layout import Layout, Track
 from fields.rounds import Round
+from strategies.around import Around
 from strategies.connect import Connector
 from strategies.paths import Path, Pose
 
@@ -49,7 +50,8 @@ class Job:
     `connector` finds ways anywhere in the field, `headland` only beside the tracks. `corner` is where to begin
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
-    be anywhere on the field, and `square` tells whether corners are worked whole. Ways once worked out are kept in
+    be anywhere on the field, and `square` tells whether corners are worked whole. `around` has the passes that are bent
+    round small obstacles. Ways once worked out are kept in
     `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
     """
 
@@ -63,6 +65,7 @@ class Job:
     rounds: tuple[Round, ...] = ()
     rim: Connector | None = None
     square: bool = True
+    around: Around = field(default_factory=Around)
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
