@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from dataclasses import field as member
 from pathlib import Path
 
 import shapely
 
 from fields.errors import FieldError
 from fields.field import Field
-from fields.free import beside_tracks, free_space
+from fields.free import beside_tracks, free_space, rim_of
 from fields.layout import Layout, lay_tracks
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.errors import ScenarioError, about, named
-from planner.scenario import KMH, SOW, Scenario
+from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
+from strategies.around import Around, lay_around
+from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
 from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
+from vehicle.compile import outline
 from vehicle.gnss import NO_ERROR, Table, default_table, load_table
 from vehicle.ground import ground_names
 from vehicle.tractor import Implement, Tractor, as_tractor
@@ -28,6 +32,8 @@ from vehicle.tractor import Implement, Tractor, as_tractor
 RADIUS_MARGIN = 1.08
 BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
 MOST_ROUNDS = 50
+SMALL = 4.0  # working widths across: smaller obstacles are driven round in the pass
+BEND_RADIUS = 1.5  # planned radii, and halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -40,7 +46,8 @@ class Site:
     The guided point may be anywhere in `free`, and tramples no track in `beside`. `turn_fits[k]` tells whether a turn
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
     not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
-    the headland that are worked; in their corners the guided point may be anywhere in `rim`.
+    the headland that are worked; in their corners the guided point may be anywhere in `rim`. `around` has what is bent
+    round small obstacles.
     """
 
     scenario: Scenario
@@ -56,6 +63,7 @@ class Site:
     position_errors: Table
     rounds: tuple[Round, ...] = ()
     rim: shapely.Geometry = shapely.Polygon()  # noqa: RUF009 - no geometry ever changes
+    around: Around = member(default_factory=Around)
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors, with an empty memory of ways."""
@@ -71,6 +79,7 @@ class Site:
         return Job(
             self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
+            around=self.around,
         )  # fmt: skip
 
 
@@ -87,7 +96,7 @@ def prepare(
         if not isinstance(field, Field):
             field = read_field(scenario.field if field is None else str(field), local=scenario.local)
         _check_field(field)
-        field = field.clear_of_obstacles(scenario.margin_m)
+        field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m)
     with about("gnss_table"):
         position_errors = gnss_errors(scenario)
     with about("tractor"):
@@ -97,7 +106,7 @@ def prepare(
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
-    layout = _layout(scenario, field, headland)
+    layout, around = _around(scenario, _layout(scenario, field, headland), tractor, implement, radius, reach)
     rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
     bare = Manner(
         work_speed_mps=scenario.speed_mps,
@@ -111,12 +120,31 @@ def prepare(
     manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
     free = free_space(field, reach.margin_m)
     beside = beside_tracks(layout, free)
-    rim = _rim(field, free) if rounds else shapely.Polygon()
+    rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
     fits = tuple(seconds is not None for seconds in timed)
     return Site(
         scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors, rounds,
-        rim,
+        rim, around,
     )
+
+
+def _around(
+    scenario: Scenario, layout: Layout, tractor: Tractor, implement: Implement, radius_m: float, reach: Reach
+) -> tuple[Layout, Around]:
+    """The tracks bent round small obstacles, or cut at them, and what else is bent by."""
+    field = layout.field
+    if not field.small:
+        return layout, Around()
+    boxes = outline(tractor, implement)
+    guided_m = tractor.antenna_forward_m - tractor.rear_axle_m
+    turned_over = max(1.0, scenario.speed_mps / TURNING_MPS)
+    rules = BendRules(
+        BEND_RADIUS * max(radius_m * turned_over, reach.margin_m),
+        reach.margin_m,
+        max(boxes["nose"], boxes["tool_front"]) - guided_m,
+        guided_m - min(boxes["tail"], boxes["tool_tail"]),
+    )
+    return lay_around(layout, Bender(field.small, field.ground, rules), reach.tool_m)
 
 
 def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
@@ -133,13 +161,6 @@ def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
             if scenario.headland_m is not None:
                 raise
     return lay_tracks(field, width, width, bearing, rounds=1)
-
-
-def _rim(field: Field, free: shapely.Geometry) -> shapely.Geometry:
-    """The field a little drawn in, and as far from obstacles as anywhere else."""
-    outline = shapely.Polygon(field.boundary.exterior).buffer(-RIM_M, join_style="mitre")
-    solid = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(free)])
-    return shapely.difference(outline, shapely.difference(solid, free))
 
 
 def _with_names(

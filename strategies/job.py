@@ -9,6 +9,7 @@ import numpy as np
 
 from fields.layout import Layout, Track
 from fields.rounds import Round
+from strategies.around import Around
 from strategies.connect import Connector
 from strategies.paths import Path, Pose
 from strategies.search import shortest_m
@@ -53,8 +54,9 @@ class Job:
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
-    tracks that can keep to the headland, however longer it is. Ways once worked out are kept in `ways`, as strategies
-    ask for the same ones; `used` counts the turns driven by kind.
+    tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
+    obstacles. Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the turns
+    driven by kind.
     """
 
     layout: Layout
@@ -68,6 +70,7 @@ class Job:
     rim: Connector | None = None
     square: bool = True
     spare_tracks: bool = False
+    around: Around = field(default_factory=Around)
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
