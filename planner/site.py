@@ -20,6 +20,7 @@ from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
 from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
+from vehicle.compile import outline
 from vehicle.gnss import NO_ERROR, Table, default_table, load_table
 from vehicle.ground import ground_names
 from vehicle.tractor import Implement, Tractor, as_tractor
@@ -105,6 +106,7 @@ def prepare(
         reverse_speed_mps=min(scenario.turning_mps, SHUNTING_MPS),
         radius_m=radius,
         tool_m=reach.tool_m,
+        boxes=_boxes(tractor, implement),
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
     timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
@@ -116,6 +118,16 @@ def prepare(
     return Site(
         scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors, rounds,
         rim,
+    )
+
+
+def _boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:
+    """The outline of tractor and implement, counted from the guided point."""
+    guided = tractor.antenna_forward_m - tractor.rear_axle_m
+    ends = outline(tractor, implement)
+    return (
+        (ends["tail"] - guided, ends["nose"] - guided, ends["half_width"]),
+        (ends["tool_tail"] - guided, ends["tool_front"] - guided, ends["tool_half_width"]),
     )
 
 
