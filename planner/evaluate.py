@@ -17,9 +17,9 @@ from planner.swept import swept_ground
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
-from strategies.formation import corners_by_promise
+from strategies.grouping import corners_by_promise
 from strategies.job import Job
-from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
+from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Mission, Plan
 from vehicle.rehearsal import Rehearsal
@@ -251,6 +251,7 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
+        formation_pct=run.plan.notes.get("formation_pct"),
         remark=tried.remark,
         rounds=site.layout.rounds,
         headland_s=headland_s(run),

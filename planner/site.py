@@ -114,6 +114,7 @@ def prepare(
         reverse_speed_mps=min(scenario.turning_mps, SHUNTING_MPS),
         radius_m=radius,
         tool_m=reach.tool_m,
+        boxes=_boxes(tractor, implement),
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
     timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
@@ -145,6 +146,16 @@ def _around(
         guided_m - min(boxes["tail"], boxes["tool_tail"]),
     )
     return lay_around(layout, Bender(field.small, field.ground, rules), reach.tool_m)
+
+
+def _boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:
+    """The outline of tractor and implement, counted from the guided point."""
+    guided = tractor.antenna_forward_m - tractor.rear_axle_m
+    ends = outline(tractor, implement)
+    return (
+        (ends["tail"] - guided, ends["nose"] - guided, ends["half_width"]),
+        (ends["tool_tail"] - guided, ends["tool_front"] - guided, ends["tool_half_width"]),
+    )
 
 
 def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:

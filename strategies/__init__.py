@@ -13,7 +13,11 @@
     rounds, shifts, laps, corners   the headland in rounds: when, who, how along it, how round its corners
     legs                    tracks and turns as legs, each with its task
     separate                what strategies share whose tractors each have tracks of their own
-    formation               what strategies share whose tractors work abreast: rounds, places, the queue
+    formation               what strategies share whose tractors work abreast: rounds, places, the queue, the rest
+    grouping, clear_rounds  tracks in rounds and what is left over; rounds clear of each other's ways
+    abreast, clearing       places of one round; where a tractor stands clear of ways past it
+    queueing, leftover      legs and gates of rounds and queues; tracks one of the tractors works alone
+    care                    a formation driven, and who lets whom go first where two meet
     record, names, registry what a strategy is to others; all of them by name
 
     split_field, interleaved, row_by_row, col_by_col, row_by_row_optimised    one strategy each

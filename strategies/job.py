@@ -24,7 +24,8 @@ class Manner:
 
     `tool_m` is how far the implement works behind the guided point; `turn_s[k]` the simulated seconds of the best
     turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across. A tractor
-    that must give way waits `hold_back_m` before the end of its track, clear of the headland.
+    that must give way waits `hold_back_m` before the end of its track, clear of the headland. `boxes` are the outline
+    of tractor and implement: from and to so far ahead of the guided point, and half the width (m).
     """
 
     work_speed_mps: float
@@ -36,6 +37,7 @@ class Manner:
     stagger_m: float = 12.0
     hold_back_m: float = 8.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
+    boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
 
 
 @dataclass(frozen=True)
