@@ -15,6 +15,7 @@ from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.swept import swept_ground
+from planner.touched import fence_crossed_m
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
@@ -30,6 +31,7 @@ from vehicle.world import World
 ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
+CROSSED_M = 0.01
 MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 
@@ -197,6 +199,11 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     outside = excursion(run, site).depth_m
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
+    crossed = fence_crossed_m(run, site)
+    if crossed > CROSSED_M:
+        return (
+            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+        )
     if aside > FARTHEST_ASIDE * site.layout.width_m:
         return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None

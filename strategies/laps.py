@@ -130,10 +130,12 @@ def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False, beside: bool = Fal
     rim = job.rim or job.connector
     if beside and job.headland is not None:
         way = job.headland.connect(a, b)
-        if _easy(way):
+        if _easy(way) and not job.crosses(way):
             return way
     ways = chain((_turn(job, a, b),), (_between(job, p, q) for p, q in _freed(job, rim, a, b)))
-    way = next((way for way in ways if _easy(way)), None) or rim.direct(a, b)
+    way = next((way for way in ways if _easy(way) and not job.crosses(way)), None) or rim.direct(a, b)
+    if job.crosses(way):
+        way = job.way(a, b)
     if not _easy(way) and anyhow:
         way = rim.connect(a, b)
     return way if _easy(way) else None
@@ -145,6 +147,7 @@ def _turn(job: Job, a: Pose, b: Pose) -> Path | None:
     ways = [way for way in corner_ways(a, b, job.manner.radius_m) if rim.reversing or not way.reverse_m]
     most = math.dist(a[:2], b[:2]) + LONGEST_CORNER * job.manner.radius_m
     timed = [(rim.costs.time_s(way), way) for way in ways if way.length_m <= most and rim.fits(way)]
+    timed = [pair for pair in timed if not job.crosses(pair[1])]
     turn = job.turn(a, b)
     if turn is not None:
         timed.append((rim.cost(turn), turn))
@@ -229,12 +232,26 @@ def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:
     else:
         end = stretch.last_m
     first, last, line = begin + tool, end + tool, stretch.line
-    room = (job.rim or job.connector).free
-    while last > side.length_m and not shapely.covers(room, shapely.Point(_at(line, last))):
+    while last > side.length_m and not _room_for(job, line, last):
         last -= PULL_M
-    while first < 0.0 and not shapely.covers(room, shapely.Point(_at(line, first))):
+    while first < 0.0 and not _room_for(job, line, first):
         first += PULL_M
+    if job.fence is not None:
+        middle = 0.5 * side.length_m
+        while last > middle and job.fence.hits(_pose_at(line, last)):
+            last -= PULL_M
+        while first < middle and job.fence.hits(_pose_at(line, first)):
+            first += PULL_M
     return first, last
+
+
+def _room_for(job: Job, line: Points, distance_m: float) -> bool:
+    return bool(shapely.covers((job.rim or job.connector).free, shapely.Point(_at(line, distance_m))))
+
+
+def _pose_at(line: Points, distance_m: float) -> Pose:
+    """Pose at a distance along a polyline, drawn on straight beyond its ends."""
+    return _pose(_along(line, distance_m - PULL_M, distance_m), -1)
 
 
 def _arc(job: Job, a: Stretch, b: Stretch) -> Path | None:
