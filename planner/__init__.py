@@ -13,7 +13,7 @@ planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
 steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
-describe       a field in figures
+describe, unworked  a field in figures; what of it no track and no round covers, and why
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals
 commands, main  the command line; known by nothing else
