@@ -1,4 +1,4 @@
-"""Which of several ways to drive the same work is simulated: one that promises clearly more than another saves its run."""
+"""Which of several ways to drive the same work is simulated: what promises clearly more than another saves its run."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def _rounds(site: Site) -> list[dict[str, Any]]:
 
 def _covered(site: Site) -> float:
     """Share of the field under tracks and rounds as they are laid."""
-    boundary = site.layout.field.boundary
+    boundary = site.layout.field.ground
     return float(shapely.intersection(laid(site), boundary, grid_size=GRID_M).area / boundary.area)
 
 
