@@ -13,7 +13,7 @@ from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
-from planner.steady import ASIDE_M, slips, slowed, worst_aside
+from planner.steady import ASIDE_M, Slip, slips, slowed, worst_aside
 from planner.swept import swept_ground
 from planner.touched import fence_crossed_m
 from planner.trampled import trampled_m2
@@ -23,7 +23,7 @@ from strategies.grouping import corners_by_promise
 from strategies.job import Job
 from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Mission, Plan
+from vehicle.missions import ROUND, Mission, Plan
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
@@ -32,6 +32,7 @@ ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: 
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 CROSSED_M = 0.01
+LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 
@@ -152,9 +153,26 @@ def _run_plan(
     repairs = strategy.most_repairs
     run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
-        run, aside = _steadied(site, run, simulate, repairs)
-        reason = _fault(site, run, aside)
-    return CandidateRun(run, reason, _turns(job), refined.remark)
+        run, worst = _steadied(site, run, simulate, repairs, give_way)
+        reason = _fault(site, run, worst)
+    told = [refined.remark, *([] if reason else _told(site, run, worst))]
+    return CandidateRun(run, reason, _turns(job), "; ".join(each for each in told if each) or None)
+
+
+def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
+    """What a reader would not expect of the run of a feasible plan."""
+    told = []
+    if loosened := run.plan.notes.get("loosened"):
+        told.append(f"{loosened} time{'s' if loosened > 1 else ''} a tractor goes on before its formation is in place, "
+                    "as the others could not get past it")
+    if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
+        told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
+    return told
+
+
+def _begun(run: Run, slip: Slip) -> str:
+    kind = run.plan.missions[slip.tractor].legs[slip.leg].task.kind
+    return f"a {'side of a round' if kind == ROUND else 'track'} is begun {slip.metres:.2f} m beside its line"
 
 
 def beside_clearance_m(site: Site) -> float:
@@ -171,27 +189,30 @@ def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: G
     return without_conflicts(refined.plan, simulate, most_repairs, give_way)
 
 
-def _steadied(site: Site, run: Run, simulate: Simulate, most_repairs: int) -> tuple[Run, float]:
-    """The run with turns that it followed badly driven more slowly where that helps, and what is left aside (m)."""
+def _steadied(
+    site: Site, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
+) -> tuple[Run, Slip | None]:
+    """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
     turns = slips(run, site)
     for _ in range(MOST_SLOWED):
         bad = [slip for slip in turns if slip.metres > ASIDE_M]
         if not bad:
             break
-        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs)
+        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs, give_way)
         if fault:
             break
         left = slips(again, site)
         if worst_aside(left) > worst_aside(turns) - SMALLEST_GAIN_M:
             break
         run, turns = again, left
-    return run, worst_aside(turns)
+    return run, max(turns, key=lambda slip: slip.metres, default=None)
 
 
-def _fault(site: Site, run: Run, aside: float) -> str | None:
+def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
     """Why a plan that was driven to the end is not feasible all the same, or None.
 
-    `aside` is by how many metres the worst of its tracks was begun beside its line.
+    `worst` is the track or side of a round that was begun farthest beside its line. Where the headland is worked too,
+    ground that is left open there is measured and charged like any other, and only who has lost the line is refused.
     """
     if run.contacts:
         time, first, second = run.contacts[0]
@@ -202,10 +223,14 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     crossed = fence_crossed_m(run, site)
     if crossed > CROSSED_M:
         return (
-            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider "
+            "margin"
         )
-    if aside > FARTHEST_ASIDE * site.layout.width_m:
-        return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
+    width = site.layout.width_m
+    if worst is not None and not site.rounds and worst.metres > FARTHEST_ASIDE * width:
+        return f"{_begun(run, worst)}, more than a third of the working width"
+    if worst is not None and worst.metres > max(LOST_ASIDE * width, LOST_M):
+        return f"{_begun(run, worst)}, more than a working width: the tractor has lost it"
     return None
 
 

@@ -95,7 +95,8 @@ def _legs_of(job: Job, driven: list[tuple[_Strip, Path | None]], left_m: float) 
         if way is not None:
             job.used[way.kind] = job.used.get(way.kind, 0) + 1
             task = replace(strip.task, kind=WAY if way.kind == "route" else TURN)
-            legs += driven_legs(job, way, task) if task.kind == TURN else with_stops(driven_legs(job, way, task), STOPS_M)
+            between = driven_legs(job, way, task)
+            legs += between if task.kind == TURN else with_stops(between, STOPS_M)
         legs += _working(job, strip)
     return Shift(tuple(legs), _pose(driven[0][0].points, 0), _pose(driven[-1][0].points, -1), left_m)
 
