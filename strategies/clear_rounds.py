@@ -12,7 +12,7 @@ import numpy as np
 
 from strategies.abreast import Passing, Slot, missing_m, slots_of
 from strategies.clearing import Floats, blocked_on, poses_on
-from strategies.grouping import Barred, Grouping, Round, grouping, key_of
+from strategies.grouping import Barred, Grouping, Round, divided, grouping, key_of
 from strategies.job import Job, Pass
 
 Ways = dict[tuple[int, int], Floats | None]
@@ -38,7 +38,7 @@ def clear_grouping(job: Job, changes: Changes = AS_WRITTEN) -> Grouping:
     """The grouping of a job with every round clear of the ways to it and from it; rounds without room taken apart."""
     barred = changes.barred
     while True:
-        found = grouping(job, barred)
+        found = grouping(job, divided(job, barred))
         ways = _ways(job, found.rounds)
         rounds = _cleared(job, found.rounds, ways, changes)
         unfit = frozenset(

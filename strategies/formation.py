@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from strategies.abreast import Slot, missing_m, needed_m, slots_of
 from strategies.clear_rounds import AS_WRITTEN, Changes, clear_grouping
 from strategies.errors import StrategyError
-from strategies.grouping import CORNERS, Grouping, Round, grouping, runs_of
+from strategies.grouping import CORNERS, Grouping, Round, divided, grouping, runs_of
 from strategies.job import Job, Pass
 from strategies.leftover import held_clear, order_alone, work_alone
 from strategies.legs import mission_from
@@ -121,8 +121,9 @@ def _advice(job: Job) -> str:
     """The largest smaller formation that has room somewhere, if there is one, and other strategies."""
     corners = CORNERS if job.layout.field.entrance is None else (job.corner,)
     for tractors in range(job.tractors - 1, 1, -1):
+        parts = divided(replace(job, tractors=tractors))
         for corner in corners:
-            found = grouping(replace(job, tractors=tractors, corner=corner))
+            found = grouping(replace(job, tractors=tractors, corner=corner), parts)
             if any(len(slots) == tractors for slots in found.rounds):
                 return f"use {tractors} tractors, or split-field or interleaved"
     other = "use split-field or interleaved"

@@ -163,13 +163,28 @@ def _rejoin_s(job: Job, slots: Round) -> float:
     return max(slot.this.track.length for slot in slots) / job.manner.turn_speed_mps
 
 
-def grouping(job: Job, barred: Barred = frozenset()) -> Grouping:
+@dataclass(frozen=True)
+class Divided:
+    """All runs of a job, and how each is divided from each of its corners."""
+
+    runs: list[Run]
+    known: dict[tuple[int, Corner], Grouped]
+
+
+def divided(job: Job, barred: Barred = frozenset()) -> Divided:
+    """The runs of a job divided, whatever corner of the field it begins at."""
+    runs = runs_of(job)
+    return Divided(
+        runs, {(index, each): grouped(job, run, each, barred) for index, run in enumerate(runs) for each in CORNERS}
+    )
+
+
+def grouping(job: Job, parts: Divided) -> Grouping:
     """All tracks of a job in rounds, run after run from its corner on, always to the run that is reached soonest.
 
     Without an entrance the run to begin with is the one from which all takes least.
     """
-    corner, runs = job.corner or (False, 1), runs_of(job)
-    known = {(index, each): grouped(job, run, each, barred) for index, run in enumerate(runs) for each in CORNERS}
+    corner, runs, known = job.corner or (False, 1), parts.runs, parts.known
     some = [index for index in range(len(runs)) if any(_abreast(job, known[index, each]) for each in CORNERS)]
     used = {track for index in some for track in runs[index]}
     left = [track for track in job.layout.tracks if track not in used]

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
-from strategies.grouping import CORNERS, Corner, Grouping, Round, grouping
+from strategies.grouping import CORNERS, Corner, Grouping, Round, divided, grouping
 from strategies.job import Job, Pass
 from strategies.leftover import leader_of, order_alone
 
@@ -18,7 +18,8 @@ def corners_by_promise(job: Job) -> list[Corner]:
 
     The estimate depends on the shape of the field only, not on its place or heading.
     """
-    tours = {corner: grouping(replace(job, corner=corner)) for corner in CORNERS}
+    parts = divided(job)
+    tours = {corner: grouping(replace(job, corner=corner), parts) for corner in CORNERS}
     estimates = {corner: tour.seconds if tour.rounds else math.inf for corner, tour in tours.items()}
     limit = NEAR * min(estimates.values())
     near = [corner for corner in CORNERS if estimates[corner] <= limit < math.inf]
