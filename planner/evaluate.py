@@ -19,8 +19,8 @@ from planner.touched import fence_crossed_m
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
-from strategies.grouping import corners_by_promise
 from strategies.job import Job
+from strategies.promise import corners_by_promise
 from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import ROUND, Mission, Plan
@@ -85,16 +85,15 @@ def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(site.job(candidate.tractors), jump=candidate.jump)
-    if job.corner is not None or not strategy.abreast:
-        return _run_job(site, strategy, job)
-    return _from_some_corner(site, strategy, job)
+    return _from_some_corner(site, strategy, job) if strategy.abreast else _run_job(site, strategy, job)
 
 
 def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
-    """A formation on a field without an entrance: from the corner that promises most and can be driven."""
+    """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    for corner in corners_by_promise(job):
+    promising = corners_by_promise(job)
+    for corner in sorted(promising, key=lambda corner: corner != job.corner):
         try:
             latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
