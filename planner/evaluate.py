@@ -12,7 +12,8 @@ from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
-from planner.steady import ASIDE_M, slips, slowed, worst_aside
+from planner.slowing import cures, promised_m, slowed
+from planner.steady import ASIDE_M, slips, worst_aside
 from planner.swept import swept_ground
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
@@ -28,7 +29,6 @@ from vehicle.run import DONE, Run
 ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 
 
@@ -151,17 +151,12 @@ def _driven(refined: Refined, simulate: Simulate, most_repairs: int) -> tuple[Ru
 def _steadied(site: Site, run: Run, simulate: Simulate, most_repairs: int) -> tuple[Run, float]:
     """The run with turns that it followed badly driven more slowly where that helps, and what is left aside (m)."""
     turns = slips(run, site)
-    for _ in range(MOST_SLOWED):
-        bad = [slip for slip in turns if slip.metres > ASIDE_M]
-        if not bad:
-            break
-        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs)
-        if fault:
-            break
-        left = slips(again, site)
-        if worst_aside(left) > worst_aside(turns) - SMALLEST_GAIN_M:
-            break
-        run, turns = again, left
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
+    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs)
+        left = turns if fault else slips(again, site)
+        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+            run, turns = again, left
     return run, worst_aside(turns)
 
 
