@@ -13,7 +13,8 @@ from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
-from planner.steady import ASIDE_M, Slip, slips, slowed, worst_aside
+from planner.slowing import cures, promised_m, slowed
+from planner.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.swept import swept_ground
 from planner.touched import fence_crossed_m
 from planner.trampled import trampled_m2
@@ -33,7 +34,6 @@ FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 CROSSED_M = 0.01
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
-MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 
 
@@ -193,17 +193,12 @@ def _steadied(
 ) -> tuple[Run, Slip | None]:
     """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
     turns = slips(run, site)
-    for _ in range(MOST_SLOWED):
-        bad = [slip for slip in turns if slip.metres > ASIDE_M]
-        if not bad:
-            break
-        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs, give_way)
-        if fault:
-            break
-        left = slips(again, site)
-        if worst_aside(left) > worst_aside(turns) - SMALLEST_GAIN_M:
-            break
-        run, turns = again, left
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
+    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs, give_way)
+        left = turns if fault else slips(again, site)
+        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+            run, turns = again, left
     return run, max(turns, key=lambda slip: slip.metres, default=None)
 
 
