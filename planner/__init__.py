@@ -4,7 +4,8 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
-evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled, touched)
+evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured
+               (measure, swept, trampled, touched)
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 planning       plan: all of it, with the best plan's run and pictures (drive)

@@ -13,7 +13,7 @@ from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.swept import swept_ground
-from planner.touched import fence_crossed_m
+from planner.touched import fence_crossed_m, obstacle_touched
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
@@ -132,7 +132,14 @@ def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simula
     if reason is None:
         run, aside = _steadied(site, run, simulate, repairs)
         reason = _fault(site, run, aside)
-    return CandidateRun(run, reason, _turns(job), refined.remark)
+    return CandidateRun(run, reason, _turns(job), _remark(site, run, refined.remark))
+
+
+def _remark(site: Site, run: Run, told: str | None) -> str | None:
+    """What there is to say of a plan beside its figures."""
+    touched = obstacle_touched(run, site) if run.outcome == DONE else None
+    near = f"a tractor or its implement touches {touched}; a wider margin may avoid it" if touched else None
+    return "; ".join(each for each in (told, near) if each) or None
 
 
 def beside_clearance_m(site: Site) -> float:
@@ -179,9 +186,8 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
     crossed = fence_crossed_m(run, site)
     if crossed > CROSSED_M:
-        return (
-            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider margin"
-        )
+        what = "a tractor or its implement crosses the fence"
+        return f"{what} by {crossed:.2f} m; use a deeper headland or keep a wider margin"
     if aside > FARTHEST_ASIDE * site.layout.width_m:
         return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None
