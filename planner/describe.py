@@ -26,6 +26,8 @@ def describe(site: Site) -> dict[str, Any]:
         "area_ha": round(field.area_ha, 4),
         "holes": len(field.ground.interiors),
         "obstacles": [f"{one.name or one.kind}: {one.shape.area:.3g} m2" for one in field.obstacles],
+        "driven_round": len(field.small),
+        "fence_m": round(sum(fence.length for fence in field.fences), 1),
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
         "headland_m": layout.headland_m,
