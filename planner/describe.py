@@ -37,6 +37,8 @@ def describe(site: Site, drawn: Field | None = None) -> dict[str, Any]:
         "area_ha": round(field.area_ha, 4),
         "holes": len(field.ground.interiors),
         "obstacles": [_obstacle(one, site) for one in field.obstacles],
+        "driven_round": len(field.small),
+        "fence_m": round(sum(fence.length for fence in field.fences), 1),
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
         "cells": cells(layout),
