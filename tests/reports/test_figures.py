@@ -196,7 +196,9 @@ def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive
         figure.canvas.draw()
         area = figure.axes[0].get_window_extent()
         lists = [text for text in figure.texts if text.get_text().startswith("Tractor ")]
-        assert len(lists) == len(drive.steps)
+        told = "\n".join(text.get_text() for text in lists).splitlines()
+        names = [line.split(":")[0] for line in told if line.startswith("Tractor")]
+        assert names == [f"Tractor {number + 1}" for number in range(len(drive.steps))]
         boxes = [text.get_window_extent() for text in lists]
         for box in boxes:
             assert box.x0 >= 0 and box.x1 <= figure.bbox.width and box.y0 >= 0 and box.y1 <= figure.bbox.height
@@ -205,7 +207,7 @@ def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive
 
 
 def test_a_list_without_room_is_left_to_the_numbers(listed_drive: Drive) -> None:
-    long = replace(listed_drive, steps=tuple(own * 20 for own in listed_drive.steps))
+    long = replace(listed_drive, steps=tuple(own * 60 for own in listed_drive.steps))
     figure = map_figure(long)
     assert not [text for text in figure.texts if "Tractor " in text.get_text()]
     assert {text.get_text() for text in figure.axes[0].texts} >= {"R1", "R2", "cell 1: 90\N{DEGREE SIGN}", "2"}
