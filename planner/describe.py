@@ -13,7 +13,7 @@ from fields.layout import Layout
 from fields.obstacles import LINE, POINT, Obstacle
 from planner.drive import rings_of, still
 from planner.site import Site
-from planner.swept import GRID_M
+from planner.overlays import GRID_M
 from planner.unworked import LEAST_M2, Unworked, laid, unworked
 from reports.results import Drive, MissedPiece
 from strategies.connect import Connector
@@ -35,7 +35,7 @@ def describe(site: Site, drawn: Field | None = None) -> dict[str, Any]:
         "name": field.name,
         "source": field.source,
         "area_ha": round(field.area_ha, 4),
-        "holes": len(field.boundary.interiors),
+        "holes": len(field.ground.interiors),
         "obstacles": [_obstacle(one, site) for one in field.obstacles],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
@@ -107,7 +107,7 @@ def _rounds(site: Site) -> list[dict[str, Any]]:
 
 def _covered(site: Site) -> float:
     """Share of the field under tracks and rounds as they are laid."""
-    boundary = site.layout.field.boundary
+    boundary = site.layout.field.ground
     return float(shapely.intersection(laid(site), boundary, grid_size=GRID_M).area / boundary.area)
 
 

@@ -22,7 +22,7 @@ MISSED_TO_M = 0.1  # of what is left open, a picture needs no more
 
 def still(site: Site, title: str) -> Drive:
     """The field with its rounds, cells and tracks, and no tractor."""
-    boundary, layout = site.layout.field.boundary, site.layout
+    boundary, layout = site.layout.field.ground, site.layout
     return Drive(
         title=title,
         boundary=np.asarray(boundary.exterior.coords)[:, :2],

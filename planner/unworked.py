@@ -9,7 +9,7 @@ import shapely
 
 from fields.field import Field
 from planner.site import Site
-from planner.swept import GRID_M, only_areas
+from planner.overlays import GRID_M, only_areas
 from strategies.corners import missed_m2, tangent_m
 
 LEAST_M2 = 1.0  # less ground open for one reason is not told
@@ -33,7 +33,7 @@ def unworked(site: Site, drawn: Field | None = None) -> tuple[Unworked, ...]:
     `drawn` is the field as it was read, before a margin was kept to its obstacles; without it what these take is not
     told. What guidance misses is not known before a plan is driven.
     """
-    boundary, kept = site.layout.field.boundary, []
+    boundary, kept = site.layout.field.ground, []
     rest = only_areas(shapely.difference(boundary, laid(site), grid_size=GRID_M))
     if drawn is not None:
         kept += list(_around_obstacles(site, drawn))
@@ -68,7 +68,7 @@ def _around_obstacles(site: Site, drawn: Field) -> Iterator[tuple[str, shapely.G
     """What the margin takes, and what lies behind obstacles."""
     margin_m = site.scenario.margin_m
     bare = shapely.union_all([one.shape for one in drawn.obstacles], grid_size=GRID_M)
-    lost = shapely.difference(shapely.difference(drawn.boundary, bare, grid_size=GRID_M), site.layout.field.boundary)
+    lost = shapely.difference(shapely.difference(drawn.boundary, bare, grid_size=GRID_M), site.layout.field.ground)
     solid = shapely.union_all([bare, *map(shapely.Polygon, drawn.boundary.interiors)], grid_size=GRID_M)
     near = solid.buffer(2.0 * margin_m + EDGE_M)
     yield "cut off by obstacles", only_areas(shapely.difference(lost, near, grid_size=GRID_M))
@@ -79,13 +79,13 @@ def _cut_off(site: Site) -> shapely.Geometry:
     """Ground that the machines are not too wide for, but for the way there."""
     parts = sorted(shapely.get_parts(site.free), key=lambda part: (-part.area, part.bounds))
     back = [part.buffer(0.5 * _wide_m(site), join_style="mitre", mitre_limit=MITRE_LIMIT) for part in parts[1:]]
-    away = shapely.intersection(shapely.union_all(back, grid_size=GRID_M), site.layout.field.boundary)
+    away = shapely.intersection(shapely.union_all(back, grid_size=GRID_M), site.layout.field.ground)
     return only_areas(away)
 
 
 def _zones(site: Site) -> Iterator[tuple[str, shapely.Geometry]]:
     """Reasons and where they hold, the strongest first."""
-    layout, boundary = site.layout, site.layout.field.boundary
+    layout, boundary = site.layout, site.layout.field.ground
     half = 0.5 * layout.width_m
     wide = boundary.buffer(-half + EDGE_M, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = wide.buffer(half - EDGE_M, join_style="mitre", mitre_limit=SHARP_LIMIT)
@@ -101,7 +101,7 @@ def _others(site: Site, rest: shapely.Geometry) -> Iterator[tuple[str, shapely.G
     """What is left without another reason: at the outline or inside."""
     core = rest.buffer(-0.5 * SLIVER_M, join_style="mitre").buffer(0.5 * SLIVER_M, join_style="mitre")
     parts = shapely.get_parts(only_areas(core))
-    outline = site.layout.field.boundary.boundary
+    outline = site.layout.field.ground.boundary
     touches = shapely.dwithin(parts, outline, EDGE_M)
     yield "tips and bays of the outline that no round reaches into", shapely.multipolygons(parts[touches])
     yield "between rounds and tracks", shapely.multipolygons(parts[~touches])

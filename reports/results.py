@@ -39,6 +39,8 @@ class PlanResult:
     tractor or implement outside.
     `order_gap_pct` is by how much less any other order of tracks could take between them, at most; None where the order
     is not searched but given by the strategy.
+    `formation_pct` is the share of the length of all tracks that tractors drive abreast; None where the strategy forms
+    none.
     `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
     """
 
@@ -68,6 +70,7 @@ class PlanResult:
     min_clearance_m: float | None = None
     collisions: int | None = None
     order_gap_pct: float | None = None
+    formation_pct: float | None = None
     on_pareto_front: bool = False
     remark: str | None = None
     rounds: int | None = None
