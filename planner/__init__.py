@@ -4,6 +4,7 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
+choice         which layout of the field to plan with
 evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled)
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order

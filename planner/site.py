@@ -8,12 +8,12 @@ from pathlib import Path
 
 import shapely
 
-from fields.errors import FieldError
 from fields.field import Field
 from fields.free import beside_tracks, free_space
-from fields.layout import Layout, lay_tracks
+from fields.layout import Layout
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
+from planner.choice import layouts, quickest
 from planner.errors import ScenarioError, about, named
 from planner.scenario import KMH, Scenario
 from strategies.connect import Connector, TurnCosts
@@ -27,7 +27,6 @@ from vehicle.tractor import Implement, Tractor, as_tractor
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_MARGIN = 1.08
 BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
-MOST_ROUNDS = 50
 FARTHEST_ENTRANCE_M = 500.0
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -97,8 +96,6 @@ def prepare(
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
-    layout = _layout(scenario, field, headland)
-    rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
     bare = Manner(
         work_speed_mps=scenario.speed_mps,
         turn_speed_mps=scenario.turning_mps,
@@ -107,31 +104,20 @@ def prepare(
         tool_m=reach.tool_m,
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
-    timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
-    manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
     free = free_space(field, reach.margin_m)
-    beside = beside_tracks(layout, free)
-    rim = _rim(field, free) if rounds else shapely.Polygon()
-    fits = tuple(seconds is not None for seconds in timed)
-    return Site(
-        scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors, rounds,
-        rim,
-    )
 
+    def on(layout: Layout) -> Site:
+        timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
+        manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
+        rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
+        return Site(
+            scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds,
+            tuple(seconds is not None for seconds in timed), position_errors, rounds,
+            _rim(field, free) if rounds else shapely.Polygon(),
+        )  # fmt: skip
 
-def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
-    """The tracks and, unless there are to be none, as many rounds as the headland takes and the field has room for."""
-    width, bearing = scenario.width_m, scenario.bearing_deg
-    if scenario.tracks_only:
-        return lay_tracks(field, width, headland_m, bearing)
-    most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
-    for count in range(most, 1, -1):
-        try:
-            return lay_tracks(field, width, count * width, bearing, rounds=count)
-        except FieldError:
-            if scenario.headland_m is not None:
-                raise
-    return lay_tracks(field, width, width, bearing, rounds=1)
+    costs = clock.costs()
+    return quickest([on(layout) for layout in layouts(scenario, field, headland)])
 
 
 def _rim(field: Field, free: shapely.Geometry) -> shapely.Geometry:
