@@ -139,22 +139,10 @@ def lay_tracks(
         FieldError: a value is out of range, or no track is left.
     """
     _check(width_m, headland_m, bearing_deg, min_length_m)
+    region = _room(field, width_m)
     if rounds:
-        return _inside_rounds(field, width_m, rounds, bearing_deg, min_length_m)
-    region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
+        return _inside_rounds(field, width_m, headland_m, rounds, bearing_deg, min_length_m)
     edges = region_edges(region)
-    if not len(edges):
-        raise FieldError(
-            f"Field '{field.name}' is nowhere wider than the working width {width_m:g} m; "
-            "use a narrower implement."
-        )
-    span_m = math.dist(region.bounds[:2], region.bounds[2:])
-    if span_m > MOST_LINES * width_m:
-        raise FieldError(
-            f"Working width {width_m:g} m would give more than {MOST_LINES} lines on field '{field.name}', "
-            f"{span_m:.0f} m across; give the width in metres.",
-            parameter="width_m",
-        )
     trim = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
     rules = CombRules(width_m, trim, min_length_m, EDGE_SLACK_M, field.area_m2)
     choice = _choose(field, edges, rules, bearing_deg)
@@ -168,8 +156,27 @@ def lay_tracks(
     return Layout(field, bearing_rad, width_m, headland_m, tracks_of(teeth, axes(bearing_rad)), inner)
 
 
+def _room(field: Field, width_m: float) -> shapely.Geometry:
+    """The boundary drawn in by half the width; refuses a width that no track or too many would have."""
+    region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    if region.is_empty:
+        raise FieldError(
+            f"Field '{field.name}' is nowhere wider than the working width {width_m:g} m; "
+            "use a narrower implement.",
+            parameter="width_m",
+        )
+    span_m = math.dist(region.bounds[:2], region.bounds[2:])
+    if span_m > MOST_LINES * width_m:
+        raise FieldError(
+            f"Working width {width_m:g} m would give more than {MOST_LINES} lines on field '{field.name}', "
+            f"{span_m:.0f} m across; give the width in metres.",
+            parameter="width_m",
+        )
+    return region
+
+
 def _inside_rounds(
-    field: Field, width_m: float, rounds: int, bearing_deg: float | None, min_length_m: float
+    field: Field, width_m: float, headland_m: float, rounds: int, bearing_deg: float | None, min_length_m: float
 ) -> Layout:
     """Tracks over everything inside the rounds of the headland."""
     depth = rounds * width_m
@@ -182,8 +189,9 @@ def _inside_rounds(
     teeth = filled(region, choice[0], rules) if choice else None
     if choice is None or teeth is None:
         raise FieldError(
-            f"No track is left on field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {depth:g} m, "
-            f"worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller {named('headland_m')}."
+            f"No track is left on field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} "
+            f"m, worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller headland "
+            f"({named('headland_m')}).",
         )
     return Layout(field, choice[0], width_m, depth, tracks_of(teeth, axes(choice[0])), region, rounds)
 

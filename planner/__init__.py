@@ -10,6 +10,7 @@ tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
+steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe       a field in figures
 warmup         every compiled function in memory before it is needed

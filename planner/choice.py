@@ -57,7 +57,8 @@ def _plain(scenario: Scenario, field: Field, headland_m: float) -> Layout:
     most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
     for count in range(most, 1, -1):
         try:
-            return lay_tracks(field, width, count * width, bearing, rounds=count)
+            depth = headland_m if count == most else count * width
+            return lay_tracks(field, width, depth, bearing, rounds=count)
         except FieldError:
             if scenario.headland_m is not None:
                 raise

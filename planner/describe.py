@@ -25,7 +25,7 @@ def describe(site: Site) -> dict[str, Any]:
         "name": field.name,
         "source": field.source,
         "area_ha": round(field.area_ha, 4),
-        "holes": len(field.boundary.interiors),
+        "holes": len(field.ground.interiors),
         "obstacles": [f"{one.name or one.kind}: {one.shape.area:.3g} m2" for one in field.obstacles],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
@@ -107,7 +107,7 @@ def _seconds(site: Site, *, fits: bool) -> dict[str, float]:
 
 def outline_picture(site: Site) -> Drive:
     """The field with its tracks and no tractor."""
-    boundary, layout = site.layout.field.boundary, site.layout
+    boundary, layout = site.layout.field.ground, site.layout
     return Drive(
         title=f"{layout.field.name}: {len(layout.tracks)} tracks at {layout.bearing_deg:.0f} degrees",
         boundary=np.asarray(boundary.exterior.coords)[:, :2],

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.deconflict import without_conflicts
+from planner.deconflict import GiveWay, without_conflicts
+from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
@@ -16,13 +17,14 @@ from planner.swept import swept_ground
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
-from strategies.formation import corners_by_promise
+from strategies.grouping import corners_by_promise
 from strategies.job import Job
-from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
+from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Plan
+from vehicle.missions import Mission, Plan
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
+from vehicle.world import World
 
 ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
@@ -111,11 +113,12 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
         return rehearsal.simulate(plan, _patience_s(plan))
 
+    give_way = _give_way(site, rehearsal)
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
-        runs = [_run_plan(site, strategy, job, each, simulate) for each in choices]
+        runs = [_run_plan(site, strategy, job, each, simulate, give_way) for each in choices]
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
@@ -124,9 +127,27 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate) -> CandidateRun:
-    repairs = strategy.most_repairs + (MOST_REPAIRS if job.rounds else 0)
-    run, reason = _driven(refined, simulate, repairs)
+def _give_way(site: Site, rehearsal: Rehearsal) -> GiveWay:
+    """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
+    known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
+
+    def alone(mission: Mission) -> Run:
+        key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
+        if key not in known:
+            world = World(Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                          position_errors=site.position_errors)
+            known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
+        return known[key][1]
+
+    rules = Rules(site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone)
+    return lambda plan, slack: giving_way(plan, rules, slack)
+
+
+def _run_plan(
+    site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate, give_way: GiveWay
+) -> CandidateRun:
+    repairs = strategy.most_repairs
+    run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
         run, aside = _steadied(site, run, simulate, repairs)
         reason = _fault(site, run, aside)
@@ -140,11 +161,11 @@ def beside_clearance_m(site: Site) -> float:
     return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
 
 
-def _driven(refined: Refined, simulate: Simulate, most_repairs: int) -> tuple[Run, str | None]:
+def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: GiveWay) -> tuple[Run, str | None]:
     """The run of a plan with tractors giving way, and why it is not feasible when it is not."""
     if refined.run is not None and refined.run.outcome == DONE:
         return refined.run, None
-    return without_conflicts(refined.plan, simulate, most_repairs)
+    return without_conflicts(refined.plan, simulate, most_repairs, give_way)
 
 
 def _steadied(site: Site, run: Run, simulate: Simulate, most_repairs: int) -> tuple[Run, float]:
@@ -230,6 +251,7 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
+        formation_pct=run.plan.notes.get("formation_pct"),
         remark=tried.remark,
         rounds=site.layout.rounds,
         headland_s=headland_s(run),

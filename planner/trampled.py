@@ -35,7 +35,7 @@ def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
     pressed = shapely.intersection(tyres[wheel[before]], parts, grid_size=GRID_M)
     trodden = only_areas(shapely.union_all([only_areas(one) for one in pressed], grid_size=GRID_M))
     headland = only_areas(shapely.union_all(swept.ground[swept.on_round], grid_size=GRID_M))
-    inside = shapely.intersection(trodden, site.layout.field.boundary, grid_size=GRID_M)
+    inside = shapely.intersection(trodden, site.layout.field.ground, grid_size=GRID_M)
     return float(shapely.difference(only_areas(inside), headland, grid_size=GRID_M).area)
 
 

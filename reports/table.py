@@ -61,9 +61,14 @@ class _RankingTable:
         yield wide if wide.fits(options.max_width) else self._table(_columns(False, self.deadline, self.left))
 
     def _table(self, columns: list[_PlanColumn]) -> FittedTable:
-        rows = tuple(tuple(column.text(plan) for column in columns) for plan in self.plans)
+        rows = tuple(self._row(plan, columns) for plan in self.plans)
         styles = tuple("bold" if plan is self.best else "" for plan in self.plans)
         return FittedTable(tuple(column.column for column in columns), rows, styles, elsewhere=_ELSEWHERE)
+
+    def _row(self, plan: PlanResult, columns: list[_PlanColumn]) -> tuple[str, ...]:
+        """The first cell marks the best plan where it is not the first one."""
+        rank, *others = (column.text(plan) for column in columns)
+        return (f">{rank}" if plan is self.best and plan.rank != 1 else rank), *others
 
 
 def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
@@ -82,6 +87,7 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         more = len(plans) - len(shown)
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown; --all shows every plan."
         legend = "Times are h:mm:ss. * nobody is faster with as few tractors (Pareto front)."
+        legend += " > the best plan." if ranking.best and ranking.best.rank != 1 else ""
         legend += f" {LEFT_WORDS}" if left else ""
         parts.append(sentence(legend + (hidden if more else ""), style="dim"))
         parts += [sentence(text, style="dim") for text in remarks(shown)]

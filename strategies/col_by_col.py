@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from strategies.formation import FORMATION_REPAIRS, Draft, Formation, Slot, form
+from strategies.abreast import Slot
+from strategies.care import driven
+from strategies.formation import FORMATION_REPAIRS, Formation, form
 from strategies.job import Job
+from strategies.queueing import Draft
 from strategies.record import Strategy
 from vehicle.missions import Gate
 
@@ -35,5 +38,6 @@ STRATEGY = Strategy(
     words="triangle formation; leader, then one side, then the other turn one after another",
     build=lambda job: col_by_col(job).plan,
     abreast=True,
+    refine=lambda job, simulate, tractor, implement: driven(col_by_col(job), simulate),
     most_repairs=FORMATION_REPAIRS,
 )

@@ -9,6 +9,7 @@ import numpy as np
 
 from fields.layout import Layout, Track
 from fields.rounds import Round
+from strategies.around import Around
 from strategies.connect import Connector
 from strategies.paths import Path, Pose
 from strategies.search import shortest_m
@@ -23,7 +24,8 @@ class Manner:
 
     `tool_m` is how far the implement works behind the guided point; `turn_s[k]` the simulated seconds of the best
     turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across. A tractor
-    that must give way waits `hold_back_m` before the end of its track, clear of the headland.
+    that must give way waits `hold_back_m` before the end of its track, clear of the headland. `boxes` are the outline
+    of tractor and implement: from and to so far ahead of the guided point, and half the width (m).
     """
 
     work_speed_mps: float
@@ -35,6 +37,7 @@ class Manner:
     stagger_m: float = 12.0
     hold_back_m: float = 8.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
+    boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
 
 
 @dataclass(frozen=True)
@@ -52,8 +55,10 @@ class Job:
     `connector` finds ways anywhere in the field, `headland` only beside the tracks. `corner` is where to begin
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
-    be anywhere on the field, and `square` tells whether corners are worked whole. Ways once worked out are kept in
-    `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
+    be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
+    tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
+    obstacles. Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the turns
+    driven by kind.
     """
 
     layout: Layout
@@ -66,13 +71,16 @@ class Job:
     rounds: tuple[Round, ...] = ()
     rim: Connector | None = None
     square: bool = True
+    spare_tracks: bool = False
+    around: Around = field(default_factory=Around)
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:
         """The quickest drivable way from a to b, or None.
 
-        It keeps to the headland, where it tramples nothing, unless a way across tracks is much quicker.
+        It keeps to the headland, where it tramples nothing, unless a way across tracks is much quicker and tracks need
+        not be spared.
         """
         if (a, b) not in self.ways:
             self.ways[a, b] = self.turn(a, b) or self._route(a, b)
@@ -82,7 +90,7 @@ class Job:
         """A turn beside the tracks, or one across them that is much quicker."""
         cost = self.connector.cost
         beside = self.headland.direct(a, b) if self.headland else None
-        if beside and cost(beside) <= PLAIN_TURN_S:
+        if self.spare_tracks or (beside and cost(beside) <= PLAIN_TURN_S):
             return beside
         across = self.connector.direct(a, b)
         if across and (beside is None or cost(beside) > DETOUR * cost(across) + DETOUR_S):
@@ -94,7 +102,7 @@ class Job:
         beside = self.headland.connect(a, b) if self.headland else None
         flight_s = math.dist(a[:2], b[:2]) / self.manner.turn_speed_mps
         cost = self.connector.cost
-        if beside and cost(beside) <= DETOUR * flight_s + PLAIN_TURN_S:
+        if beside and (self.spare_tracks or cost(beside) <= DETOUR * flight_s + PLAIN_TURN_S):
             return beside
         across = self.connector.connect(a, b)
         if across and (beside is None or cost(beside) > DETOUR * cost(across) + DETOUR_S):

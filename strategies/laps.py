@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from strategies.around import clear_parts
 from strategies.connect import Connector
 from strategies.corners import corner_arc, corner_ways, tangent_m, worked_into
 from strategies.job import Job
@@ -189,14 +190,32 @@ def _strips(job: Job, share: Sequence[Stretch]) -> list[_Strip]:
         if out is not None:
             points = np.concatenate([points, *(run[1:] for _, run in out.sample(STEP_M))])
         task = Task(ROUND, stretch.lap.number, _piece(job, stretch))
-        strips.append(_Strip(points, task, stretch.length_m, into is not None, out is not None))
+        strips += _around(job, _Strip(points, task, stretch.length_m, into is not None, out is not None))
     return strips
 
 
+def _around(job: Job, strip: _Strip) -> list[_Strip]:
+    """A strip bent round small obstacles; in pieces where one leaves no room for that."""
+    if job.around.bender is None:
+        return [strip]
+    parts = clear_parts(strip.points, job.around.bender)
+    if parts is None:
+        return [strip]
+    last = len(parts) - 1
+    return [
+        _Strip(points, strip.task, length_m, strip.joined_in and index == 0, strip.joined_out and index == last)
+        for index, (points, length_m) in enumerate(parts)
+    ]
+
+
 def _piece(job: Job, stretch: Stretch) -> int:
-    """Number of a side among all sides of rounds of the same number."""
-    before = (lap for lap in job.rounds if lap.number == stretch.lap.number and lap.ring < stretch.lap.ring)
-    return sum(len(lap.sides) for lap in before) + stretch.side
+    """Number of a side among all sides of rounds of the same number, the same whichever way it is driven."""
+    same = [lap for lap in job.rounds if lap.number == stretch.lap.number]
+    before = sum(len(lap.sides) for lap in same if lap.ring < stretch.lap.ring)
+    lap = next((lap for lap in same if lap.ring == stretch.lap.ring), stretch.lap)
+    ends = stretch.lap.sides[stretch.side].points[[0, -1]]
+    turned = not np.array_equal(lap.sides[stretch.side].points[[0, -1]], ends)
+    return before + (len(lap.sides) - 1 - stretch.side if turned else stretch.side)
 
 
 def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:

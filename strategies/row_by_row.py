@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from strategies.formation import FORMATION_REPAIRS, Draft, Formation, Slot, form
+from strategies.abreast import Slot
+from strategies.care import driven
+from strategies.formation import FORMATION_REPAIRS, Formation, form
 from strategies.job import Job
+from strategies.queueing import Draft
 from strategies.record import Strategy
 from vehicle.missions import Gate
 
@@ -25,5 +28,6 @@ STRATEGY = Strategy(
     "place",
     build=lambda job: row_by_row(job).plan,
     abreast=True,
+    refine=lambda job, simulate, tractor, implement: driven(row_by_row(job), simulate),
     most_repairs=FORMATION_REPAIRS,
 )

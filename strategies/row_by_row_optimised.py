@@ -9,20 +9,23 @@ and the result is simulated; where tractors come too close, the stretches are he
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.formation import FORMATION_REPAIRS, Draft, Formation, Slot, form
+from strategies.abreast import Slot
+from strategies.care import driven, met_on_way, told
+from strategies.formation import FORMATION_REPAIRS, Formation, form
 from strategies.job import Job
+from strategies.queueing import Draft, past_release
 from strategies.record import Refined, Simulate, Strategy
 from strategies.row_by_row import row_by_row
 from vehicle.compile import outline
 from vehicle.layout import REC_ANGLE, REC_PLACE, REC_X, REC_Y
-from vehicle.missions import Gate
+from vehicle.missions import Gate, Plan
 from vehicle.run import DONE, Run
 from vehicle.tractor import Implement, Tractor
 
@@ -61,32 +64,85 @@ def row_by_row_timed(job: Job, releases: Releases) -> Formation:
 
     def released(draft: Draft, number: int, slot: Slot) -> list[Gate]:
         waits_for = releases.get((number, slot.tractor), ())
-        return [draft.past_release(number, other, metres) for other, metres in waits_for]
+        return [
+            past_release(draft.legs[other], draft.marks[number, other], other, metres) for other, metres in waits_for
+        ]
 
     return form(job, NAME, released, move_up=False)
 
 
 def optimised(job: Job, simulate: Simulate, tractor: Tractor, implement: Implement) -> Refined:
-    """The timed plan and its run: the shortest hold that drives without conflict, else the plain queue."""
-    plain = row_by_row(job).plan
+    """The timed plan and its run: per round the shortest hold that drives without conflict, else the plain queue."""
+    plain = driven(row_by_row(job), simulate)
     if job.tractors == 1:
-        return Refined(plain, None, ALONE)
-    run = simulate(plain)
-    best = Refined(plain, run, NOT_QUICKER)
+        return replace(plain, remark=ALONE)
+    best = replace(plain, remark="; ".join(words for words in (NOT_QUICKER, plain.remark) if words))
     queued = row_by_row(job, move_up=False)
-    measured = simulate(queued.plan)
-    if measured.outcome != DONE:
+    alike = max(slot.row for slots in queued.rounds for slot in slots) <= 2  # nobody has a place to move up to
+    measured = plain if alike else driven(queued, simulate)
+    if measured.run is None or plain.run is None:
         return best
-    passages = [_passages(job, queued, measured, number, tractor, implement) for number in range(1, len(queued.rounds))]
-    for hold_s in HOLDS_S:
-        releases: dict[tuple[int, int], tuple[tuple[int, float], ...]] = {}
-        for number, group in enumerate(passages, start=1):
-            releases |= _releases(number, group, queued.rounds[number], hold_s)
-        plan = row_by_row_timed(job, releases).plan
-        timed = simulate(plan)
-        if timed.outcome == DONE and timed.duration_s < run.duration_s:
-            return Refined(plan, timed)
-    return best
+    timed = _timed(job, queued, measured.run, simulate, lambda number: _passages(
+        job, queued, measured.run, number, tractor, implement
+    ))
+    return timed if timed and timed.run and timed.run.duration_s < plain.run.duration_s else best
+
+
+def _timed(
+    job: Job, queued: Formation, measured: Run, simulate: Simulate, passages: Callable[[int], list[Passage]]
+) -> Refined | None:
+    """The plan with optimised releases, driven; a round in which tractors meet is held longer, or queues as measured.
+
+    Rounds that are reached from afar or driven by one alone are left as they are. None where it cannot be driven.
+    """
+    base = row_by_row_timed(job, {})
+    times = {
+        number: _Timing(queued.rounds[number], passages(number), number)
+        for number in range(1, len(queued.rounds))
+        if not queued.moved[number] and len(queued.rounds[number]) > 1
+    }
+    for _ in range(1 + len(HOLDS_S) * len(times)):
+        plan = base.plan
+        for number, timing in times.items():
+            for slot in timing.slots:
+                release = base.marks[number, slot.tractor].release
+                for gate in timing.gates(base, measured.plan, slot):
+                    plan = plan.with_gate(slot.tractor, release, gate)
+        run = simulate(plan)
+        if run.outcome == DONE:
+            return Refined(plan, run, told(plan))
+        met = met_on_way(base, run.conflict) if run.conflict else None
+        if met not in times or not times[met].hold_longer():
+            return None
+    return None
+
+
+@dataclass
+class _Timing:
+    """The releases of one round as they are tried: `tried` holds were too short."""
+
+    slots: tuple[Slot, ...]
+    group: list[Passage]
+    number: int
+    tried: int = 0
+    found: Releases | None = None
+
+    def hold_longer(self) -> bool:
+        """Take the next hold, after the last one the plain queue; False when that was tried too."""
+        self.tried, self.found = self.tried + 1, None
+        return self.tried <= len(HOLDS_S)
+
+    def gates(self, base: Formation, measured: Plan, slot: Slot) -> tuple[Gate, ...]:
+        """What a tractor of the round waits for before its release."""
+        if self.tried == len(HOLDS_S):
+            return measured.missions[slot.tractor].legs[base.marks[self.number, slot.tractor].release].gates
+        if self.found is None:
+            self.found = _releases(self.number, self.group, self.slots, HOLDS_S[self.tried])
+        waits_for = self.found.get((self.number, slot.tractor), ())
+        return tuple(
+            past_release(base.plan.missions[other].legs, base.marks[self.number, other], other, metres)
+            for other, metres in waits_for
+        )
 
 
 def _passages(

@@ -52,7 +52,7 @@ def field(
         return
     scenario = Scenario(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
-        margin_m=margin,
+        margin_m=margin, tracks_only=True,
     )  # fmt: skip
     warm_up()
     site = prepare(scenario)
