@@ -14,11 +14,11 @@ from fields.errors import FieldError
 from fields.field import Field
 from fields.layout import Layout, lay_tracks
 from fields.options import effort_m, lay_options
-from fields.rounds import Round
 from planner.scenario import Scenario
-from strategies.corners import corner_ways, tangent_m, worked_into
 from strategies.job import Job
+from strategies.laps import shift_of
 from strategies.sequence import searched
+from strategies.shifts import shared
 from strategies.table import TurnTable
 
 if TYPE_CHECKING:
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 MOST_ROUNDS = 50
 MOST_TRACKS = 200  # orders of more are not searched to compare layouts: the estimate decides
 BESIDES = 2  # layouts compared with the plain one in as many rounds as turns need
-LEAST_GAIN = 0.005  # of the time: what gains less is not worth a second bearing or another round
-FORCED_CORNER_S = 40.0  # a corner that no plain way leads round
+NEAR_LINES = 5  # turns over more are estimated for the comparison
+LEAST_GAIN = 0.01  # of the time: what gains less may as well lose, and is not worth a second bearing or another round
+DEEPER = 0.01  # of the time: what one round more is charged, as corners take longer than the comparison sees
+WORSE = 1.02  # layouts this much dearer than the cheapest by estimate are not compared
 GRID_M = 1e-6
 
 
@@ -45,7 +47,8 @@ def layouts(scenario: Scenario, field: Field, headland_m: float) -> list[Layout]
     found = [plain]
     if bearing is None:
         options = lay_options(plain)
-        found += [option for option in options if option is not plain][:BESIDES]
+        most = WORSE * effort_m(options[0])
+        found += [option for option in options if option is not plain and effort_m(option) <= most][:BESIDES]
     if scenario.headland_m is None and plain.rounds < MOST_ROUNDS:
         found += _deeper(scenario, field, plain.rounds + 1)
     return found
@@ -88,7 +91,7 @@ def quickest(sites: Sequence[Site]) -> Site:
         cost = [effort_m(site.layout) for site in known]
     else:
         known = list(sites)
-        cost = [finish_s(site) for site in known]
+        cost = [finish_s(site) * (1.0 + DEEPER * (site.layout.rounds > plain.layout.rounds)) for site in known]
     best = min(range(len(known)), key=lambda place: (round(cost[place], 1), place))
     return known[best] if cost[best] < (1.0 - LEAST_GAIN) * cost[0] else plain
 
@@ -97,29 +100,20 @@ def finish_s(site: Site) -> float:
     """Seconds in which one tractor would finish the field: its best order, the rounds, missed ground at their rate."""
     job = site.job(1)
     tracks = list(site.layout.tracks)
-    driven = searched(tracks, job, TurnTable(job, tracks)).seconds + math.fsum(_round_s(job, lap) for lap in job.rounds)
-    return driven * site.layout.field.area_m2 / _worked_m2(site)
+    order = searched(tracks, job, TurnTable(job, tracks, NEAR_LINES), roughly=True)
+    rounds_s, left_m = _rounds_s(job)
+    worked = _worked_m2(site) - left_m * site.layout.width_m
+    return (order.seconds + rounds_s) * site.layout.field.area_m2 / worked
 
 
-def _round_s(job: Job, lap: Round) -> float:
-    """Seconds of a round with its corners."""
-    sides = lap.sides
-    turns = [side.after_rad for side in sides] if lap.closed and sides[0].before_rad else []
-    turns = turns or [a.after_rad for a, _ in pairwise(sides)]
-    return lap.length_m / job.manner.work_speed_mps + math.fsum(_corner_s(job, turn) for turn in turns)
-
-
-def _corner_s(job: Job, turn_rad: float) -> float:
-    """Seconds that a corner adds to the length of its sides: the way round it, less what of them is not driven."""
-    manner, width = job.manner, job.layout.width_m
-    if not job.square:
-        spared = 2.0 * tangent_m(turn_rad, manner.radius_m) - manner.radius_m * abs(turn_rad)
-        return -spared / manner.work_speed_mps
-    end, begin = worked_into(turn_rad, width)
-    ahead = np.array([math.cos(turn_rad), math.sin(turn_rad)]) * (begin + manner.tool_m)
-    ways = corner_ways((end + manner.tool_m, 0.0, 0.0), (*ahead.tolist(), turn_rad), manner.radius_m)
-    costs = (job.connector.costs.time_s(way) for way in ways if job.connector.reversing or not way.reverse_m)
-    return min(costs, default=FORCED_CORNER_S) + (end - begin) / manner.work_speed_mps
+def _rounds_s(job: Job) -> tuple[float, float]:
+    """Seconds of the rounds driven by one tractor, with all their corners, and the metres that no way leads to."""
+    shift = shift_of(job, shared(job, outside_in=True, begin=job.layout.field.entrance)[0])
+    if shift is None:
+        return 0.0, math.fsum(lap.length_m for lap in job.rounds)
+    driven = math.fsum(leg.length_m / leg.speed_mps for leg in shift.legs)
+    shifts = sum(a.gear != b.gear for a, b in pairwise(shift.legs))
+    return driven + shifts * job.connector.costs.cusp_s, shift.left_m
 
 
 def _worked_m2(site: Site) -> float:
