@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.choosing import promising
 from planner.deconflict import GiveWay, without_conflicts
 from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
@@ -14,6 +15,7 @@ from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.swept import swept_ground
+from planner.touched import fence_crossed_m
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
@@ -29,6 +31,7 @@ from vehicle.world import World
 ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
+CROSSED_M = 0.01
 MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 
@@ -118,7 +121,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
-        runs = [_run_plan(site, strategy, job, each, simulate, give_way) for each in choices]
+        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
@@ -196,6 +199,11 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     outside = excursion(run, site).depth_m
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
+    crossed = fence_crossed_m(run, site)
+    if crossed > CROSSED_M:
+        return (
+            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+        )
     if aside > FARTHEST_ASIDE * site.layout.width_m:
         return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.overlays import Areas, left_of, only_areas, united, within
 from planner.site import Site
-from planner.swept import GRID_M, Areas, Swept, only_areas, swept_ground
+from planner.swept import Swept, swept_ground
 from reports.results import MissedPiece
 from vehicle.compile import outline
 from vehicle.run import Run
@@ -67,8 +68,8 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
     """
     boundary = site.layout.field.ground
     inside = _clipped((swept or swept_ground(run, site)).ground, boundary)
-    worked = only_areas(shapely.union_all(inside, grid_size=GRID_M))
-    missed = only_areas(shapely.difference(boundary, worked, grid_size=GRID_M))
+    worked = united(inside)
+    missed = left_of(boundary, worked)
     area, total = float(worked.area), float(shapely.area(inside).sum())
     largest = _largest(missed, 0.5 * site.implement.width_m)
     return Coverage(
@@ -81,7 +82,7 @@ def _clipped(areas: Areas, boundary: shapely.Polygon) -> Areas:
     shapely.prepare(boundary)
     across = ~shapely.contains_properly(boundary, areas)
     inside = areas.copy()
-    inside[across] = [only_areas(a) for a in shapely.intersection(areas[across], boundary, grid_size=GRID_M)]
+    inside[across] = [within(one, boundary) for one in areas[across]]
     return inside
 
 
@@ -92,7 +93,7 @@ def _largest(missed: shapely.Geometry, neck_m: float) -> MissedPiece | None:
     two is a piece of its own.
     """
     pieces = _wide(missed, neck_m)
-    thin = _wide(shapely.difference(missed, shapely.multipolygons(pieces), grid_size=GRID_M), SLIVER_M)
+    thin = _wide(left_of(missed, shapely.multipolygons(pieces)), SLIVER_M)
     if not len(pieces) + len(thin):
         return None
     areas = np.concatenate([shapely.area(pieces), np.zeros(len(thin))])
@@ -110,7 +111,7 @@ def _wide(missed: shapely.Geometry, least_m: float) -> Areas:
     half, missed = 0.5 * least_m, only_areas(missed)
     core = missed.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    parts = shapely.get_parts(only_areas(shapely.intersection(wide, missed, grid_size=GRID_M)))
+    parts = shapely.get_parts(within(missed, wide))
     return np.array(sorted(parts, key=_by_size), dtype=np.object_)
 
 

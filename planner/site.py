@@ -14,12 +14,13 @@ from fields.free import beside_tracks, free_space, rim_of
 from fields.layout import Layout
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
-from planner.choice import layouts, quickest
+from planner.laying import layouts, quickest
 from planner.errors import ScenarioError, about, named
 from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
 from strategies.around import Around, lay_around
 from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
+from strategies.fence import Body, Fence
 from strategies.job import Job, Manner, starting_corner
 from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
@@ -32,7 +33,8 @@ from vehicle.tractor import Implement, Tractor, as_tractor
 RADIUS_MARGIN = 1.08
 BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
 SMALL = 4.0  # working widths across: smaller obstacles are driven round in the pass
-BEND_RADIUS = 1.5  # planned radii, and halves of the machine: the wheels must be turned over while the implement works
+SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
+BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -75,11 +77,23 @@ class Site:
                 f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: half the implement on either "
                 "side leaves nothing; use a narrower implement."
             )
+        fence, careful = self._fence()
         return Job(
             self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
-            around=self.around,
+            around=self.around, fence=fence, careful=careful,
         )  # fmt: skip
+
+    def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
+        """The fence, and a finder of ways that are driven forwards, whose nose comes to no fence where others' does."""
+        field, radius = self.layout.field, self.manner.radius_m
+        if not field.fences:
+            return None, ()
+        body = body_of(self.tractor, self.implement)
+        spare_m = min(SPARE * self.scenario.margin_m, MOST_SPARE_M)
+        fence = Fence(shapely.union_all(field.fences), body, spare_m)
+        forwards = tuple(kind for kind in self.kinds if kind != "switch-back")
+        return fence, (Connector(self.free, radius, self.costs, forwards),) if forwards else ()
 
 
 def prepare(
@@ -95,7 +109,6 @@ def prepare(
         if not isinstance(field, Field):
             field = read_field(scenario.field if field is None else str(field), local=scenario.local)
         _check_field(field)
-        field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m)
     with about("gnss_table"):
         position_errors = gnss_errors(scenario)
     with about("tractor"):
@@ -103,6 +116,9 @@ def prepare(
     implement = Implement(width_m=scenario.width_m)
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
+    with about("field"):
+        swing = max(0.0, body_of(tractor, implement).swing_m(radius) - reach.margin_m)
+        field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m, swing)
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
     bare = Manner(
@@ -129,6 +145,14 @@ def prepare(
         )  # fmt: skip
 
     return quickest([on(layout) for layout in layouts(scenario, field, headland)])
+
+
+def body_of(tractor: Tractor, implement: Implement) -> Body:
+    """The boxes of tractor and implement, ahead of the rear axle."""
+    boxes, axle = outline(tractor, implement), tractor.rear_axle_m
+    ends = (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
+    sizes = tuple((boxes[low] + axle, boxes[high] + axle, boxes[half]) for low, high, half in ends)
+    return Body(sizes, tractor.antenna_forward_m)
 
 
 def _around(

@@ -23,7 +23,7 @@ LEAST_WAIT_S = 3.0  # a shorter stop is part of what it interrupts
 ROUND_TRIP = 0.5  # ends so near each other, as a share of the length between them, give no direction
 SWING_RAD = math.radians(20.0)  # a turn that first swings out by more is an omega
 LONGEST_TURN_M = 60.0  # a longer one is a way, whatever it looks like
-U_RAD = math.radians(135.0)  # a turn by less is no U
+U_RAD, BULB_RAD = math.radians(135.0), math.radians(225.0)  # a turn by less is no U; one by more is a bulb
 FOUND_M = 1e-3
 
 Rows = npt.NDArray[np.int64]
@@ -185,7 +185,7 @@ def _bearing_deg(legs: Sequence[Leg]) -> float | None:
 
 
 def _shape(legs: Sequence[Leg]) -> str:
-    """What a way looks like: backing up, swinging out first, or bending one way only."""
+    """What a way looks like: backing up, a bulb or swinging out first, or bending one way only."""
     if any(leg.gear < 0 for leg in legs):
         return "switch-back"
     points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
@@ -195,4 +195,4 @@ def _shape(legs: Sequence[Leg]) -> str:
     left, right = float(bends[bends > 0].sum()), float(-bends[bends < 0].sum())
     if max(left, right) < U_RAD:
         return ""
-    return "omega" if min(left, right) > SWING_RAD else "u"
+    return "omega" if min(left, right) > SWING_RAD or max(left, right) > BULB_RAD else "u"

@@ -175,7 +175,8 @@ def _title_lines(drive: Drive, field_name: str, width: float) -> list[str]:
     """Field and plan, and below them the figures of the drive, in lines for a picture of `width` inches."""
     count = len(drive.xy)
     first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
-    second = [f"width {drive.width_m:g} m", f"{len(drive.tracks)} tracks"]
+    tracks = f"{len(drive.tracks)} tracks"
+    second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
     if drive.rounds:
         rounds = max(one.number for one in drive.rounds)
         second.append(f"{rounds} round{'s' if rounds > 1 else ''} of the headland")

@@ -1,10 +1,9 @@
-"""Tables of plans, of the study and of a field for a terminal; plain text survives a pipe and an ASCII console."""
+"""Tables of plans and of the study for a terminal; plain text survives a pipe and an ASCII console."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.padding import Padding
@@ -32,7 +31,6 @@ from reports.wording import (
     yes_no,
 )
 
-_UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
 _ELSEWHERE = "a wider window or --json shows all"
 
 
@@ -182,13 +180,6 @@ def _signed(value: float | None) -> str:
     return text if text == NOTHING or text.startswith("-") or float(text) == 0 else f"+{text}"
 
 
-def field_table(info: Mapping[str, Any]) -> RenderableType:
-    """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
-    columns = (Column("Label", words=True), Column("Value", words=True))
-    rows = tuple((_label(label), _plain(value)) for label, value in info.items())
-    return FittedTable(columns, rows, header=False)
-
-
 def _title(text: str) -> Text:
     return Text(text, style="bold underline")
 
@@ -199,27 +190,3 @@ def _bullet(text: str) -> RenderableType:
     grid.add_column(overflow="fold")
     grid.add_row(Text("-"), Padding(sentence(text), 0))
     return grid
-
-
-def _label(key: object) -> str:
-    """A key in words, its unit in brackets."""
-    words = str(key).split("_")
-    unit = f" ({_UNITS[words.pop()]})" if len(words) > 1 and words[-1] in _UNITS else ""
-    text = " ".join(words)
-    return text[:1].upper() + text[1:] + unit
-
-
-def _plain(value: Any, inner: str = "\n") -> str:
-    """A value in words: six significant digits, lists with commas (of mappings, in lines), pairs parted by `inner`."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if value is None or isinstance(value, bool):
-        return yes_no(value)
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, Mapping):
-        return inner.join(f"{_label(label)}: {_plain(item, ', ')}" for label, item in value.items()) or NOTHING
-    if isinstance(value, list | tuple):
-        joint = "\n" if value and isinstance(value[0], Mapping) else ", "
-        return joint.join(_plain(item, ", ") for item in value) or NOTHING
-    return str(value)

@@ -11,6 +11,7 @@ from fields.layout import Layout, Track
 from fields.rounds import Round
 from strategies.around import Around
 from strategies.connect import Connector
+from strategies.fence import Fence, inside
 from strategies.paths import Path, Pose
 from strategies.search import shortest_m
 
@@ -57,8 +58,8 @@ class Job:
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
     tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
-    obstacles. Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the turns
-    driven by kind.
+    obstacles. No way leads over the `fence` as long as one of the `careful` finders knows another. Ways once worked out
+    are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
     """
 
     layout: Layout
@@ -73,6 +74,8 @@ class Job:
     square: bool = True
     spare_tracks: bool = False
     around: Around = field(default_factory=Around)
+    fence: Fence | None = None
+    careful: tuple[Connector, ...] = ()
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
@@ -83,11 +86,24 @@ class Job:
         not be spared.
         """
         if (a, b) not in self.ways:
-            self.ways[a, b] = self.turn(a, b) or self._route(a, b)
+            found = self.turn(a, b) or self._route(a, b)
+            if self.crosses(found):
+                found = inside(self.fence, [each.connect(a, b) for each in self.careful], self.connector.cost) or found
+            self.ways[a, b] = found or (self._turn(a, b) if self.fence else None)
         return self.ways[a, b]
 
+    def crosses(self, way: Path | None) -> bool:
+        """Whether some part of the machine comes to the fence on a way."""
+        return way is not None and self.fence is not None and self.fence.crosses(way)
+
     def turn(self, a: Pose, b: Pose) -> Path | None:
-        """A turn beside the tracks, or one across them that is much quicker."""
+        """A turn beside the tracks, or one across them that is much quicker; none that leads over the fence."""
+        best = self._turn(a, b)
+        if not self.crosses(best):
+            return best
+        return inside(self.fence, [each.direct(a, b) for each in self.careful], self.connector.cost)
+
+    def _turn(self, a: Pose, b: Pose) -> Path | None:
         cost = self.connector.cost
         beside = self.headland.direct(a, b) if self.headland else None
         if self.spare_tracks or (beside and cost(beside) <= PLAIN_TURN_S):

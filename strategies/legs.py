@@ -68,6 +68,19 @@ def driven_legs(job: Job, path: Path, task: Task) -> list[Leg]:
     ]
 
 
+def with_stops(legs: Sequence[Leg], every_m: float) -> list[Leg]:
+    """The same legs with a place to wait before each, and about every so many metres on those driven forwards."""
+    stopping: list[Leg] = []
+    for leg in legs:
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T))))
+        parts = max(1, round(along[-1] / every_m)) if leg.gear > 0 else 1
+        cuts = np.searchsorted(along, along[-1] * np.arange(1, parts) / parts)
+        for a, b in pairwise([0, *sorted(set(cuts.tolist()) - {0, len(along) - 1}), len(along) - 1]):
+            may_wait = leg.may_wait if a == 0 and stopping and stopping[-1].gear != leg.gear else True
+            stopping.append(replace(leg, points=leg.points[a : b + 1], may_wait=may_wait))
+    return stopping
+
+
 def _ground(job: Job, points: np.ndarray) -> str:
     x, y = points[len(points) // 2]
     return job.layout.field.ground_at(float(x), float(y))

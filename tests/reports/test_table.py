@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
+from reports.field_report import field_table
 from reports.fitting import broken
 from reports.results import Ranking, Study
-from reports.table import field_table, ranking_table, study_tables
+from reports.table import ranking_table, study_tables
 
 
 def printed(what: RenderableType, width: int = 80) -> str:
