@@ -4,6 +4,7 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
+laying         which layout of the field to plan with
 evaluate       one candidate: built, simulated, mended (deconflict, steady), measured (measure, swept, trampled,
                touched)
 giving_way     who waits for whom: courses driven alone, crossings of them, right_of_way in time, homeward for deadlocks
