@@ -12,8 +12,8 @@ from fields.field import Field
 from fields.layout import Layout
 from fields.obstacles import LINE, POINT, Obstacle
 from planner.drive import rings_of, still
-from planner.site import Site
 from planner.overlays import GRID_M
+from planner.site import Site
 from planner.unworked import LEAST_M2, Unworked, laid, unworked
 from reports.results import Drive, MissedPiece
 from strategies.connect import Connector

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import shapely
 
 from fields.field import Field
-from planner.site import Site
 from planner.overlays import GRID_M, only_areas
+from planner.site import Site
 from strategies.corners import missed_m2, tangent_m
 
 LEAST_M2 = 1.0  # less ground open for one reason is not told

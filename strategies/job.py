@@ -59,7 +59,7 @@ class Job:
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
     tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
     obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
-    Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
+    Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts turns driven by kind.
     """
 
     layout: Layout
