@@ -16,7 +16,7 @@ from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.errors import ScenarioError, about, named
 from planner.laying import layouts, quickest
-from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
+from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
 from strategies.around import Around, lay_around
 from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
@@ -36,6 +36,7 @@ SMALL = 4.0  # working widths across: smaller obstacles are driven round in the 
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
+AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
 
@@ -129,6 +130,7 @@ def prepare(
         radius_m=radius,
         tool_m=reach.tool_m,
         boxes=_boxes(tractor, implement),
+        ahead_m=AHEAD_M if scenario.clearance_m > LEAST_CLEARANCE_M else 0.0,
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
     costs, free = clock.costs(), free_space(field, reach.margin_m)
