@@ -39,6 +39,7 @@ def still(site: Site, title: str) -> Drive:
         rounds=tuple(_round_line(one) for one in site.rounds),
         cells=tuple(_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
         obstacles=_obstacles(layout.field),
+        fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
     )
 
 
