@@ -16,7 +16,7 @@ from planner.site import Site
 from planner.slowing import cures, promised_m, slowed
 from planner.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.swept import swept_ground
-from planner.touched import fence_crossed_m
+from planner.touched import fence_crossed_m, obstacle_touched
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
@@ -166,6 +166,8 @@ def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
                     "as the others could not get past it")
     if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
         told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
+    if touched := obstacle_touched(run, site):
+        told.append(f"a tractor or its implement touches {touched}; a wider margin may avoid it")
     return told
 
 
@@ -216,10 +218,8 @@ def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
     crossed = fence_crossed_m(run, site)
     if crossed > CROSSED_M:
-        return (
-            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider "
-            "margin"
-        )
+        what = "a tractor or its implement crosses the fence"
+        return f"{what} by {crossed:.2f} m; use a deeper headland or keep a wider margin"
     width = site.layout.width_m
     if worst is not None and not site.rounds and worst.metres > FARTHEST_ASIDE * width:
         return f"{_begun(run, worst)}, more than a third of the working width"
