@@ -56,7 +56,7 @@ def picture(site: Site, run: Run, result: PlanResult) -> Drive:
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         missed=rings_of(coverage(run, site).missed),
         largest_missed=result.largest_missed,
-        steps=steps_of(run),
+        steps=steps_of(run, site.layout.width_m),
     )
 
 
