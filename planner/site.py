@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import shapely
 
@@ -58,7 +60,12 @@ class Site:
     rim: shapely.Geometry = shapely.Polygon()  # noqa: RUF009 - no geometry ever changes
 
     def job(self, tractors: int) -> Job:
-        """A job for this many tractors, with an empty memory of ways."""
+        """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
+        return replace(self._first, tractors=tractors, used={})
+
+    @cached_property
+    def _first(self) -> Job:
+        """The job that others are copies of."""
         anywhere, beside, rim = (
             None if region.is_empty else Connector(region, self.manner.radius_m, self.costs, self.kinds)
             for region in (self.free, self.beside, self.rim)
@@ -69,9 +76,13 @@ class Site:
                 "side leaves nothing; use a narrower implement."
             )
         return Job(
-            self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
+            self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square",
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to another process: without what was worked out here."""
+        return {name: value for name, value in self.__dict__.items() if name != "_first"}
 
 
 def prepare(

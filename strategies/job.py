@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 from fields.layout import Layout, Track
 from fields.rounds import Round
@@ -50,7 +51,9 @@ class Job:
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
     be anywhere on the field, and `square` tells whether corners are worked whole. Ways once worked out are kept in
-    `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
+    `ways`, as strategies ask for the same ones, and `tables` of turns (strategies.table) by their tracks, `sharings` of
+    the rounds (strategies.rounds) by how they are shared out; jobs of one site have these three in common. `used`
+    counts the turns driven by kind.
     """
 
     layout: Layout
@@ -64,6 +67,8 @@ class Job:
     rim: Connector | None = None
     square: bool = True
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
+    tables: dict[tuple[Track, ...], Any] = field(default_factory=dict)
+    sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:
