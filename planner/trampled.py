@@ -34,7 +34,7 @@ def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
     before = swept.first[strip] < row[wheel]
     parts = _swept_before(run, site, swept, strip[before], row[wheel[before]])
     pressed = shapely.intersection(tyres[wheel[before]], parts)
-    inside = within(united(pressed), site.layout.field.boundary)
+    inside = within(united(pressed), site.layout.field.ground)
     rounds = swept.ground[swept.on_round]
     near = np.sort(shapely.STRtree(rounds).query(inside, predicate="intersects"))
     return float(left_of(inside, united(rounds[near])).area)
