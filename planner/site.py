@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from dataclasses import field as member
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import shapely
 
@@ -68,7 +70,12 @@ class Site:
     around: Around = member(default_factory=Around)
 
     def job(self, tractors: int) -> Job:
-        """A job for this many tractors, with an empty memory of ways."""
+        """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
+        return replace(self._first, tractors=tractors, used={})
+
+    @cached_property
+    def _first(self) -> Job:
+        """The job that others are copies of."""
         anywhere, beside, rim = (
             None if region.is_empty else Connector(region, self.manner.radius_m, self.costs, self.kinds)
             for region in (self.free, self.beside, self.rim)
@@ -80,10 +87,14 @@ class Site:
             )
         fence, careful = self._fence()
         return Job(
-            self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
+            self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
             around=self.around, fence=fence, careful=careful,
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to another process: without what was worked out here."""
+        return {name: value for name, value in self.__dict__.items() if name != "_first"}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -61,7 +62,9 @@ class Job:
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
     tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
     obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
-    Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts turns driven by kind.
+    Ways once worked out are kept in `ways`, as strategies ask for the same ones, and `tables` of turns
+    (strategies.table) by their tracks, `sharings` of the rounds (strategies.rounds) by how they are shared out; jobs of
+    one site have these three in common. `used` counts turns driven by kind.
     """
 
     layout: Layout
@@ -79,6 +82,8 @@ class Job:
     fence: Fence | None = None
     careful: tuple[Connector, ...] = ()
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
+    tables: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
+    sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:
