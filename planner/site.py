@@ -14,8 +14,8 @@ from fields.free import beside_tracks, free_space, rim_of
 from fields.layout import Layout
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
-from planner.laying import layouts, quickest
 from planner.errors import ScenarioError, about, named
+from planner.laying import layouts, quickest
 from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
 from strategies.around import Around, lay_around
 from strategies.bends import Bender, BendRules
@@ -144,7 +144,8 @@ def prepare(
             position_errors, rounds, rim, around,
         )  # fmt: skip
 
-    return quickest([on(layout) for layout in layouts(scenario, field, headland)])
+    sites = [on(layout) for layout in layouts(scenario, field, headland)]
+    return sites[quickest([site.job(1) for site in sites])]
 
 
 def body_of(tractor: Tractor, implement: Implement) -> Body:
