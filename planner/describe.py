@@ -37,6 +37,8 @@ def describe(site: Site, drawn: Field | None = None) -> dict[str, Any]:
         "area_ha": round(field.area_ha, 4),
         "holes": len(field.ground.interiors),
         "obstacles": [_obstacle(one, site) for one in field.obstacles],
+        "driven_round": len(field.small),
+        "fence_m": round(sum(fence.length for fence in field.fences), 1),
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
         "cells": cells(layout),
@@ -176,11 +178,11 @@ def outline_picture(site: Site, drawn: Field | None = None) -> Drive:
     """The field with its rounds, cells and tracks and no tractor; what they leave open is missed ground."""
     layout = site.layout
     open_ground = [piece for one in unworked(site, drawn) for piece in one.pieces if piece.area >= LEAST_M2]
-    largest = max(open_ground, key=lambda piece: piece.area, default=None)
-    place = largest and shapely.point_on_surface(largest)
+    open_ground.sort(key=lambda piece: -round(piece.area, 3))
+    place = shapely.point_on_surface(open_ground[0]) if open_ground else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
     return replace(
         still(site, f"{layout.field.name}: {len(layout.tracks)} tracks at {bearing}"),
         missed=rings_of(tuple(open_ground)),
-        largest_missed=place and MissedPiece(float(largest.area), float(place.x), float(place.y)),
+        largest_missed=place and MissedPiece(float(open_ground[0].area), float(place.x), float(place.y)),
     )

@@ -85,13 +85,14 @@ class Site:
         )  # fmt: skip
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
-        """The fence, and a finder of ways that are driven forwards, whose nose comes to no fence where others' does."""
+        """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""
         field, radius = self.layout.field, self.manner.radius_m
-        if not field.fences:
+        if not field.fences and not field.solid:
             return None, ()
         body = body_of(self.tractor, self.implement)
         spare_m = min(SPARE * self.scenario.margin_m, MOST_SPARE_M)
-        fence = Fence(shapely.union_all(field.fences), body, spare_m)
+        obstacles = shapely.union_all([shape.boundary for shape in field.solid])
+        fence = Fence(shapely.union_all(field.fences), obstacles, body, spare_m)
         forwards = tuple(kind for kind in self.kinds if kind != "switch-back")
         return fence, (Connector(self.free, radius, self.costs, forwards),) if forwards else ()
 

@@ -16,9 +16,11 @@
     separate                what strategies share whose tractors each have tracks of their own
     formation               what strategies share whose tractors work abreast: rounds, places, the queue, the rest
     grouping, clear_rounds  tracks in rounds and what is left over; rounds clear of each other's ways
+    promise                 the corners a formation may begin at, in order
     abreast, clearing       places of one round; where a tractor stands clear of ways past it
     queueing, leftover      legs and gates of rounds and queues; tracks one of the tractors works alone
-    care                    a formation driven, and who lets whom go first where two meet
+    care                    a formation driven and mended where two of its tractors meet
+    passages, releases      passing the headland, measured; when to leave the queue, optimised
     record, names, registry what a strategy is to others; all of them by name
 
     split_field, interleaved, row_by_row, col_by_col, row_by_row_optimised    one strategy each

@@ -34,10 +34,23 @@ class Slot:
 
 @dataclass(frozen=True)
 class Passing:
-    """Where on its track a tractor would stand in the way of others: of those that come to the round, and leave it."""
+    """Where on its track a tractor would stand in the way of others: of those that come to the round, and leave it.
+
+    It takes its place `ahead_m` farther on and waits `back_m` farther back than it otherwise would.
+    """
 
     come: Blocked
     leave: Blocked
+    ahead_m: float = 0.0
+    back_m: float = 0.0
+
+    def place(self, place_m: float) -> float:
+        """The first clear place in formation from one on."""
+        return self.come.after(place_m + self.ahead_m)
+
+    def hold(self, hold_m: float) -> float:
+        """The last clear place to wait up to one."""
+        return self.leave.before(hold_m - self.back_m)
 
 
 def slots_of(job: Job, passes: Sequence[Pass], passing: Sequence[Passing] | None = None) -> list[Slot]:
@@ -56,7 +69,7 @@ def slots_of(job: Job, passes: Sequence[Pass], passing: Sequence[Passing] | None
         for index in (i for i in range(len(passes)) if rows[i] == row):
             place[index] = max([own[index], *behind])
             if passing:
-                place[index] = along[index] + passing[index].come.after(place[index] - along[index])
+                place[index] = along[index] + passing[index].place(place[index] - along[index])
     ends = [start + this.track.length for start, this in zip(own, passes, strict=True)]
     slots = []
     for index, this in enumerate(passes):
@@ -64,7 +77,7 @@ def slots_of(job: Job, passes: Sequence[Pass], passing: Sequence[Passing] | None
         queue_m, place_m = front - along[index], place[index] - along[index]
         hold_m = queue_m - max((rows[index] - 1) * job.manner.gap_m, job.manner.hold_back_m)
         if passing:
-            hold_m = passing[index].leave.before(hold_m)
+            hold_m = passing[index].hold(hold_m)
         neighbour = None if rows[index] == 1 else offset + index + (1 if index < leader else -1)
         slots.append(Slot(offset + index, rows[index], neighbour, this, place_m, hold_m, queue_m))
     return slots

@@ -20,7 +20,8 @@ Floats = npt.NDArray[np.float64]
 
 STEP_M = 0.5
 ROOM_M = 0.75  # between a tractor that waits and one that passes
-ASIDE_M = 0.5  # to the side, unless both are on parallel lines
+ASIDE_M = 0.5  # to the side, unless they are on lines as far apart as neighbouring tracks
+BESIDE = 0.98  # working widths that these are apart
 PARALLEL_RAD = math.radians(10.0)
 
 
@@ -66,7 +67,8 @@ def blocked_on(job: Job, this: Pass, ways: Iterable[Floats]) -> Blocked:
     angle = angle - heading
     along = (x - x0) * math.cos(heading) + (y - y0) * math.sin(heading)
     across = (y - y0) * math.cos(heading) - (x - x0) * math.sin(heading)
-    room = np.where(np.abs(np.sin(angle)) < math.sin(PARALLEL_RAD), 0.0, ASIDE_M)
+    beside = (np.abs(np.sin(angle)) < math.sin(PARALLEL_RAD)) & (np.abs(across) > BESIDE * job.layout.width_m)
+    room = np.where(beside, 0.0, ASIDE_M)
     lows, highs = [], []
     for rear, front, half in job.manner.boxes:
         ends = np.array([(end, side) for end in (rear, front) for side in (-half, half)]).T

@@ -8,13 +8,13 @@ leave no room for a formation are worked by one tractor alone (leftover).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from strategies.abreast import Slot, missing_m, needed_m, slots_of
-from strategies.clear_rounds import clear_grouping
+from strategies.clear_rounds import AS_WRITTEN, Changes, clear_grouping
 from strategies.errors import StrategyError
-from strategies.grouping import CORNERS, Grouping, Round, grouping, runs_of
+from strategies.grouping import CORNERS, Grouping, Round, divided, grouping, runs_of
 from strategies.job import Job, Pass
 from strategies.leftover import held_clear, order_alone, work_alone
 from strategies.legs import mission_from
@@ -29,7 +29,7 @@ class Formation:
     """A formation plan with what is needed to time its queues: per round, the slots and the marks per tractor.
 
     `moved` tells for each round whether the tractors come to it from afar, one after another; `alone` are the passes
-    that one of them works after the last round.
+    that one of them works after the last round, `changes` what it was written with.
     """
 
     plan: Plan
@@ -37,14 +37,23 @@ class Formation:
     marks: Mapping[tuple[int, int], Marks]
     moved: tuple[bool, ...]
     alone: tuple[Pass, ...]
+    changes: Changes = AS_WRITTEN
+
+    @property
+    def slots(self) -> Iterator[tuple[int, Slot]]:
+        """Every slot with the number of its round."""
+        return ((number, slot) for number, slots in enumerate(self.rounds) for slot in slots)
 
 
-def form(job: Job, name: str, queue: Queue, *, move_up: bool = True) -> Formation:
+def form(
+    job: Job, name: str, queue: Queue, *, move_up: bool = True, changes: Changes = AS_WRITTEN
+) -> Formation:
     """The plan of a formation whose tractors leave the queue as `queue` says; raises StrategyError.
 
-    Without `move_up` each tractor stays at its first place in the queue until it is released.
+    Without `move_up` each tractor stays at its first place in the queue until it is released. `changes` are what
+    driving it has shown to be needed.
     """
-    found = _checked(job, clear_grouping(job))
+    found = _checked(job, clear_grouping(job, changes))
     order = order_alone(job, found)
     rounds = held_clear(job, found.rounds, order)
     draft = Draft(job, rounds, found.moved, {}, [[] for _ in range(job.tractors)])
@@ -56,7 +65,7 @@ def form(job: Job, name: str, queue: Queue, *, move_up: bool = True) -> Formatio
         stay_back(draft)
     notes = {"strategy": name, "tractors": job.tractors, **_share(job, found, apart)}
     plan = Plan(tuple(mission_from(own) for own in draft.legs), notes)
-    return Formation(plan, tuple(map(tuple, rounds)), draft.marks, tuple(draft.moved), tuple(order))
+    return Formation(plan, tuple(map(tuple, rounds)), draft.marks, tuple(draft.moved), tuple(order), changes)
 
 
 def _share(job: Job, found: Grouping, apart: set[int]) -> dict[str, object]:
@@ -112,8 +121,9 @@ def _advice(job: Job) -> str:
     """The largest smaller formation that has room somewhere, if there is one, and other strategies."""
     corners = CORNERS if job.layout.field.entrance is None else (job.corner,)
     for tractors in range(job.tractors - 1, 1, -1):
+        parts = divided(replace(job, tractors=tractors))
         for corner in corners:
-            found = grouping(replace(job, tractors=tractors, corner=corner))
+            found = grouping(replace(job, tractors=tractors, corner=corner), parts)
             if any(len(slots) == tractors for slots in found.rounds):
                 return f"use {tractors} tractors, or split-field or interleaved"
     other = "use split-field or interleaved"

@@ -8,9 +8,8 @@ end; tracks too short or too few for a round are worked by one tractor alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 from fields.layout import Track
 from strategies.abreast import Slot, begins_at, missing_m, needed_m, slots_of
@@ -102,21 +101,28 @@ def grouped(job: Job, run: Run, corner: Corner, barred: Barred = frozenset()) ->
     best: dict[tuple[int, int], tuple[float, Round | None]] = {(len(tracks), way): (0.0, None) for way in (1, -1)}
     for first in range(len(tracks) - 1, -1, -1):
         for way in (1, -1):
-            options = [(alone_s(job, tracks[first]) + best[first + 1, way][0], None)]
+            options: list[tuple[float, Round | None]] = [
+                (alone_s(job, tracks[first]) + best[first + 1, way][0], None)
+            ]
             for slots in _rounds_at(job, tracks, first, way, barred):
                 rest = first + len(slots)
                 back_s = _rejoin_s(job, slots) if rest < len(tracks) else 0.0
                 options.append((round_s(job, slots) + back_s + best[rest, -way][0], slots))
             best[first, way] = min(options, key=lambda option: (round(option[0], 3), -len(option[1] or ())))
-    rounds, alone, first, way = [], [], 0, direction
+    return _picked(tracks, best, direction)
+
+
+def _picked(tracks: list[Track], best: dict[tuple[int, int], tuple[float, Round | None]], direction: int) -> Grouped:
+    """The division of which `best` knows, by track and direction, the seconds of the rest and the round it begins."""
+    rounds, alone, first, way = list[Round](), list[Track](), 0, direction
     while first < len(tracks):
-        slots = best[first, way][1]
-        if slots is None:
+        chosen = best[first, way][1]
+        if chosen is None:
             alone.append(tracks[first])
             first += 1
         else:
-            rounds.append(slots)
-            first, way = first + len(slots), -way
+            rounds.append(chosen)
+            first, way = first + len(chosen), -way
     return Grouped(best[0, direction][0], tuple(rounds), tuple(alone))
 
 
@@ -132,7 +138,7 @@ def _rounds_at(job: Job, tracks: list[Track], first: int, way: int, barred: Barr
             return
 
 
-def key_of(slots: Round) -> tuple[Pass, ...]:
+def key_of(slots: Sequence[Slot]) -> tuple[Pass, ...]:
     """The passes of a round, by which it is barred."""
     return tuple(slot.this for slot in slots)
 
@@ -157,13 +163,28 @@ def _rejoin_s(job: Job, slots: Round) -> float:
     return max(slot.this.track.length for slot in slots) / job.manner.turn_speed_mps
 
 
-def grouping(job: Job, barred: Barred = frozenset()) -> Grouping:
+@dataclass(frozen=True)
+class Divided:
+    """All runs of a job, and how each is divided from each of its corners."""
+
+    runs: list[Run]
+    known: dict[tuple[int, Corner], Grouped]
+
+
+def divided(job: Job, barred: Barred = frozenset()) -> Divided:
+    """The runs of a job divided, whatever corner of the field it begins at."""
+    runs = runs_of(job)
+    return Divided(
+        runs, {(index, each): grouped(job, run, each, barred) for index, run in enumerate(runs) for each in CORNERS}
+    )
+
+
+def grouping(job: Job, parts: Divided) -> Grouping:
     """All tracks of a job in rounds, run after run from its corner on, always to the run that is reached soonest.
 
     Without an entrance the run to begin with is the one from which all takes least.
     """
-    corner, runs = job.corner or (False, 1), runs_of(job)
-    known = {(index, each): grouped(job, run, each, barred) for index, run in enumerate(runs) for each in CORNERS}
+    corner, runs, known = job.corner or (False, 1), parts.runs, parts.known
     some = [index for index in range(len(runs)) if any(_abreast(job, known[index, each]) for each in CORNERS)]
     used = {track for index in some for track in runs[index]}
     left = [track for track in job.layout.tracks if track not in used]
@@ -204,11 +225,10 @@ def _tour(
         rest.remove(index)
         seconds += way_s
     rounds = [slots for group in groups for slots in group.rounds]
-    firsts = {id(group.rounds[0]) for group in groups[1:]}
+    firsts = [number == 0 for group in groups for number in range(len(group.rounds))]
     present = [{slot.tractor for slot in slots} for slots in rounds]
     moved = [
-        number > 0 and (id(slots) in firsts or not present[number] <= present[number - 1])
-        for number, slots in enumerate(rounds)
+        number > 0 and (firsts[number] or not present[number] <= present[number - 1]) for number in range(len(rounds))
     ]
     alone = [track for group in groups for track in group.alone] + left
     seconds += sum(group.seconds for group in groups) + sum(alone_s(job, track) for track in left)
@@ -227,21 +247,3 @@ def _between_s(job: Job, before: Round, after: Round) -> float:
     """Estimated seconds until a formation has moved on to another run."""
     a, b = ({slot.row: slot.this for slot in slots}[1] for slots in (before, after))
     return max(slot.row for slot in after) * job.turn_time(a, b)
-
-
-def corners_by_promise(job: Job) -> list[Corner]:
-    """The four corners to begin at, the one first whose rounds and turns are estimated to take least.
-
-    The estimate depends on the shape of the field only, not on its place or heading.
-    """
-    def seconds(corner: Corner) -> float:
-        tour = grouping(replace(job, corner=corner))
-        turns = (
-            max(job.turn_time(a.this, b.this) for a, b in zip(before, after, strict=False))
-            for before, after in pairwise(tour.rounds)
-        )
-        work = sum(max(slot.this.track.length for slot in slots) for slots in tour.rounds)
-        alone = sum(alone_s(job, track) for track in tour.alone)
-        return work / job.manner.work_speed_mps + alone + sum(turns)
-
-    return sorted(CORNERS, key=lambda corner: round(seconds(corner), 3))

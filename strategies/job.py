@@ -58,8 +58,8 @@ class Job:
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
     tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
-    obstacles. No way leads over the `fence` as long as one of the `careful` finders knows another. Ways once worked out
-    are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
+    obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
+    Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts the turns driven by kind.
     """
 
     layout: Layout
@@ -92,9 +92,9 @@ class Job:
             self.ways[a, b] = found or (self._turn(a, b) if self.fence else None)
         return self.ways[a, b]
 
-    def crosses(self, way: Path | None) -> bool:
-        """Whether some part of the machine comes to the fence on a way."""
-        return way is not None and self.fence is not None and self.fence.crosses(way)
+    def crosses(self, way: Path | None, *, fences_only: bool = False) -> bool:
+        """Whether some part of the machine comes to a fence, or an obstacle as well, on a way."""
+        return way is not None and self.fence is not None and self.fence.crosses(way, fences_only=fences_only)
 
     def turn(self, a: Pose, b: Pose) -> Path | None:
         """A turn beside the tracks, or one across them that is much quicker; none that leads over the fence."""

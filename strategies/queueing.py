@@ -153,7 +153,8 @@ def _move_up(draft: Draft) -> None:
 def _hold(draft: Draft, queue: Queue, number: int, slot: Slot) -> None:
     """Add the gates of one slot: leave the queue, start together, keep the distance."""
     mine, own = draft.marks[number, slot.tractor], draft.legs[slot.tractor]
-    draft.wait(slot.tractor, mine.release, queue(draft, number, slot))
+    if mine.release or not number:  # one that begins later than others is in its place before they come
+        draft.wait(slot.tractor, mine.release, queue(draft, number, slot))
     others = [s.tractor for s in draft.rounds[number] if s.tractor != slot.tractor]
     draft.wait(slot.tractor, mine.work, [draft.in_place(number, other) for other in others])
     if slot.neighbour is not None:

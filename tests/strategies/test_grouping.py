@@ -11,7 +11,7 @@ from strategies.abreast import missing_m
 from strategies.care import told
 from strategies.col_by_col import col_by_col
 from strategies.formation import Formation
-from strategies.grouping import grouping, runs_of
+from strategies.grouping import divided, grouping, runs_of
 from strategies.job import Job
 from strategies.row_by_row import row_by_row
 from vehicle.missions import check_plan
@@ -92,7 +92,8 @@ class TestRuns:
 class TestShare:
     def test_is_that_of_the_tracks_abreast(self, jobs: Any) -> None:
         # Five tracks of 100 m and one of 10 m, too short for two: two rounds of two, one track alone and the short one.
-        found = grouping(jobs.drawn([[(0, 100)]] * 5 + [[(0, 10)]], 2))
+        job = jobs.drawn([[(0, 100)]] * 5 + [[(0, 10)]], 2)
+        found = grouping(job, divided(job))
         assert [len(slots) for slots in found.rounds] == [2, 2, 1]
         assert [track.length for track in found.alone] == [10.0]
 
