@@ -158,7 +158,8 @@ def prepare(
             position_errors, rounds, rim, around,
         )  # fmt: skip
 
-    return quickest([on(layout) for layout in layouts(scenario, field, headland)])
+    sites = [on(layout) for layout in layouts(scenario, field, headland)]
+    return sites[quickest([site.job(1) for site in sites])]
 
 
 def body_of(tractor: Tractor, implement: Implement) -> Body:
