@@ -6,20 +6,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.choosing import promising
 from planner.deconflict import GiveWay, without_conflicts
 from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
-from planner.steady import ASIDE_M, Slip, slips, slowed, worst_aside
+from planner.slowing import cures, promised_m, slowed
+from planner.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.swept import swept_ground
+from planner.touched import fence_crossed_m, obstacle_touched
 from planner.trampled import trampled_m2
 from planner.within_reach import built_within_reach
 from reports.results import PlanResult
 from strategies.errors import StrategyError
-from strategies.formation import corners_by_promise
 from strategies.job import Job
+from strategies.promise import corners_by_promise
 from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import ROUND, Mission, Plan
@@ -27,11 +30,11 @@ from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
-ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
+CROSSED_M = 0.01
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
-MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 
 
@@ -83,16 +86,15 @@ def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(site.job(candidate.tractors), jump=candidate.jump)
-    if job.corner is not None or not strategy.abreast:
-        return _run_job(site, strategy, job)
-    return _from_some_corner(site, strategy, job)
+    return _from_some_corner(site, strategy, job) if strategy.abreast else _run_job(site, strategy, job)
 
 
 def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
-    """A formation on a field without an entrance: from the corner that promises most and can be driven."""
+    """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    for corner in corners_by_promise(job):
+    promising = corners_by_promise(job)
+    for corner in sorted(promising, key=lambda corner: corner != job.corner):
         try:
             latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
@@ -124,7 +126,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
-        runs = [_run_plan(site, strategy, job, each, simulate, give_way) for each in choices]
+        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
@@ -176,6 +178,8 @@ def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
         told.append(f"{times} tractors go on before one that could not get past them is in place")
     if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
         told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
+    if touched := obstacle_touched(run, site):
+        told.append(f"a tractor or its implement touches {touched}; a wider margin may avoid it")
     return told
 
 
@@ -203,17 +207,12 @@ def _steadied(
 ) -> tuple[Run, Slip | None]:
     """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
     turns = slips(run, site)
-    for _ in range(MOST_SLOWED):
-        bad = [slip for slip in turns if slip.metres > ASIDE_M]
-        if not bad:
-            break
-        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs, give_way)
-        if fault:
-            break
-        left = slips(again, site)
-        if worst_aside(left) > worst_aside(turns) - SMALLEST_GAIN_M:
-            break
-        run, turns = again, left
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
+    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs, give_way)
+        left = turns if fault else slips(again, site)
+        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+            run, turns = again, left
     return run, max(turns, key=lambda slip: slip.metres, default=None)
 
 
@@ -229,6 +228,10 @@ def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
     outside = excursion(run, site).depth_m
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
+    crossed = fence_crossed_m(run, site)
+    if crossed > CROSSED_M:
+        what = "a tractor or its implement crosses the fence"
+        return f"{what} by {crossed:.2f} m; use a deeper headland or keep a wider margin"
     width = site.layout.width_m
     if worst is not None and not site.rounds and worst.metres > FARTHEST_ASIDE * width:
         return f"{_begun(run, worst)}, more than a third of the working width"
@@ -287,6 +290,7 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
+        formation_pct=run.plan.notes.get("formation_pct"),
         remark=tried.remark,
         rounds=site.layout.rounds,
         headland_s=headland_s(run),

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from strategies.around import clear_parts
 from strategies.connect import Connector
 from strategies.corners import corner_arc, corner_ways, tangent_m, worked_into
 from strategies.job import Job
@@ -130,10 +131,18 @@ def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False, beside: bool = Fal
     rim = job.rim or job.connector
     if beside and job.headland is not None:
         way = job.headland.connect(a, b)
-        if _easy(way):
+        if _easy(way) and not job.crosses(way):
             return way
     ways = chain((_turn(job, a, b),), (_between(job, p, q) for p, q in _freed(job, rim, a, b)))
-    way = next((way for way in ways if _easy(way)), None) or rim.direct(a, b)
+    easy: list[Path] = []
+    for each in ways:
+        if _easy(each):
+            easy.append(each)
+            if not job.crosses(each):
+                break
+    way = _kept(job, easy) or rim.direct(a, b)
+    if job.crosses(way):
+        way = job.way(a, b)
     if not _easy(way) and anyhow:
         way = rim.connect(a, b)
     return way if _easy(way) else None
@@ -148,7 +157,15 @@ def _turn(job: Job, a: Pose, b: Pose) -> Path | None:
     turn = job.turn(a, b)
     if turn is not None:
         timed.append((rim.cost(turn), turn))
-    return min(timed, key=lambda pair: round(pair[0], 6))[1] if timed else None
+    return _kept(job, [way for _, way in sorted(timed, key=lambda pair: round(pair[0], 6))])
+
+
+def _kept(job: Job, ways: list[Path]) -> Path | None:
+    """The first of some ways that comes to neither fence nor obstacle, else the first that comes to no fence."""
+    if not ways or job.fence is None:
+        return ways[0] if ways else None
+    clear = next((way for way in ways if not job.crosses(way)), None)
+    return clear or next((way for way in ways if not job.crosses(way, fences_only=True)), None)
 
 
 def _easy(way: Path | None) -> TypeGuard[Path]:
@@ -192,14 +209,32 @@ def _strips(job: Job, share: Sequence[Stretch]) -> list[_Strip]:
         if out is not None:
             points = np.concatenate([points, *(run[1:] for _, run in out.sample(STEP_M))])
         task = Task(ROUND, stretch.lap.number, _piece(job, stretch))
-        strips.append(_Strip(points, task, stretch.length_m, into is not None, out is not None))
+        strips += _around(job, _Strip(points, task, stretch.length_m, into is not None, out is not None))
     return strips
 
 
+def _around(job: Job, strip: _Strip) -> list[_Strip]:
+    """A strip bent round small obstacles; in pieces where one leaves no room for that."""
+    if job.around.bender is None:
+        return [strip]
+    parts = clear_parts(strip.points, job.around.bender)
+    if parts is None:
+        return [strip]
+    last = len(parts) - 1
+    return [
+        _Strip(points, strip.task, length_m, strip.joined_in and index == 0, strip.joined_out and index == last)
+        for index, (points, length_m) in enumerate(parts)
+    ]
+
+
 def _piece(job: Job, stretch: Stretch) -> int:
-    """Number of a side among all sides of rounds of the same number."""
-    before = (lap for lap in job.rounds if lap.number == stretch.lap.number and lap.ring < stretch.lap.ring)
-    return sum(len(lap.sides) for lap in before) + stretch.side
+    """Number of a side among all sides of rounds of the same number, the same whichever way it is driven."""
+    same = [lap for lap in job.rounds if lap.number == stretch.lap.number]
+    before = sum(len(lap.sides) for lap in same if lap.ring < stretch.lap.ring)
+    lap = next((lap for lap in same if lap.ring == stretch.lap.ring), stretch.lap)
+    ends = stretch.lap.sides[stretch.side].points[[0, -1]]
+    turned = not np.array_equal(lap.sides[stretch.side].points[[0, -1]], ends)
+    return before + (len(lap.sides) - 1 - stretch.side if turned else stretch.side)
 
 
 def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:
@@ -211,12 +246,26 @@ def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:
     else:
         end = stretch.last_m
     first, last, line = begin + tool, end + tool, stretch.line
-    room = (job.rim or job.connector).free
-    while last > side.length_m and not shapely.covers(room, shapely.Point(_at(line, last))):
+    while last > side.length_m and not _room_for(job, line, last):
         last -= PULL_M
-    while first < 0.0 and not shapely.covers(room, shapely.Point(_at(line, first))):
+    while first < 0.0 and not _room_for(job, line, first):
         first += PULL_M
+    if job.fence is not None:
+        middle = 0.5 * side.length_m
+        while last > middle and job.fence.hits(_pose_at(line, last)):
+            last -= PULL_M
+        while first < middle and job.fence.hits(_pose_at(line, first)):
+            first += PULL_M
     return first, last
+
+
+def _room_for(job: Job, line: Points, distance_m: float) -> bool:
+    return bool(shapely.covers((job.rim or job.connector).free, shapely.Point(_at(line, distance_m))))
+
+
+def _pose_at(line: Points, distance_m: float) -> Pose:
+    """Pose at a distance along a polyline, drawn on straight beyond its ends."""
+    return _pose(_along(line, distance_m - PULL_M, distance_m), -1)
 
 
 def _arc(job: Job, a: Stretch, b: Stretch) -> Path | None:

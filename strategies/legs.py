@@ -25,9 +25,17 @@ def task_on(kind: str, track: Track) -> Task:
 
 
 def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, task: Task, *, may_wait: bool = False) -> Leg:
-    """A straight leg between two distances ahead of a pose: work at work speed, anything else at turn speed."""
-    ahead = np.array([math.cos(a[2]), math.sin(a[2])])
-    points = np.array([a[:2] + start_m * ahead, a[:2] + end_m * ahead])
+    """A leg between two distances ahead of a pose: work at work speed, anything else at turn speed.
+
+    It is straight but for small obstacles that a pass beginning at the pose is driven round; distances are always those
+    along the track.
+    """
+    bent = job.around.bent.get(a[:2])
+    if bent is None:
+        ahead = np.array([math.cos(a[2]), math.sin(a[2])])
+        points = np.array([a[:2] + start_m * ahead, a[:2] + end_m * ahead])
+    else:
+        points = bent.between(start_m, end_m)
     return Leg(
         points=points,
         speed_mps=job.manner.work_speed_mps if task.works else job.manner.turn_speed_mps,

@@ -21,6 +21,7 @@ from vehicle.missions import TRACK, TURN, WAY, Gate, Leg, Mission, Plan
 FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
 ORIGINS = 12  # places tried for the first border between sectors
+SAME_M = 20.0  # of rounds: what borders in an awkward place leave out beyond this is not given up for a short way
 ARRIVED_M = 0.2  # a tractor counts as through this far before the end of a leg
 STOPS_M = 10.0  # a tractor may be kept waiting so often on its way between rounds and tracks
 
@@ -96,8 +97,9 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
         begin = job.layout.field.entrance if first else ends[0][:2]
         whole = shared(replace(job, tractors=1), outside_in=first, begin=begin)
         return whole + [[] for _ in range(job.tractors - 1)]
-    begin = job.layout.field.entrance
-    options = [shared(job, outside_in=first, begin=begin, origin=place / ORIGINS) for place in range(ORIGINS)]
+    options = [_sharing(job, first, place / ORIGINS) for place in range(ORIGINS)]
+    driven = [sum(stretch.length_m for share in shares for stretch in share) for shares in options]
+    options = [shares for shares, metres in zip(options, driven, strict=True) if metres > max(driven) - SAME_M]
 
     def farthest(shares: list[list[Stretch]]) -> float:
         meet = [(share[-1].end if first else share[0].start) if share else None for share in shares]
@@ -105,6 +107,15 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
         return round(max(math.dist(place, end[:2]) for share, end in pairs if (place := meet[share]) is not None), 2)
 
     return min(options, key=farthest)
+
+
+def _sharing(job: Job, outside_in: bool, origin: float) -> list[list[Stretch]]:
+    """The rounds shared out with borders counted from a place, worked out once."""
+    key = job.tractors, outside_in, origin
+    if key not in job.sharings:
+        begin = job.layout.field.entrance
+        job.sharings[key] = shared(job, outside_in=outside_in, begin=begin, origin=origin)
+    return job.sharings[key]  # type: ignore[no-any-return]
 
 
 def _end(mission: Mission) -> Pose:

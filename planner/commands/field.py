@@ -10,10 +10,12 @@ import typer
 from planner.commands.options import (
     AsJson,
     Bearing,
+    Corners,
     FieldArgument,
     Headland,
     Local,
     Margin,
+    TracksOnly,
     TractorOption,
     Width,
 )
@@ -27,14 +29,16 @@ def field(
     width: Width = 3.0,
     headland: Headland = None,
     bearing: Bearing = None,
+    corners: Corners = "square",
+    tracks_only: TracksOnly = True,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
     local: Local = False,
-    png: Annotated[Optional[Path], typer.Option(help="Write a map with the tracks.")] = None,  # noqa: UP045
+    png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, rounds and cells.")] = None,  # noqa: UP045
     listed: Annotated[bool, typer.Option("--list", help="List every field of the file, and stop.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Show area, headland and tracks of a field, and which turns fit; or list the fields of a file.
+    """Show area, obstacles, cells, rounds and tracks of a field, what stays open and why, and which turns fit.
 
     Example: headland field denmark --width 6 --png denmark.png
     """
@@ -52,7 +56,7 @@ def field(
         return
     scenario = Scenario(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
-        margin_m=margin,
+        margin_m=margin, corners=corners, tracks_only=tracks_only,
     )  # fmt: skip
     warm_up()
     site = prepare(scenario)
@@ -71,9 +75,9 @@ def _print(site: Site, json: bool) -> None:
         typer.echo(facts_json(facts), nl=False)
         return
     from planner.commands.show import out
-    from reports.table import field_table
+    from reports.field_report import field_report
 
-    out(field_table(facts))
+    out(field_report(facts))
 
 
 def _picture(site: Site) -> bytes:
