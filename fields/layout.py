@@ -13,6 +13,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.bearings import candidate_bearings
+from fields.cells import Cell, compass_deg
 from fields.errors import FieldError, named
 from fields.field import Field
 from fields.filling import filled
@@ -38,15 +39,17 @@ class Track:
     """One straight piece of a swath.
 
     Attributes:
-        line: number of the parallel line, counted from one side of the field to the other.
+        line: number of the parallel line, counted from one side of its cell to the other, cell after cell.
         piece: 0 and up along +u where a hole or a notch interrupts the line.
         start, end: ends of the centre line, metres; end - start points along +u.
+        cell: number of the cell it belongs to.
     """
 
     line: int
     piece: int
     start: tuple[float, float]
     end: tuple[float, float]
+    cell: int = 1
 
     @property
     def length(self) -> float:
@@ -60,12 +63,14 @@ class Layout:
 
     Attributes:
         field: the field they are laid on.
-        bearing_rad: direction +u of every track as a mathematical angle, radians, in (-pi/2, pi/2].
-        width_m: working width. Lines are evenly spaced by at most that, so that the whole width is covered.
+        bearing_rad: direction +u of the tracks of the first cell, the largest, as a mathematical angle, radians, in
+            (-pi/2, pi/2].
+        width_m: working width. Lines of a cell are evenly spaced by at most that, so that the whole width is covered.
         headland_m: room left along the tracks beyond their ends.
-        tracks: sorted by line and piece; lines are numbered from one side to the other.
+        tracks: sorted by line and piece; no line number is used in two cells.
         inner: region in which the centre lines of tracks may lie; with rounds, what these leave for tracks.
         rounds: number of rounds of the headland that are worked; 0 where it is only room for turning.
+        cells: parts of `inner`, each with tracks in one direction, in order of their numbers; one where none are given.
     """
 
     field: Field
@@ -75,6 +80,15 @@ class Layout:
     tracks: tuple[Track, ...]
     inner: shapely.Geometry
     rounds: int = 0
+    cells: tuple[Cell, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.cells:
+            object.__setattr__(self, "cells", (Cell(1, self.bearing_rad, self.inner),))
+
+    def bearing_of(self, track: Track) -> float:
+        """Direction +u of a track: that of its cell, radians."""
+        return self.cells[track.cell - 1].bearing_rad
 
     @property
     def lines(self) -> int:
@@ -83,9 +97,8 @@ class Layout:
 
     @property
     def bearing_deg(self) -> float:
-        """Direction of the tracks clockwise from north, degrees in [0, 180)."""
-        bearing = (90.0 - math.degrees(self.bearing_rad)) % 180.0
-        return 0.0 if 180.0 - bearing < 1e-9 else bearing
+        """Direction of the tracks of the first cell clockwise from north, degrees in [0, 180)."""
+        return compass_deg(self.bearing_rad)
 
     @property
     def total_m(self) -> float:
@@ -126,22 +139,10 @@ def lay_tracks(
         FieldError: a value is out of range, or no track is left.
     """
     _check(width_m, headland_m, bearing_deg, min_length_m)
+    region = _room(field, width_m)
     if rounds:
-        return _inside_rounds(field, width_m, rounds, bearing_deg, min_length_m)
-    region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
+        return _inside_rounds(field, width_m, headland_m, rounds, bearing_deg, min_length_m)
     edges = region_edges(region)
-    if not len(edges):
-        raise FieldError(
-            f"Field '{field.name}' is nowhere wider than the working width {width_m:g} m; "
-            "use a narrower implement."
-        )
-    span_m = math.dist(region.bounds[:2], region.bounds[2:])
-    if span_m > MOST_LINES * width_m:
-        raise FieldError(
-            f"Working width {width_m:g} m would give more than {MOST_LINES} lines on field '{field.name}', "
-            f"{span_m:.0f} m across; give the width in metres.",
-            parameter="width_m",
-        )
     trim = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
     rules = CombRules(width_m, trim, min_length_m, EDGE_SLACK_M, field.area_m2)
     choice = _choose(field, edges, rules, bearing_deg)
@@ -155,8 +156,27 @@ def lay_tracks(
     return Layout(field, bearing_rad, width_m, headland_m, _tracks(teeth, axes(bearing_rad)), inner)
 
 
+def _room(field: Field, width_m: float) -> shapely.Geometry:
+    """The boundary drawn in by half the width; refuses a width that no track or too many would have."""
+    region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    if region.is_empty:
+        raise FieldError(
+            f"Field '{field.name}' is nowhere wider than the working width {width_m:g} m; "
+            "use a narrower implement.",
+            parameter="width_m",
+        )
+    span_m = math.dist(region.bounds[:2], region.bounds[2:])
+    if span_m > MOST_LINES * width_m:
+        raise FieldError(
+            f"Working width {width_m:g} m would give more than {MOST_LINES} lines on field '{field.name}', "
+            f"{span_m:.0f} m across; give the width in metres.",
+            parameter="width_m",
+        )
+    return region
+
+
 def _inside_rounds(
-    field: Field, width_m: float, rounds: int, bearing_deg: float | None, min_length_m: float
+    field: Field, width_m: float, headland_m: float, rounds: int, bearing_deg: float | None, min_length_m: float
 ) -> Layout:
     """Tracks over everything inside the rounds of the headland."""
     depth = rounds * width_m
@@ -169,8 +189,9 @@ def _inside_rounds(
     teeth = filled(region, choice[0], rules) if choice else None
     if choice is None or teeth is None:
         raise FieldError(
-            f"No track is left on field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {depth:g} m, "
-            f"worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller {named('headland_m')}."
+            f"No track is left on field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} "
+            f"m, worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller headland "
+            f"({named('headland_m')}).",
         )
     return Layout(field, choice[0], width_m, depth, _tracks(teeth, axes(choice[0])), region, rounds)
 

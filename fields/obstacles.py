@@ -67,18 +67,51 @@ def widened(geometry: shapely.Geometry, by_m: float) -> shapely.Geometry:
     return geometry.buffer(by_m, cap_style="square", join_style="mitre", mitre_limit=MITRE_LIMIT)
 
 
-def ground_left(
-    boundary: shapely.Polygon, obstacles: tuple[Obstacle, ...], margin_m: float
-) -> tuple[shapely.Polygon, float]:
-    """The largest piece of a field when a margin is kept to its holes and obstacles; and the area of the others (m2).
+@dataclass(frozen=True)
+class Ground:
+    """What of a field may be worked.
 
-    The polygon is empty where nothing is left.
+    Attributes:
+        boundary: the largest piece left by everything that interrupts tracks; empty where nothing is left.
+        small: what tracks are driven round, each apart, the margin included; it is not cut out of `boundary`.
+        cut_off_m2: area of the other pieces.
     """
-    holes = [widened(shapely.Polygon(hole), margin_m) for hole in boundary.interiors]
-    blocked = shapely.union_all([*holes, *(one.widened(margin_m) for one in obstacles)], grid_size=GRID_M)
-    rest = shapely.difference(shapely.Polygon(boundary.exterior), blocked, grid_size=GRID_M)
-    parts = [part for part in shapely.get_parts(rest) if part.geom_type == AREA]
+
+    boundary: shapely.Polygon
+    small: tuple[shapely.Polygon, ...]
+    cut_off_m2: float
+
+
+def ground_left(
+    boundary: shapely.Polygon, obstacles: tuple[Obstacle, ...], margin_m: float, small_m: float = 0.0
+) -> Ground:
+    """The ground that is left of a field when a margin is kept to its holes and obstacles.
+
+    What is less than `small_m` across, and neither on the edge of the field nor within two margins of anything larger,
+    is small.
+    """
+    outline = shapely.Polygon(boundary.exterior)
+    holes = [shapely.Polygon(hole) for hole in boundary.interiors]
+    bare = [(hole, 0.0) for hole in holes] + [(one.geometry, one.half_m) for one in obstacles]
+    wide = [widened(geometry, half_m + margin_m) for geometry, half_m in bare]
+    blocked = only_polygons(shapely.union_all(wide, grid_size=GRID_M))
+    small = [part for part in blocked if _is_small(part, outline, margin_m, small_m)]
+    large = [part for part in blocked if not any(part is one for one in small)]
+    rest = shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M)
+    parts = only_polygons(rest)
     if not parts:
-        return shapely.Polygon(), 0.0
+        return Ground(shapely.Polygon(), (), 0.0)
     largest = max(parts, key=lambda part: part.area)
-    return largest, math.fsum(part.area for part in parts) - largest.area
+    within = tuple(part for part in small if shapely.contains_properly(largest, part))
+    return Ground(largest, within, math.fsum(part.area for part in parts) - largest.area)
+
+
+def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, small_m: float) -> bool:
+    """Whether ground taken, its margin included, is less than `small_m` across without that, and clear of the edge."""
+    across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
+    return bool(round(across_m, 6) < small_m and shapely.contains_properly(outline, part))
+
+
+def only_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """The polygons among the parts of a geometry."""
+    return [part for part in shapely.get_parts(shape) if part.geom_type == AREA]

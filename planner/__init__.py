@@ -4,13 +4,17 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
-evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled)
+evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled,
+               touched)
+choosing, bounds   which plans of the same work are simulated; the least time a plan can take
+overlays       unions and differences of swept ground
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
+steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
-describe       a field in figures
+describe, unworked  a field in figures; what of it no track and no round covers, and why
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals
 commands, main  the command line; known by nothing else

@@ -3,32 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from planner.deconflict import without_conflicts
+from fields.layout import Layout
+from planner.choosing import promising
+from planner.deconflict import GiveWay, without_conflicts
+from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.steady import ASIDE_M, slips, slowed, worst_aside
 from planner.swept import swept_ground
+from planner.touched import fence_crossed_m
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.job import Job
 from strategies.promise import corners_by_promise
-from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
+from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Plan
+from vehicle.missions import Mission, Plan
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
+from vehicle.world import World
 
 ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
+CROSSED_M = 0.01
 MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
+SAME_LINE_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -86,8 +94,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    promising = corners_by_promise(job)
-    for corner in sorted(promising, key=lambda corner: corner != job.corner):
+    for corner in sorted(corners_by_promise(job), key=lambda corner: corner != job.corner):
         try:
             latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
@@ -110,11 +117,12 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
         return rehearsal.simulate(plan, _patience_s(plan))
 
+    give_way = _give_way(site, rehearsal)
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
-        runs = [_run_plan(site, strategy, job, each, simulate) for each in choices]
+        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
@@ -123,9 +131,27 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate) -> CandidateRun:
-    repairs = strategy.most_repairs + (MOST_REPAIRS if job.rounds else 0)
-    run, reason = _driven(refined, simulate, repairs)
+def _give_way(site: Site, rehearsal: Rehearsal) -> GiveWay:
+    """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
+    known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
+
+    def alone(mission: Mission) -> Run:
+        key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
+        if key not in known:
+            world = World(Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                          position_errors=site.position_errors)
+            known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
+        return known[key][1]
+
+    rules = Rules(site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone)
+    return lambda plan, slack: giving_way(plan, rules, slack)
+
+
+def _run_plan(
+    site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate, give_way: GiveWay
+) -> CandidateRun:
+    repairs = strategy.most_repairs
+    run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
         run, aside = _steadied(site, run, simulate, repairs)
         reason = _fault(site, run, aside)
@@ -135,15 +161,27 @@ def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simula
 def beside_clearance_m(site: Site) -> float:
     """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
     machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
-    room = ROOM_KEPT * (site.implement.width_m - machine_m)
+    room = ROOM_KEPT * (_spacing_m(site.layout) - machine_m)
     return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
 
 
-def _driven(refined: Refined, simulate: Simulate, most_repairs: int) -> tuple[Run, str | None]:
+def _spacing_m(layout: Layout) -> float:
+    """How far apart neighbouring tracks are at the least: where lines are shared out evenly, less than their width."""
+    spacing = layout.width_m
+    for before, track in pairwise(layout.tracks):
+        ends = np.array([track.start, track.end]) - before.start
+        along = (np.array(before.end) - before.start) / before.length
+        apart = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
+        if track.line == before.line + 1 and np.ptp(apart) < SAME_LINE_M and apart[0] > 0.5 * layout.width_m:
+            spacing = min(spacing, float(apart[0]))
+    return spacing
+
+
+def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: GiveWay) -> tuple[Run, str | None]:
     """The run of a plan with tractors giving way, and why it is not feasible when it is not."""
     if refined.run is not None and refined.run.outcome == DONE:
         return refined.run, None
-    return without_conflicts(refined.plan, simulate, most_repairs)
+    return without_conflicts(refined.plan, simulate, most_repairs, give_way)
 
 
 def _steadied(site: Site, run: Run, simulate: Simulate, most_repairs: int) -> tuple[Run, float]:
@@ -174,6 +212,11 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     outside = excursion(run, site).depth_m
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
+    crossed = fence_crossed_m(run, site)
+    if crossed > CROSSED_M:
+        return (
+            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+        )
     if aside > FARTHEST_ASIDE * site.layout.width_m:
         return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
     return None

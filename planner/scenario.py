@@ -23,7 +23,8 @@ LONGEST_M = 1000.0  # wider, deeper and farther round than anything that works a
 WHOLE_TURN_DEG = 360.0
 HIGHEST_PRICE = 1e9  # in whatever currency
 LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
-ORDERS_OF = {"till": ORDERS, "sow": (LAST,), "spray": ORDERS, "harvest": (FIRST,), "mow": (FIRST,)}
+SOW = "sow"
+ORDERS_OF = {"till": ORDERS, SOW: (LAST,), "spray": ORDERS, "harvest": (FIRST,), "mow": (FIRST,)}
 """When the headland may be worked: what goes out must not be driven over, what is sown not either."""
 CORNERS = ("square", "round")
 MOST_MARGIN_M = 100.0
@@ -78,7 +79,7 @@ class Scenario:
     operation: str = "till"
     headland_order: str | None = None
     corners: str = "square"
-    tracks_only: bool = True
+    tracks_only: bool = False
 
     def __post_init__(self) -> None:
         _check_types(self)

@@ -29,7 +29,7 @@ class Slip:
 
 def slips(run: Run, site: Site) -> list[Slip]:
     """Every turn of a run: how far aside its track was begun, or how far its path left the field if that is worse."""
-    boundary = site.layout.field.boundary
+    boundary = site.layout.field.ground
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
         path, at_leg = guided_point(run, site, tractor), run.leg(tractor)

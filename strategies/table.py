@@ -26,7 +26,7 @@ SAME_S = 1e-3  # times are told apart to a millisecond, so that a choice does no
 class TurnTable:
     """Seconds from the end of every pass of `tracks` to the beginning of every other, shape (2 n, 2 n).
 
-    Pass 2 i is track i along the layout's bearing, 2 i + 1 against it. `known` marks what is worked out.
+    Pass 2 i is track i along the bearing of its cell, 2 i + 1 against it. `known` marks what is worked out.
     """
 
     def __init__(self, job: Job, tracks: list[Track]) -> None:
@@ -38,7 +38,8 @@ class TurnTable:
             for q, b in enumerate(self.passes):
                 if p // 2 == q // 2:
                     continue
-                if a.direction != b.direction and abs(a.track.line - b.track.line) <= NEAR_LINES:
+                near = a.track.cell == b.track.cell and abs(a.track.line - b.track.line) <= NEAR_LINES
+                if near and a.direction != b.direction:
                     self._work_out(p, q, routes=False)
                 if not self.known[p, q]:
                     self.seconds[p, q] = _rounded(job.turn_time(a, b))

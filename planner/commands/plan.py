@@ -56,7 +56,7 @@ def plan(
     headland_first: HeadlandFirst = False,
     headland_last: HeadlandLast = False,
     corners: Corners = "square",
-    tracks_only: TracksOnly = True,
+    tracks_only: TracksOnly = False,
     bearing: Bearing = None,
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.05,
@@ -92,7 +92,7 @@ def plan(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
         operation, headland_order(headland_first, headland_last), corners,
-        tracks_only and not (headland_first or headland_last),
+        tracks_only,
     )  # fmt: skip
     planned = _planned(scenario, processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)

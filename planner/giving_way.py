@@ -1,0 +1,52 @@
+"""The gates by which tractors of a plan give way, from what each would do alone on the field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.courses import Alone, courses_of
+from planner.crossings import crossings_of
+from planner.right_of_way import RightOfWay
+from vehicle.compile import compile_model
+from vehicle.missions import Gate, Plan
+from vehicle.tractor import Implement, Tractor
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What tractors must keep: the machines, how near they may come, and how one is driven `alone`."""
+
+    tractor: Tractor
+    implement: Implement
+    clearance_m: float
+    beside_m: float
+    alone: Alone
+
+
+def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Plan | None:
+    """The plan with gates so that nobody meets another; None where no order of going was found.
+
+    `slack` times the usual time is kept between two that take the same place one after the other.
+    """
+    courses = courses_of(plan, rules.alone)
+    if courses is None:
+        return None
+    models = np.array([compile_model(rules.tractor, rules.implement)])
+    gated = [{n for n, leg in enumerate(mission.legs) if leg.gates} for mission in plan.missions]
+    crossings = crossings_of(courses, models, rules.clearance_m, rules.beside_m, gated)
+    table = RightOfWay(plan, crossings, slack).timetable()
+    return None if table is None else _with_gates(plan, table.gates)
+
+
+def _with_gates(plan: Plan, gates: list[tuple[int, int, Gate]]) -> Plan:
+    """The plan with gates at (tractor, leg); of several on one leg of the same tractor only the last opens late."""
+    kept: dict[tuple[int, int, int], Gate] = {}
+    for tractor, leg, gate in gates:
+        key = tractor, leg, gate.tractor
+        if key not in kept or (kept[key].leg, kept[key].after_m) < (gate.leg, gate.after_m):
+            kept[key] = gate
+    for (tractor, leg, _), gate in kept.items():
+        plan = plan.with_gate(tractor, leg, gate)
+    return plan
