@@ -9,7 +9,7 @@ helps, the round is divided anew.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from strategies.abreast import Slot
 from strategies.clear_rounds import AS_WRITTEN, Changes
@@ -35,19 +35,29 @@ Key = tuple[object, ...]
 """What was tried."""
 
 
-def driven(write: Write, simulate: Simulate, changes: Changes = AS_WRITTEN) -> tuple[Formation, Refined]:
-    """A formation with as little waiting as it is found to need, its plan and its run.
+@dataclass(frozen=True)
+class Driven:
+    """A formation as it was driven in the end: its plan with its run, and what it was found to need."""
 
-    `changes` are known to be needed from the start. Where nothing helps, the plan is handed back as it was first
-    written, to be mended like any other.
+    formation: Formation
+    refined: Refined
+    changes: Changes
+    care: dict[Pair, int]
+
+
+def driven(write: Write, simulate: Simulate, like: Driven | None = None) -> Driven:
+    """A formation with as little waiting as it is found to need; at least that of another which is much `like` it.
+
+    Where nothing helps, the plan is handed back as it was first written, to be mended like any other.
     """
-    first = formation = write(changes)
-    plan, care, vain, written = first.plan, dict[Pair, int](), set[Key](), 1
+    changes, care = (like.changes, dict(like.care)) if like else (AS_WRITTEN, {})
+    first, known = write(changes), (changes, dict(care))
+    formation, plan, vain, written = first, _with_care(first.plan, first, care), set[Key](), 1
     before: tuple[Key, Conflict] | None = None
     while written <= MOST_WRITTEN:
         run = simulate(plan)
         if run.outcome == DONE:
-            return formation, Refined(plan, run, told(plan))
+            return Driven(formation, Refined(plan, run, told(plan)), changes, care)
         clash = run.conflict if run.outcome == CONFLICT else None
         if clash is None:
             break
@@ -66,7 +76,7 @@ def driven(write: Write, simulate: Simulate, changes: Changes = AS_WRITTEN) -> t
         except StrategyError:
             break
         plan, before = _with_care(formation.plan, formation, care), (found[0], clash)
-    return first, Refined(first.plan, None, told(first.plan))
+    return Driven(first, Refined(first.plan, None, told(first.plan)), *known)
 
 
 def _same(one: Conflict, other: Conflict) -> bool:
@@ -85,16 +95,15 @@ def told(plan: Plan) -> str | None:
     return f"{min(round(share), 99)} % of the tracks driven in formation, the rest by {by}"
 
 
-def met_on_way(formation: Formation, clash: Conflict) -> int | None:
-    """The round into which both were on their way; None where they met elsewhere."""
-    one, other = _coming(formation, clash.first, clash.first_leg), _coming(formation, clash.second, clash.second_leg)
-    return one if one == other else None
+def coming(formation: Formation, clash: Conflict) -> tuple[int | None, int | None]:
+    """The rounds to which two that met were on their way or at their place; None for one that was in its queue."""
+    return _coming(formation, clash.first, clash.first_leg), _coming(formation, clash.second, clash.second_leg)
 
 
 def _pair(formation: Formation, clash: Conflict) -> Pair | None:
     """Who should wait for whom, where both were on their way into the same round."""
-    number = met_on_way(formation, clash)
-    if number is None:
+    number, other = coming(formation, clash)
+    if number is None or number != other:
         return None
     slots = {slot.tractor: slot for slot in formation.rounds[number]}
     first, waits = sorted((slots[clash.first], slots[clash.second]), key=_turn)
@@ -140,12 +149,13 @@ def _changed(
             marks = formation.marks[number, slot.tractor]
             if slot.tractor != tractor or not marks.placed <= leg < marks.queue[-1]:
                 continue
-            kind, known = ("ahead", changes.ahead_m) if leg == marks.placed else ("back", changes.back_m)
+            ahead = leg == marks.placed
+            key, known = ("ahead" if ahead else "back", slot.this), changes.ahead_m if ahead else changes.back_m
             farther = {**known, slot.this: known.get(slot.this, 0.0) + FARTHER_M}
-            if (kind, slot.this) not in vain and farther[slot.this] <= MOST_FARTHER_M:
-                return (kind, slot.this), replace(changes, **{f"{kind}_m": farther})
-    for number in sorted({n for n in (_coming(formation, *side) for side in sides) if n is not None}):
-        key = key_of(formation.rounds[number])
-        if key not in changes.barred:
-            return ("barred", *key), replace(changes, barred=changes.barred | {key})
+            if key not in vain and farther[slot.this] <= MOST_FARTHER_M:
+                return key, replace(changes, ahead_m=farther) if ahead else replace(changes, back_m=farther)
+    for number in sorted({number for number in coming(formation, clash) if number is not None}):
+        passes = key_of(formation.rounds[number])
+        if passes not in changes.barred:
+            return ("barred", *passes), replace(changes, barred=changes.barred | {passes})
     return None
