@@ -3,6 +3,7 @@
     field               a field in local metres
     layout, lines, bearings   tracks on it: where they run, how they are trimmed, directions worth trying
     cells               parts of the ground for tracks, each with its own bearing
+    cutting, options    regions cut into cells; layouts worth comparing
     rounds              centre lines of the headland's rounds; spines of narrow strips
     filling             tracks that cover what the rounds leave
     obstacles, obstacles_read   what is cut out of a field, and read from its file

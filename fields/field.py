@@ -60,7 +60,7 @@ class Field:
         small: what tracks are driven round, the margin included; in the boundary, but not in `ground`.
         fences: sides of the outline that nothing of a machine may cross, lines in metres.
         outline: the boundary before margins were kept and obstacles cut out of it; None where nothing was.
-        beyond: the boundary where it is drawn in no farther along fences than the margin; None where it is the same.
+        beyond: the boundary where it is drawn in by no more than the margin; None where it is the same.
         default_ground: ground wherever no zone lies.
         source: where the boundary comes from, in words.
         remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
@@ -105,16 +105,22 @@ class Field:
 
     @cached_property
     def ground(self) -> shapely.Polygon:
-        """What is to be worked: the boundary, up to the margin along fences, without what tracks are driven round."""
+        """What is to be worked: all up to the margin but what tracks are driven round."""
         if not self.small:
             return self.beyond or self.boundary
         return orient(shapely.difference(self.beyond or self.boundary, shapely.union_all(self.small)), 1.0)
 
+    @cached_property
+    def solid(self) -> tuple[shapely.Geometry, ...]:
+        """The ground that holes of the outline and obstacles take themselves, without a margin."""
+        holes = (self.outline or self.boundary).interiors
+        return (*(shapely.Polygon(hole) for hole in holes), *(one.shape for one in self.obstacles))
+
     def clear_of_obstacles(self, margin_m: float, small_m: float = 0.0, swing_m: float = 0.0) -> Field:
         """The field whose boundary is the ground that may be worked: a margin is kept to obstacles, holes and fences.
 
-        Those less than `small_m` across stay in the boundary and become `small`. Along fences the boundary keeps
-        `swing_m` more, in which nothing is driven that tractors could turn from. Where obstacles cut the field in
+        Those less than `small_m` across stay in the boundary and become `small`. The boundary keeps `swing_m` more to
+        all others: so far more than half its width a machine reaches out of a bend. Where obstacles cut the field in
         pieces the largest is kept, and a remark tells what the others measure.
 
         Raises:
@@ -125,7 +131,8 @@ class Field:
         _check_margin(margin_m, self)
         if not self.obstacles and not self.fences and not (self.boundary.interiors and (margin_m or small_m)):
             return self
-        left = ground_left(self.boundary, (*self.obstacles, *self._strips(FENCE_M)), margin_m, small_m)
+        kept = (*self.obstacles, *(Obstacle("fence", line, FENCE_M) for line in self.fences))
+        left = ground_left(self.boundary, kept, margin_m, small_m, swing_m)
         if left.boundary.area < SMALLEST_M2:
             what = "Obstacles and fences" if self.fences else "Obstacles"
             raise FieldError(
@@ -135,17 +142,14 @@ class Field:
             )
         told = f"Obstacles cut off {left.cut_off_m2:.0f} m2 of the field, which are not worked."
         remarks = (*self.remarks, told) if left.cut_off_m2 >= 1.0 else self.remarks
-        cleared = replace(
-            self, boundary=left.boundary, small=left.small, remarks=remarks, outline=self.outline or self.boundary
+        return replace(
+            self,
+            boundary=left.boundary,
+            beyond=None if left.beyond is left.boundary else left.beyond,
+            small=left.small,
+            outline=self.outline or self.boundary,
+            remarks=remarks,
         )
-        if not (self.fences and swing_m):
-            return cleared
-        inner = ground_left(left.boundary, self._strips(margin_m + swing_m), 0.0).boundary
-        return replace(cleared, boundary=inner, beyond=left.boundary) if inner.area >= SMALLEST_M2 else cleared
-
-    def _strips(self, half_m: float) -> tuple[Obstacle, ...]:
-        """Strips along the fences."""
-        return tuple(Obstacle("fence", line, half_m) for line in self.fences)
 
     def ground_at(self, x: float, y: float) -> str:
         """Name of the ground under the point (x, y) in metres; an edge belongs to its zone."""

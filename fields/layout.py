@@ -63,7 +63,7 @@ class Layout:
 
     Attributes:
         field: the field they are laid on.
-        bearing_rad: direction +u of the tracks of the first cell, the largest, as a mathematical angle, radians, in
+        bearing_rad: direction +u of the tracks of the largest cell as a mathematical angle, radians, in
             (-pi/2, pi/2].
         width_m: working width. Lines of a cell are evenly spaced by at most that, so that the whole width is covered.
         headland_m: room left along the tracks beyond their ends.
@@ -97,7 +97,7 @@ class Layout:
 
     @property
     def bearing_deg(self) -> float:
-        """Direction of the tracks of the first cell clockwise from north, degrees in [0, 180)."""
+        """Direction of the tracks of the largest cell clockwise from north, degrees in [0, 180)."""
         return compass_deg(self.bearing_rad)
 
     @property
@@ -153,7 +153,7 @@ def lay_tracks(
         )
     bearing_rad, teeth = choice
     inner = _inner(region, edges, axes(bearing_rad), trim)
-    return Layout(field, bearing_rad, width_m, headland_m, _tracks(teeth, axes(bearing_rad)), inner)
+    return Layout(field, bearing_rad, width_m, headland_m, tracks_of(teeth, axes(bearing_rad)), inner)
 
 
 def _room(field: Field, width_m: float) -> shapely.Geometry:
@@ -193,7 +193,7 @@ def _inside_rounds(
             f"m, worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller headland "
             f"({named('headland_m')}).",
         )
-    return Layout(field, choice[0], width_m, depth, _tracks(teeth, axes(choice[0])), region, rounds)
+    return Layout(field, choice[0], width_m, depth, tracks_of(teeth, axes(choice[0])), region, rounds)
 
 
 def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
@@ -237,11 +237,15 @@ def _promising(angles: list[float], edges: FloatArray, rules: CombRules) -> list
     plain = [(angle, comb(edges @ axes(angle).T, rules)) for angle in angles]
     cost = [(angle, teeth.cost_m) for angle, teeth in plain if teeth is not None]
     limit = min((value for _, value in cost), default=0.0) * PROMISING
-    near = [angle for angle, value in cost if value <= limit]
-    return [angle - math.pi if angle > math.pi / 2.0 + 1e-12 else angle for angle in near]
+    return [half_turn(angle) for angle, value in cost if value <= limit]
 
 
-def _tracks(teeth: Comb, frame: FloatArray) -> tuple[Track, ...]:
+def half_turn(angle: float) -> float:
+    """A direction in [0, pi) without sense, in (-pi/2, pi/2]."""
+    return angle - math.pi if angle > math.pi / 2.0 + 1e-12 else angle
+
+
+def tracks_of(teeth: Comb, frame: FloatArray) -> tuple[Track, ...]:
     """The pieces of a comb as tracks in metres; empty lines before the first piece are not counted."""
     q = teeth.q[teeth.line]
     start = np.column_stack([teeth.s0, q]) @ frame

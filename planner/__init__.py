@@ -4,10 +4,14 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
-evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled,
+laying         which layout of the field to plan with
+evaluate       one candidate: built, simulated, mended (deconflict, steady), measured (measure, swept, trampled,
                touched)
+giving_way     who waits for whom: courses driven alone, crossings of them, right_of_way in time, homeward for deadlocks
+slowing        turns that are better driven slowly, tried alone
 choosing, bounds   which plans of the same work are simulated; the least time a plan can take
 overlays       unions and differences of swept ground
+within_reach   tracks and rounds that no way leads to are left out
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 planning       plan: all of it, with the best plan's run and pictures (drive)

@@ -46,7 +46,7 @@ def least_s(plan: Plan) -> float:
 
     Where tractors wait for each other and none can go on, what is driven until then counts.
     """
-    clock = _Clock(plan)
-    while any([clock.advance(tractor) for tractor in range(plan.tractors)]):
-        pass
+    clock, moved = _Clock(plan), True
+    while moved:
+        moved = sum(clock.advance(tractor) for tractor in range(plan.tractors)) > 0
     return max(clock.free)

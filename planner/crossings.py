@@ -12,7 +12,7 @@ import numpy.typing as npt
 from planner.courses import Course
 from vehicle.meetings import meetings
 
-SPARE_M = 0.4  # beyond the clearance: poses are looked at STEP_M apart
+SPARE_M = 0.3  # beyond the clearance: poses are looked at STEP_M apart
 TOGETHER_S = 2.0  # head starts nearer to each other than this count as one span
 Array = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]

@@ -9,6 +9,7 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.cells import Cell
+from fields.field import Field
 from fields.rounds import Round
 from planner.measure import coverage, guided_point
 from planner.site import Site
@@ -37,12 +38,8 @@ def still(site: Site, title: str) -> Drive:
         track_names=track_names((track.line, track.piece) for track in layout.tracks),
         rounds=tuple(_round_line(one) for one in site.rounds),
         cells=tuple(_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
-        obstacles=tuple(
-            np.asarray(part.exterior.coords)[:-1, :2]
-            for one in layout.field.obstacles
-            for part in shapely.get_parts(shapely.intersection(one.shape, shapely.Polygon(boundary.exterior)))
-            if part.geom_type == "Polygon"
-        ),
+        obstacles=_obstacles(layout.field),
+        fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
     )
 
 
@@ -59,8 +56,15 @@ def picture(site: Site, run: Run, result: PlanResult) -> Drive:
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         missed=rings_of(coverage(run, site).missed),
         largest_missed=result.largest_missed,
-        steps=steps_of(run),
+        steps=steps_of(run, site.layout.width_m),
     )
+
+
+def _obstacles(field: Field) -> tuple[Points, ...]:
+    """Outlines of obstacles as far as they lie on the map of the field."""
+    page = shapely.box(*field.boundary.bounds)
+    parts = shapely.get_parts([shapely.intersection(one.shape, page) for one in field.obstacles])
+    return tuple(np.asarray(part.exterior.coords)[:-1, :2] for part in parts if part.area > 0.0)
 
 
 def _round_line(one: Round) -> RoundLine:

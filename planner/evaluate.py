@@ -15,26 +15,28 @@ from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
-from planner.steady import ASIDE_M, slips, slowed, worst_aside
+from planner.slowing import cures, promised_m, slowed
+from planner.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.swept import swept_ground
-from planner.touched import fence_crossed_m
+from planner.touched import fence_crossed_m, obstacle_touched
 from planner.trampled import trampled_m2
+from planner.within_reach import built_within_reach
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.job import Job
 from strategies.promise import corners_by_promise
 from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Mission, Plan
+from vehicle.missions import ROUND, Mission, Plan
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
-ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 CROSSED_M = 0.01
-MOST_SLOWED = 2
+LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
 SAME_LINE_M = 1e-3
 
@@ -117,9 +119,13 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
         return rehearsal.simulate(plan, _patience_s(plan))
 
-    give_way = _give_way(site, rehearsal)
-    refine = strategy.refine
-    refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+    def build(job: Job) -> Refined:
+        refine = strategy.refine
+        return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+
+    give_way = _give_way(site)
+    refined, reached = built_within_reach(job, build)
+    job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
@@ -131,15 +137,17 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _give_way(site: Site, rehearsal: Rehearsal) -> GiveWay:
+def _give_way(site: Site) -> GiveWay:
     """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
     known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
 
     def alone(mission: Mission) -> Run:
         key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
         if key not in known:
-            world = World(Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
-                          position_errors=site.position_errors)
+            world = World(
+                Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                position_errors=site.position_errors,
+            )  # fmt: skip
             known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
         return known[key][1]
 
@@ -153,9 +161,33 @@ def _run_plan(
     repairs = strategy.most_repairs
     run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
-        run, aside = _steadied(site, run, simulate, repairs)
-        reason = _fault(site, run, aside)
-    return CandidateRun(run, reason, _turns(job), refined.remark)
+        run, worst = _steadied(site, run, simulate, repairs, give_way)
+        reason = _fault(site, run, worst)
+    told = [] if reason else _told(site, run, worst)
+    return CandidateRun(run, reason, _turns(job), _joined(refined.remark, *told))
+
+
+def _joined(*remarks: str | None) -> str | None:
+    """Several remarks as one; None where there is none."""
+    return "; ".join(each for each in remarks if each) or None
+
+
+def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
+    """What a reader would not expect of the run of a feasible plan."""
+    told = []
+    if loosened := run.plan.notes.get("loosened"):
+        times = "once" if loosened == 1 else f"{loosened} times"
+        told.append(f"{times} tractors go on before one that could not get past them is in place")
+    if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
+        told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
+    if touched := obstacle_touched(run, site):
+        told.append(f"a tractor or its implement touches {touched}; a wider margin may avoid it")
+    return told
+
+
+def _begun(run: Run, slip: Slip) -> str:
+    kind = run.plan.missions[slip.tractor].legs[slip.leg].task.kind
+    return f"a {'side of a round' if kind == ROUND else 'track'} is begun {slip.metres:.2f} m beside its line"
 
 
 def beside_clearance_m(site: Site) -> float:
@@ -184,27 +216,25 @@ def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: G
     return without_conflicts(refined.plan, simulate, most_repairs, give_way)
 
 
-def _steadied(site: Site, run: Run, simulate: Simulate, most_repairs: int) -> tuple[Run, float]:
-    """The run with turns that it followed badly driven more slowly where that helps, and what is left aside (m)."""
+def _steadied(
+    site: Site, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
+) -> tuple[Run, Slip | None]:
+    """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
     turns = slips(run, site)
-    for _ in range(MOST_SLOWED):
-        bad = [slip for slip in turns if slip.metres > ASIDE_M]
-        if not bad:
-            break
-        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs)
-        if fault:
-            break
-        left = slips(again, site)
-        if worst_aside(left) > worst_aside(turns) - SMALLEST_GAIN_M:
-            break
-        run, turns = again, left
-    return run, worst_aside(turns)
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
+    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs, give_way)
+        left = turns if fault else slips(again, site)
+        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+            run, turns = again, left
+    return run, max(turns, key=lambda slip: slip.metres, default=None)
 
 
-def _fault(site: Site, run: Run, aside: float) -> str | None:
+def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
     """Why a plan that was driven to the end is not feasible all the same, or None.
 
-    `aside` is by how many metres the worst of its tracks was begun beside its line.
+    `worst` is the track or side of a round that was begun farthest beside its line. Where the headland is worked too,
+    ground that is left open there is measured and charged like any other, and only who has lost the line is refused.
     """
     if run.contacts:
         time, first, second = run.contacts[0]
@@ -214,11 +244,13 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
     crossed = fence_crossed_m(run, site)
     if crossed > CROSSED_M:
-        return (
-            f"a tractor or its implement crosses the fence by {crossed:.2f} m; use a deeper headland or keep a wider margin"
-        )
-    if aside > FARTHEST_ASIDE * site.layout.width_m:
-        return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
+        what = "a tractor or its implement crosses the fence"
+        return f"{what} by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+    width = site.layout.width_m
+    if worst is not None and not site.rounds and worst.metres > FARTHEST_ASIDE * width:
+        return f"{_begun(run, worst)}, more than a third of the working width"
+    if worst is not None and worst.metres > max(LOST_ASIDE * width, LOST_M):
+        return f"{_begun(run, worst)}, more than a working width: the tractor has lost it"
     return None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from planner.courses import Alone, courses_of
 from planner.crossings import crossings_of
 from planner.right_of_way import RightOfWay
 from vehicle.compile import compile_model
-from vehicle.missions import Gate, Plan
+from vehicle.missions import Gate, Mission, Plan
 from vehicle.tractor import Implement, Tractor
 
 
@@ -36,8 +36,23 @@ def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Plan | None:
     models = np.array([compile_model(rules.tractor, rules.implement)])
     gated = [{n for n, leg in enumerate(mission.legs) if leg.gates} for mission in plan.missions]
     crossings = crossings_of(courses, models, rules.clearance_m, rules.beside_m, gated)
-    table = RightOfWay(plan, crossings, slack).timetable()
-    return None if table is None else _with_gates(plan, table.gates)
+    rules_of_way = RightOfWay(plan, crossings, slack)
+    table = rules_of_way.timetable()
+    if table is None:
+        return None
+    left_out = rules_of_way.homeward.loosened
+    return _with_gates(_without_gates(plan, left_out), table.gates)
+
+
+def _without_gates(plan: Plan, left_out: list[tuple[int, int, Gate]]) -> Plan:
+    """The plan without gates at (tractor, leg); how often a tractor is no longer waited for is noted as `loosened`."""
+    missions, places = list(plan.missions), {(gate.tractor, gate.leg) for _, _, gate in left_out}
+    for tractor, leg, gate in left_out:
+        legs = list(missions[tractor].legs)
+        kept = tuple(each for each in legs[leg].gates if each is not gate)
+        legs[leg] = replace(legs[leg], gates=kept)
+        missions[tractor] = Mission(tuple(legs))
+    return Plan(tuple(missions), plan.notes | {"loosened": len(places)}) if left_out else plan
 
 
 def _with_gates(plan: Plan, gates: list[tuple[int, int, Gate]]) -> Plan:

@@ -9,11 +9,10 @@ not, becomes a gate; other gates of the plan are heeded.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from planner.courses import Course
 from planner.crossings import Crossings, Stretch
+from planner.homeward import Homeward, State
 from vehicle.missions import Gate, Plan
 
 BEHIND_S = 3.0  # who follows leaves so much time behind the one before
@@ -21,20 +20,9 @@ AHEAD_S = 6.0  # who goes before one that is on its way already keeps so much ah
 START_S = 1.5  # lost by a tractor that had to stand
 GUARDED_S = 120.0  # an order with less time between is guarded by a gate though none is predicted to be needed
 CHAIN = 4  # stretches entered in one go where there is no room to stand between
+STOOD_S = 0.5  # who has stood for less has passed by
 MOVED_S = 2.0  # a tractor that has been on a stretch for so long has left its hold point
-MOST_STATES = 3000  # looked at for a way home
 NEVER = math.inf
-State = tuple[int, ...]
-"""The hold point each tractor stands at."""
-
-
-@dataclass(frozen=True)
-class Wait:
-    """A gate of the plan: not before `tractor` has been on its stretch `stretch` for `after_s`."""
-
-    tractor: int
-    stretch: int
-    after_s: float
 
 
 @dataclass(frozen=True)
@@ -73,39 +61,32 @@ class RightOfWay:
     def __init__(self, plan: Plan, crossings: Crossings, slack: float = 1.0) -> None:
         self.plan, self.crossings, self.courses = plan, crossings, crossings.courses
         self.behind_s, self.ahead_s = BEHIND_S * slack, AHEAD_S * slack
-        self.waits = _waits_of(plan, self.courses)
-        self._safe: dict[State, bool] = {}
-        self._bound = [self._bounds(one) for one in range(len(self.courses))]
+        self.homeward = Homeward(plan, crossings)
 
     def timetable(self) -> Timetable | None:
-        """The timetable; None where tractors stand so that they could not even get home one after another."""
+        """The timetable; None where tractors stand so that they could not even get home one after another.
+
+        Gates of the plan that would keep them from that are left out (`homeward.loosened`).
+        """
         count = len(self.courses)
-        table = Timetable([[] for _ in range(count)], [0.0] * count)
-        now, ready = 0.0, dict[int, Entry | None]()
+        if not self.homeward.safe((0,) * count) and not self.homeward.loosen():
+            return None
+        table, ready = Timetable([[] for _ in range(count)], [0.0] * count), dict[int, Entry | None]()
         while any(at < course.stretches for at, course in zip(table.state, self.courses, strict=True)):
             for one, course in enumerate(self.courses):
-                late = (each := ready.get(one)) is not None and each.begins_s[0] < now
-                if (one not in ready or late) and table.state[one] < course.stretches:
-                    ready[one] = self._earliest(table, one, now)
+                if one not in ready and table.state[one] < course.stretches:
+                    ready[one] = self._earliest(table, one)
             entry = self._chosen(table, ready)
             if entry is None:
                 return None
-            now = max(now, entry.begins_s[0])
             self._enter(table, entry)
-            ready = {one: each for one, each in ready.items() if not self._concerned(one, entry.tractor)}
+            ready = {one: each for one, each in ready.items() if not self._concerned(table, one, entry.tractor)}
         return table
 
-    def _bounds(self, one: int) -> list[int]:
-        """For each hold point the next one, that one counted not, at which a tractor waits for others by plan."""
-        bounds, last = [], self.courses[one].stretches
-        for number in range(self.courses[one].stretches, -1, -1):
-            bounds.append(last)
-            last = number if (one, number) in self.waits.of else last
-        return bounds[::-1]
-
-    def _concerned(self, one: int, other: int) -> bool:
+    def _concerned(self, table: Timetable, one: int, other: int) -> bool:
         """Whether what one may do can depend on what another has just done."""
-        return one == other or other in self.crossings.near[one] or other in self.waits.others[one]
+        near = other in self.crossings.near[one] or other in self.homeward.others[one]
+        return near or one == other or one in table.refused
 
     def _chosen(self, table: Timetable, ready: dict[int, Entry | None]) -> Entry | None:
         """The entry that can be first and leaves everybody a way home."""
@@ -113,7 +94,7 @@ class RightOfWay:
         for entry in sorted(entries, key=lambda each: (round(each.begins_s[0], 1), self._to_go_s(each), each.tractor)):
             state = list(table.state)
             state[entry.tractor] += len(entry.begins_s)
-            if self._harmless(entry.tractor, tuple(state)) or self.safe(tuple(state)):
+            if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):
                 return entry
             table.refused.setdefault(entry.tractor, set())
         return None
@@ -123,10 +104,11 @@ class RightOfWay:
         course = self.courses[entry.tractor]
         return -round(float(course.time_s[-1]) - course.begins_s(entry.first), 1)
 
-    def _earliest(self, table: Timetable, one: int, now: float) -> Entry | None:
+    def _earliest(self, table: Timetable, one: int) -> Entry | None:
         """When a tractor can enter its next stretch, or the next few in one go if that is sooner."""
         best: Entry | None = None
-        soonest = max(now, table.free_s[one])
+        cleared = [table.begins_s[other][-1] + MOVED_S for other in table.refused.get(one, ())]
+        soonest = max(table.free_s[one], *cleared) if cleared else table.free_s[one]
         at = table.state[one]
         for length in range(1, min(CHAIN, self.courses[one].stretches - at) + 1):
             begin = self._begin(table, one, length, soonest)
@@ -149,12 +131,13 @@ class RightOfWay:
         taken: list[tuple[float, float]] = []
         for number in range(at, at + length):
             shift = course.begins_s(number) - course.begins_s(at)
-            for wait in self.waits.of.get((one, number), ()):
+            for wait in self.homeward.waits.get((one, number), ()):
                 if wait.stretch >= len(table.begins_s[wait.tractor]):
                     return NEVER
                 soonest = max(soonest, table.begins_s[wait.tractor][wait.stretch] + wait.after_s - shift)
             for other in sorted(self.crossings.near[one]):
-                taken += [(low - shift, high - shift) for low, high in self._taken(table, (one, number), other, soonest)]
+                spans = self._taken(table, (one, number), other, soonest)
+                taken += [(low - shift, high - shift) for low, high in spans]
         stand_s = course.begins_s(at + length) - course.begins_s(at)
         taken += self._stood_in_way(table, one, at + length, stand_s, soonest)
         for low, high in sorted(taken):
@@ -165,18 +148,27 @@ class RightOfWay:
     def _taken(self, table: Timetable, mine: Stretch, other: int, soonest: float) -> list[tuple[float, float]]:
         """Spans of time in which a stretch must not be begun because of what another does, or where it stands."""
         spans: list[tuple[float, float]] = []
-        apart = self.crossings.apart.get(mine, {})
+        apart, blockers = self.crossings.apart.get(mine, {}), self.crossings.blockers.get(mine, {})
         begins = table.begins_s[other]
         for number in range(len(begins) - 1, -1, -1):
             if begins[number] + self.courses[other].lasts_s(number) + 2.0 * self.behind_s + START_S < soonest:
                 break
             for low, high in apart.get((other, number), ()):
                 spans.append((begins[number] + low - self.ahead_s, begins[number] + high + self.behind_s))
+            came = self._came_s(table, other, number)
+            if begins[number] - came > STOOD_S and (times := blockers.get((other, number))) is not None:
+                spans.append((came - times[1] - self.ahead_s, begins[number] - times[0] + self.behind_s))
         if len(begins) < len(self.courses[other].holds):
-            times = self.crossings.blockers.get(mine, {}).get((other, len(begins)))
+            times = blockers.get((other, len(begins)))
             if times is not None:
                 spans.append((table.free_s[other] - times[1] - self.ahead_s if begins else -NEVER, NEVER))
         return spans
+
+    def _came_s(self, table: Timetable, one: int, number: int) -> float:
+        """When a tractor came to the hold point before a stretch that it has begun."""
+        if number == 0:
+            return -NEVER
+        return table.begins_s[one][number - 1] + self.courses[one].lasts_s(number - 1)
 
     def _stood_in_way(
         self, table: Timetable, one: int, hold: int, stand_s: float, soonest: float
@@ -188,69 +180,6 @@ class RightOfWay:
             if number < len(begins):
                 spans.append((-NEVER, begins[number] + last + self.behind_s - stand_s))
         return [span for span in spans if span[1] > soonest]
-
-    def _harmless(self, one: int, state: State) -> bool:
-        """Whether a tractor stands where nobody else comes by any more."""
-        return all(number < state[other] for other, number in self.crossings.stands.get((one, state[one]), {}))
-
-    def safe(self, state: State) -> bool:
-        """Whether an order is found in which all get home from where they stand, one moving at a time."""
-        if state not in self._safe:
-            self._safe[state] = self._one_by_one(state) or self._by_turns(state)
-        return self._safe[state]
-
-    def _one_by_one(self, state: State) -> bool:
-        """Whether each can go home in one go, in some order; finds it if there is any."""
-        at, out = list(state), {one for one, course in enumerate(self.courses) if state[one] < course.stretches}
-        while out:
-            for one in sorted(out):
-                home = self.courses[one].stretches
-                here, ends = at[one], tuple(home if k == one else place for k, place in enumerate(at))
-                if not self._harmless(one, ends):
-                    continue
-                while at[one] < home and self._can_move(at, one):
-                    at[one] += 1
-                if at[one] == home:
-                    break
-                at[one] = here
-            else:
-                return False
-            out.discard(one)
-        return True
-
-    def _by_turns(self, state: State) -> bool:
-        """Whether an order of moves from hold point to hold point is found that brings all home.
-
-        The move is tried first that leaves room for what others have to do before they wait for anybody, and of these
-        the one that would have come first were each alone.
-        """
-        homes = tuple(course.stretches for course in self.courses)
-        seen, stack = {state}, [state]
-        while stack and len(seen) < MOST_STATES:
-            at = stack.pop()
-            if at == homes or self._safe.get(at, False):
-                return True
-            moves = [one for one in range(len(at)) if at[one] < homes[one] and self._can_move(at, one)]
-            moves.sort(key=lambda one: (self._blocks(at, one), self.courses[one].begins_s(at[one]), one), reverse=True)
-            for one in moves:
-                after = (*at[:one], at[one] + 1, *at[one + 1 :])
-                if after not in seen:
-                    seen.add(after)
-                    stack.append(after)
-        return False
-
-    def _blocks(self, at: State, one: int) -> bool:
-        """Whether a tractor that moved on would stand in the way of what another does before it waits for anybody."""
-        stands = self.crossings.stands.get((one, at[one] + 1), {})
-        return any(at[other] <= number < self._bound[other][at[other]] for other, number in stands)
-
-    def _can_move(self, at: Sequence[int], one: int) -> bool:
-        """Whether a tractor can drive its next stretch while all others stand."""
-        mine = one, at[one]
-        if any(at[other] == hold for other, hold in self.crossings.blockers.get(mine, {})):
-            return False
-        waits = self.waits.of.get(mine, ())
-        return all(at[wait.tractor] > wait.stretch for wait in waits)
 
     def _enter(self, table: Timetable, entry: Entry) -> None:
         """Write an entry into the timetable, with the gates that make it so."""
@@ -265,9 +194,21 @@ class RightOfWay:
             table.gates.append((one, self.courses[one].hold_legs[at], gate))
         table.begins_s[one] += entry.begins_s
         table.free_s[one] = entry.until_s
+        self._guard_later(table, entry)
         table.refused.pop(one, None)
         for others in table.refused.values():
             others.add(one)
+
+    def _guard_later(self, table: Timetable, entry: Entry) -> None:
+        """Keep others behind this one where what they do later has been decided before."""
+        for other in sorted(self.crossings.near[entry.tractor]):
+            begins = table.begins_s[other]
+            for number in range(len(begins) - 1, -1, -1):
+                if begins[number] <= entry.begins_s[0]:
+                    break
+                gate = self._guard(table, (other, number), entry.tractor, begins[number])
+                if gate is not None:
+                    table.gates.append((other, self.courses[other].hold_legs[number], gate))
 
     def _guard(self, table: Timetable, mine: Stretch, other: int, begin: float) -> Gate | None:
         """The gate that keeps a tractor behind another which it is predicted to follow closely."""
@@ -277,8 +218,8 @@ class RightOfWay:
                 break
             highs = [high + self.behind_s for _, high in apart.get((other, number), ())]
             passed = [high for high in highs if begin - GUARDED_S < begins[number] + high <= begin + 0.05]
-            if passed and max(passed) > 0.0:
-                return self.courses[other].gate(other, number, max(passed), self.plan.missions[other])
+            if passed:
+                return self.courses[other].gate(other, number, max(*passed, MOVED_S), self.plan.missions[other])
         return None
 
     def _cleared(self, table: Timetable, entry: Entry) -> list[Gate]:
@@ -287,8 +228,7 @@ class RightOfWay:
         gates = []
         for other in sorted(table.refused.get(one, ())):
             number = len(table.begins_s[other]) - 1
-            after = max(MOVED_S, min(entry.begins_s[0] - table.begins_s[other][number], MOVED_S))
-            gates.append(self.courses[other].gate(other, number, after, self.plan.missions[other]))
+            gates.append(self.courses[other].gate(other, number, MOVED_S, self.plan.missions[other]))
         stand_s = entry.until_s - entry.begins_s[0]
         hold = at + len(entry.begins_s)
         for (other, number), (_, last) in sorted(self.crossings.stands.get((one, hold), {}).items()):
@@ -298,22 +238,3 @@ class RightOfWay:
                 if after > 0.0 and due > entry.begins_s[0] - GUARDED_S:
                     gates.append(self.courses[other].gate(other, number, after, self.plan.missions[other]))
         return gates
-
-
-@dataclass(frozen=True)
-class _Waits:
-    """Gates of a plan by the stretch they stand before, and for each tractor whom it waits for."""
-
-    of: dict[Stretch, list[Wait]]
-    others: list[set[int]]
-
-
-def _waits_of(plan: Plan, courses: list[Course]) -> _Waits:
-    waits = _Waits({}, [set() for _ in courses])
-    for one, (mission, course) in enumerate(zip(plan.missions, courses, strict=True)):
-        for number, leg in enumerate(course.hold_legs[:-1]):
-            for gate in mission.legs[leg].gates:
-                wait = Wait(gate.tractor, *courses[gate.tractor].passes(gate.leg, gate.after_m))
-                waits.of.setdefault((one, number), []).append(wait)
-                waits.others[one].add(gate.tractor)
-    return waits

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from dataclasses import field as member
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import shapely
 
-from fields.errors import FieldError
 from fields.field import Field
 from fields.free import beside_tracks, free_space, rim_of
-from fields.layout import Layout, lay_tracks
+from fields.layout import Layout
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.errors import ScenarioError, about, named
-from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
+from planner.laying import layouts, quickest
+from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
 from strategies.around import Around, lay_around
 from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
@@ -32,11 +34,11 @@ from vehicle.tractor import Implement, Tractor, as_tractor
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_MARGIN = 1.08
 BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
-MOST_ROUNDS = 50
 SMALL = 4.0  # working widths across: smaller obstacles are driven round in the pass
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
+AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
 
@@ -68,7 +70,12 @@ class Site:
     around: Around = member(default_factory=Around)
 
     def job(self, tractors: int) -> Job:
-        """A job for this many tractors, with an empty memory of ways."""
+        """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
+        return replace(self._first, tractors=tractors, used={})
+
+    @cached_property
+    def _first(self) -> Job:
+        """The job that others are copies of."""
         anywhere, beside, rim = (
             None if region.is_empty else Connector(region, self.manner.radius_m, self.costs, self.kinds)
             for region in (self.free, self.beside, self.rim)
@@ -80,19 +87,24 @@ class Site:
             )
         fence, careful = self._fence()
         return Job(
-            self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
+            self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
             around=self.around, fence=fence, careful=careful,
         )  # fmt: skip
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to another process: without what was worked out here."""
+        return {name: value for name, value in self.__dict__.items() if name != "_first"}
+
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
-        """The fence, and a finder of ways that are driven forwards, whose nose comes to no fence where others' does."""
+        """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""
         field, radius = self.layout.field, self.manner.radius_m
-        if not field.fences:
+        if not field.fences and not field.solid:
             return None, ()
         body = body_of(self.tractor, self.implement)
         spare_m = min(SPARE * self.scenario.margin_m, MOST_SPARE_M)
-        fence = Fence(shapely.union_all(field.fences), body, spare_m)
+        obstacles = shapely.union_all([shape.boundary for shape in field.solid])
+        fence = Fence(shapely.union_all(field.fences), obstacles, body, spare_m)
         forwards = tuple(kind for kind in self.kinds if kind != "switch-back")
         return fence, (Connector(self.free, radius, self.costs, forwards),) if forwards else ()
 
@@ -122,8 +134,6 @@ def prepare(
         field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m, swing)
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
-    layout, around = _around(scenario, _layout(scenario, field, headland), tractor, implement, radius, reach)
-    rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
     bare = Manner(
         work_speed_mps=scenario.speed_mps,
         turn_speed_mps=scenario.turning_mps,
@@ -131,18 +141,25 @@ def prepare(
         radius_m=radius,
         tool_m=reach.tool_m,
         boxes=_boxes(tractor, implement),
+        ahead_m=AHEAD_M if scenario.clearance_m > LEAST_CLEARANCE_M else 0.0,
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
-    timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
-    manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
-    free = free_space(field, reach.margin_m)
-    beside = beside_tracks(layout, free)
-    rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
-    fits = tuple(seconds is not None for seconds in timed)
-    return Site(
-        scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors, rounds,
-        rim, around,
-    )
+    costs, free = clock.costs(), free_space(field, reach.margin_m)
+
+    def on(laid: Layout) -> Site:
+        layout, around = _around(scenario, laid, tractor, implement, radius, reach)
+        timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
+        fits = tuple(seconds is not None for seconds in timed)
+        manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
+        rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
+        rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
+        return Site(
+            scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds, fits,
+            position_errors, rounds, rim, around,
+        )  # fmt: skip
+
+    sites = [on(layout) for layout in layouts(scenario, field, headland)]
+    return sites[quickest([site.job(1) for site in sites])]
 
 
 def body_of(tractor: Tractor, implement: Implement) -> Body:
@@ -180,22 +197,6 @@ def _boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, 
         (ends["tail"] - guided, ends["nose"] - guided, ends["half_width"]),
         (ends["tool_tail"] - guided, ends["tool_front"] - guided, ends["tool_half_width"]),
     )
-
-
-def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
-    """The tracks and, unless there are to be none, as many rounds as the headland takes and the field has room for."""
-    width, bearing = scenario.width_m, scenario.bearing_deg
-    if scenario.tracks_only:
-        return lay_tracks(field, width, headland_m, bearing)
-    most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
-    for count in range(most, 1, -1):
-        try:
-            depth = headland_m if count == most else count * width
-            return lay_tracks(field, width, depth, bearing, rounds=count)
-        except FieldError:
-            if scenario.headland_m is not None:
-                raise
-    return lay_tracks(field, width, width, bearing, rounds=1)
 
 
 def _with_names(

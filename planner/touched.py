@@ -8,15 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.site import Site
-from vehicle.compile import outline
+from planner.site import Site, body_of
 from vehicle.run import Run
 
 EVERY = 2  # rows of the 10 Hz record between looks: under half a metre of driving
 GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 SAME_M = 1e-6
-TOUCH_M = 0.01  # nearer than this to the middle of something no look tells from beside it
-Points = npt.NDArray[np.float64]
+TOUCH_M = 0.01  # overlaps thinner than this are none
+HOLE = "a hole of the field"
 Boxes = npt.NDArray[np.object_]
 
 
@@ -37,11 +36,10 @@ def fence_crossed_m(run: Run, site: Site) -> float:
 def obstacle_touched(run: Run, site: Site) -> str | None:
     """What a box of tractor or implement touches, in words; None for nothing."""
     field = site.layout.field
-    holes = () if field.outline is None else field.outline.interiors
-    solid = [(shapely.Polygon(hole), "a hole of the field") for hole in holes]
-    solid += [(one.shape, str(one)[0].lower() + str(one)[1:]) for one in field.obstacles]
-    for shape, name in solid:
-        core = shape.buffer(-TOUCH_M) if shape.geom_type == "Polygon" else shape
+    names = [str(one)[0].lower() + str(one)[1:] for one in field.obstacles]
+    holes = [HOLE] * (len(field.solid) - len(names))
+    for shape, name in zip(field.solid, [*holes, *names], strict=True):
+        core = shape.buffer(-TOUCH_M)
         shapely.prepare(core)
         if any(shapely.intersects(boxes, core).any() for boxes in _near(run, site, core)):
             return name
@@ -50,20 +48,12 @@ def obstacle_touched(run: Run, site: Site) -> str | None:
 
 def _near(run: Run, site: Site, shape: shapely.Geometry) -> Iterator[Boxes]:
     """Boxes of each tractor and its implement whenever they could touch a shape."""
-    sizes = outline(site.tractor, site.implement)
-    ends = (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
-    corners = np.array([
-        [(sizes[low], -sizes[half]), (sizes[high], -sizes[half]), (sizes[high], sizes[half]), (sizes[low], sizes[half])]
-        for low, high, half in ends
-    ])  # fmt: skip
-    reach = float(np.hypot(*corners.reshape(-1, 2).T).max())
+    body, axle_m = body_of(site.tractor, site.implement), site.tractor.rear_axle_m
     for tractor in range(run.plan.tractors):
         poses = run.poses(tractor)[::EVERY]
-        poses = poses[shapely.dwithin(shapely.points(poses[:, :2]), shape, reach)]
-        cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        turned = np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
-        places = np.einsum("tij,bcj->tbci", turned, corners) + poses[:, None, None, :2]
-        yield shapely.polygons(places.reshape(-1, 4, 2))
+        poses = poses[shapely.dwithin(shapely.points(poses[:, :2]), shape, body.reach_m + axle_m)]
+        ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        yield body.placed(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
 
 
 def _over(boxes: Boxes, area: shapely.Polygon, fence: shapely.Geometry) -> float:

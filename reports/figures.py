@@ -31,7 +31,7 @@ _ROOM, _FOOT = 0.03, 0.1  # of the larger side of the field: beside it, and belo
 _MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row of them
 _LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
 _ROW_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0
-_MOST_ROWS, _WIDEST_WITH_LISTS = 45, 11.0  # of lists below the map; of a map with lists beside it
+_MOST_ROWS, _WIDEST_WITH_LISTS = 70, 11.0  # of lists below the map; of a map with lists beside it
 
 
 def map_figure(drive: Drive, field_name: str = "") -> Figure:
@@ -129,7 +129,7 @@ def _sheet(drive: Drive, field_name: str, inches: tuple[float, float]) -> _Sheet
     """The map with lists of legs beside it, or below it, or without where they have no room."""
     across, up = inches
     alone = max(across + 2 * _EDGE_INCHES, _NARROWEST)
-    beside = _lists(drive, int(up / _ROW_INCHES) - 2)
+    beside = _lists(drive, int(up / _ROW_INCHES) - 1)
     wide = across + 3 * _EDGE_INCHES + _LIST_INCHES * len(beside)
     below = _lists(drive, _MOST_ROWS)
     is_beside = bool(beside) and wide <= _WIDEST_WITH_LISTS
@@ -187,14 +187,18 @@ def _title_lines(drive: Drive, field_name: str, width: float) -> list[str]:
 
 
 def _lists(drive: Drive, most: int) -> list[str]:
-    """The lists of legs as columns of text of at most so many rows and a heading."""
-    columns = []
+    """The lists of legs as columns of text of at most so many rows; short ones stand below each other."""
+    columns: list[list[str]] = []
     for number, steps in enumerate(drive.steps, start=1):
         rows = text_rows(steps)
-        for first in range(0, len(rows), max(most, 1)):
+        for first in range(0, len(rows), max(most - 1, 1)):
             title = heading(number, steps) if not first else f"Tractor {number}, on"
-            columns.append("\n".join([title, *rows[first : first + max(most, 1)]]))
-    return columns
+            block = [title, *rows[first : first + max(most - 1, 1)]]
+            if columns and len(columns[-1]) + 1 + len(block) <= most:
+                columns[-1] += ["", *block]
+            else:
+                columns.append(block)
+    return ["\n".join(column) for column in columns]
 
 
 def _marks(drive: Drive) -> list[Artist]:
@@ -227,6 +231,8 @@ def _marks(drive: Drive) -> list[Artist]:
         handles.append(Line2D([], [], color=INK, linewidth=1.0, linestyle="dashed", label="cells"))
     if drive.obstacles:
         handles.append(Patch(facecolor=palette.OBSTACLE, edgecolor="none", label="obstacles"))
+    if drive.fences:
+        handles.append(Line2D([], [], color=INK, linewidth=2.2, linestyle=(0, (2, 1)), label="fences"))
     if drive.missed:
         handles.append(Patch(facecolor="none", edgecolor=palette.MISSED, hatch="/////", label="not worked"))
     return handles

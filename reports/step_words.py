@@ -6,6 +6,7 @@ from reports.results import Step
 from reports.wording import listed
 
 _POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_MOST_NAMED = 4  # of more tractors that are waited for, only how many they are
 _TURNS = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
 
 
@@ -45,4 +46,6 @@ def heading_words(bearing_deg: float | None) -> str:
 def _for(tractors: tuple[int, ...]) -> str:
     if not tractors:
         return ""
+    if len(tractors) > _MOST_NAMED:
+        return f" for {len(tractors)} tractors"
     return f" for tractor{'s' if len(tractors) > 1 else ''} {listed(tractors)}"

@@ -1,4 +1,4 @@
-"""Whether a tractor with its implement stays inside a fence on the way from one pose to another.
+"""Whether a tractor with its implement keeps off fences and obstacles on the way from one pose to another.
 
 The guided point leads the rear axle, which trails it: driven forwards, the nose swings out of a bend and the implement
 too. Which ways there are is found for the guided point alone; here is what the rest of the machine does on them.
@@ -46,32 +46,37 @@ class Body:
         ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
         turned = corners[None, ..., :1] * ahead[:, None, None] + corners[None, ..., 1:] * left[:, None, None]
-        return shapely.polygons((turned + poses[:, None, None, :2]).reshape(-1, 4, 2))
+        return np.asarray(shapely.polygons((turned + poses[:, None, None, :2]).reshape(-1, 4, 2)))
 
 
 class Fence:
-    """Lines that nothing of a body may come nearer to than `spare_m` on planned ways: guidance is never exact."""
+    """Fences, and outlines of obstacles, that nothing of a body should come nearer to than `spare_m` as planned.
 
-    def __init__(self, lines: shapely.Geometry, body: Body, spare_m: float) -> None:
-        self.lines, self.body, self.spare_m = lines, body, spare_m
-        shapely.prepare(lines)
+    Guidance is never exact. A plan may touch an obstacle where there is no other way, but never crosses a fence.
+    """
 
-    def crosses(self, way: Path) -> bool:
-        """Whether some part of the machine comes to a fence on a way."""
+    def __init__(self, fences: shapely.Geometry, obstacles: shapely.Geometry, body: Body, spare_m: float) -> None:
+        self.body, self.spare_m = body, spare_m
+        self._fences, self._lines = fences, shapely.union(fences, obstacles)
+        shapely.prepare([self._fences, self._lines])
+
+    def crosses(self, way: Path, *, fences_only: bool = False) -> bool:
+        """Whether some part of the machine comes to a fence, or an obstacle as well, on a way."""
         points = way.outline(0.1)
         line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
-        if not shapely.dwithin(self.lines, line, self.body.reach_m + self.spare_m):
+        lines = self._fences if fences_only else self._lines
+        if not shapely.dwithin(lines, line, self.body.reach_m + self.spare_m):
             return False
-        return self._hit(_axle(way, self.body.guide_m))
+        return self._hit(_axle(way, self.body.guide_m), lines)
 
     def hits(self, pose: Pose) -> bool:
-        """Whether some part of a machine that stands straight, its guided point in a pose, is at a fence."""
+        """Whether some part of a machine that stands straight, its guided point in a pose, is at one of them."""
         x, y, heading = pose
         back = self.body.guide_m
-        return self._hit(np.array([[x - back * math.cos(heading), y - back * math.sin(heading), heading]]))
+        return self._hit(np.array([[x - back * math.cos(heading), y - back * math.sin(heading), heading]]), self._lines)
 
-    def _hit(self, poses: Points) -> bool:
-        return bool(shapely.dwithin(self.lines, self.body.placed(poses), self.spare_m).any())
+    def _hit(self, poses: Points, lines: shapely.Geometry) -> bool:
+        return bool(shapely.dwithin(lines, self.body.placed(poses), self.spare_m).any())
 
 
 def _axle(way: Path, guide_m: float) -> Points:

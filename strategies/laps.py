@@ -95,7 +95,8 @@ def _legs_of(job: Job, driven: list[tuple[_Strip, Path | None]], left_m: float) 
         if way is not None:
             job.used[way.kind] = job.used.get(way.kind, 0) + 1
             task = replace(strip.task, kind=WAY if way.kind == "route" else TURN)
-            legs += driven_legs(job, way, task) if task.kind == TURN else with_stops(driven_legs(job, way, task), STOPS_M)
+            between = driven_legs(job, way, task)
+            legs += between if task.kind == TURN else with_stops(between, STOPS_M)
         legs += _working(job, strip)
     return Shift(tuple(legs), _pose(driven[0][0].points, 0), _pose(driven[-1][0].points, -1), left_m)
 
@@ -133,7 +134,13 @@ def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False, beside: bool = Fal
         if _easy(way) and not job.crosses(way):
             return way
     ways = chain((_turn(job, a, b),), (_between(job, p, q) for p, q in _freed(job, rim, a, b)))
-    way = next((way for way in ways if _easy(way) and not job.crosses(way)), None) or rim.direct(a, b)
+    easy: list[Path] = []
+    for each in ways:
+        if _easy(each):
+            easy.append(each)
+            if not job.crosses(each):
+                break
+    way = _kept(job, easy) or rim.direct(a, b)
     if job.crosses(way):
         way = job.way(a, b)
     if not _easy(way) and anyhow:
@@ -147,11 +154,18 @@ def _turn(job: Job, a: Pose, b: Pose) -> Path | None:
     ways = [way for way in corner_ways(a, b, job.manner.radius_m) if rim.reversing or not way.reverse_m]
     most = math.dist(a[:2], b[:2]) + LONGEST_CORNER * job.manner.radius_m
     timed = [(rim.costs.time_s(way), way) for way in ways if way.length_m <= most and rim.fits(way)]
-    timed = [pair for pair in timed if not job.crosses(pair[1])]
     turn = job.turn(a, b)
     if turn is not None:
         timed.append((rim.cost(turn), turn))
-    return min(timed, key=lambda pair: round(pair[0], 6))[1] if timed else None
+    return _kept(job, [way for _, way in sorted(timed, key=lambda pair: round(pair[0], 6))])
+
+
+def _kept(job: Job, ways: list[Path]) -> Path | None:
+    """The first of some ways that comes to neither fence nor obstacle, else the first that comes to no fence."""
+    if not ways or job.fence is None:
+        return ways[0] if ways else None
+    clear = next((way for way in ways if not job.crosses(way)), None)
+    return clear or next((way for way in ways if not job.crosses(way, fences_only=True)), None)
 
 
 def _easy(way: Path | None) -> TypeGuard[Path]:

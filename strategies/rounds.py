@@ -1,7 +1,7 @@
 """Rounds of the headland before the tracks of a plan or after them, whatever strategy wrote it.
 
-All tractors drive their shares of the rounds at once; nobody begins with what comes second before all others are
-through with what comes first.
+All tractors drive their shares of the rounds at once. Nobody works a track before all others are through with their
+rounds, or a round before all others are on their last track.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from vehicle.missions import TRACK, TURN, WAY, Gate, Leg, Mission, Plan
 FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
 ORIGINS = 12  # places tried for the first border between sectors
-NEARLY_M = 30.0  # one that follows another in a formation stops farther behind than its leg goes
+SAME_M = 20.0  # of rounds: what borders in an awkward place leave out beyond this is not given up for a short way
 ARRIVED_M = 0.2  # a tractor counts as through this far before the end of a leg
 STOPS_M = 10.0  # a tractor may be kept waiting so often on its way between rounds and tracks
 
 
 @dataclass(frozen=True)
 class _Whole:
-    """All legs of a tractor; it is through with what comes first when it is at leg `border`.
+    """All legs of a tractor; others may do what comes second when it is at leg `border`.
 
-    From leg `begin` on it does what comes second. `before` legs stand before those of the strategy.
+    From leg `begin` on it does so itself. `before` legs stand before those of the strategy.
     """
 
     legs: tuple[Leg, ...]
@@ -88,7 +88,7 @@ def _gates(
         worker = next(index for index, shift in enumerate(own) if shift is not None)
         last = len(wholes[worker].legs) - 1
         return [Gate(worker, last, max(0.0, wholes[worker].legs[last].length_m - ARRIVED_M))]
-    return _through(wholes, tractor, ARRIVED_M if first else NEARLY_M)
+    return _through(wholes, tractor)
 
 
 def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[list[Stretch]]:
@@ -97,8 +97,9 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
         begin = job.layout.field.entrance if first else ends[0][:2]
         whole = shared(replace(job, tractors=1), outside_in=first, begin=begin)
         return whole + [[] for _ in range(job.tractors - 1)]
-    begin = job.layout.field.entrance
-    options = [shared(job, outside_in=first, begin=begin, origin=place / ORIGINS) for place in range(ORIGINS)]
+    options = [_sharing(job, first, place / ORIGINS) for place in range(ORIGINS)]
+    driven = [sum(stretch.length_m for share in shares for stretch in share) for shares in options]
+    options = [shares for shares, metres in zip(options, driven, strict=True) if metres > max(driven) - SAME_M]
 
     def farthest(shares: list[list[Stretch]]) -> float:
         meet = [(share[-1].end if first else share[0].start) if share else None for share in shares]
@@ -106,6 +107,15 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
         return round(max(math.dist(place, end[:2]) for share, end in pairs if (place := meet[share]) is not None), 2)
 
     return min(options, key=farthest)
+
+
+def _sharing(job: Job, outside_in: bool, origin: float) -> list[list[Stretch]]:
+    """The rounds shared out with borders counted from a place, worked out once."""
+    key = job.tractors, outside_in, origin
+    if key not in job.sharings:
+        begin = job.layout.field.entrance
+        job.sharings[key] = shared(job, outside_in=outside_in, begin=begin, origin=origin)
+    return job.sharings[key]  # type: ignore[no-any-return]
 
 
 def _end(mission: Mission) -> Pose:
@@ -139,7 +149,7 @@ def _joined(
     """
     if shift is None:
         hold = _last_hold(mission.legs) if passage.alone else len(mission.legs)
-        return _Whole(mission.legs, 0, 0, 0) if first else _Whole(mission.legs, hold, hold, 0)
+        return _Whole(mission.legs, 0, 0, 0) if first else _Whole(mission.legs, _last_track(mission.legs), hold, 0)
     a, b = (shift.end, end) if first else (end, shift.start)
     way = link(job, a, b, anyhow=True, beside=passage.beside)
     if way is None:
@@ -151,12 +161,17 @@ def _joined(
     task = (mission if first else shift).legs[0].task
     between = with_stops(driven_legs(job, way, replace(task, kind=WAY if way.kind == "route" else TURN)), STOPS_M)
     if not first:
-        hold = _last_hold(mission.legs)
-        return _Whole((*mission.legs, *between, *shift.legs), hold, hold, 0)
+        legs = (*mission.legs, *between, *shift.legs)
+        return _Whole(legs, _last_track(mission.legs), _last_hold(mission.legs), 0)
     before = len(shift.legs) + len(between)
     tracks = (replace(mission.legs[0], gates=()), *mission.legs[1:])  # whoever comes first may go in first
     begin = next((n for n, leg in enumerate(tracks) if leg.task.kind == TRACK), 0)
     return _Whole((*shift.legs, *between, *tracks), len(shift.legs), before + begin, before)
+
+
+def _last_track(legs: Sequence[Leg]) -> int:
+    """The first leg that works the last track."""
+    return 1 + max((number for number, leg in enumerate(legs) if leg.task.kind != TRACK), default=-1)
 
 
 def _last_hold(legs: Sequence[Leg]) -> int:
@@ -176,10 +191,10 @@ def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
     ]
 
 
-def _through(wholes: list[_Whole], me: int, short_m: float) -> list[Gate]:
-    """Gates that open when all others are through with what comes first, but for some metres."""
+def _through(wholes: list[_Whole], me: int) -> list[Gate]:
+    """Gates that open when all others are through with what comes first, or on their last track."""
     return [
-        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - short_m))
+        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - ARRIVED_M))
         for other, whole in enumerate(wholes)
         if other != me and whole.border > 0
     ]

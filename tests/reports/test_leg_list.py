@@ -47,6 +47,11 @@ def test_words(one: Step, words: str) -> None:
     assert step_words(one) == words
 
 
+def test_many_that_are_waited_for_are_counted() -> None:
+    assert step_words(step("wait", for_tractors=(1, 2, 3, 4))) == "wait for tractors 1, 2, 3 and 4"
+    assert step_words(step("wait", for_tractors=(1, 2, 3, 4, 6))) == "wait for 5 tractors"
+
+
 def printed(width: int = 80, **options: object) -> str:
     text = io.StringIO()
     Console(file=text, width=width).print(leg_lists("Field", (STEPS, STEPS[:2]), **options))  # type: ignore[arg-type]

@@ -1,0 +1,124 @@
+"""Which layout of a field to plan with: several are compared by the time one tractor would take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from fields.errors import FieldError
+from fields.field import Field
+from fields.layout import Layout, lay_tracks
+from fields.options import effort_m, lay_options
+from planner.scenario import SOW, Scenario
+from strategies.job import Job
+from strategies.laps import shift_of
+from strategies.sequence import searched
+from strategies.shifts import shared
+from strategies.table import TurnTable
+
+MOST_ROUNDS = 50
+MOST_TRACKS = 200  # orders of more are not searched to compare layouts: the estimate decides
+BESIDES = 2  # layouts compared with the plain one in as many rounds as turns need
+NEAR_LINES = 5  # turns over more are estimated for the comparison
+LEAST_GAIN = 0.01  # of the time: what gains less may as well lose, and is not worth a second bearing or another round
+DEEPER = 0.01  # of the time: what one round more is charged, as corners take longer than the comparison sees
+WORSE = 1.02  # layouts this much dearer than the cheapest by estimate are not compared
+GRID_M = 1e-6
+
+
+def layouts(scenario: Scenario, field: Field, headland_m: float) -> list[Layout]:
+    """The layouts to compare, first the plain one: one bearing, and as many rounds as the headland takes.
+
+    Without rounds, and where bearing and headland are asked for, there is no other. A bearing that is asked for is that
+    of every layout, a headland as well. Raises FieldError where no track is left.
+    """
+    width, bearing = scenario.width_m, scenario.bearing_deg
+    if scenario.tracks_only:
+        return [lay_tracks(field, width, headland_m, bearing)]
+    plain = _plain(scenario, field, headland_m)
+    found = [plain]
+    if bearing is None:
+        options = _options(scenario, plain)
+        most = WORSE * effort_m(options[0])
+        found += [option for option in options if option is not plain and effort_m(option) <= most][:BESIDES]
+    if scenario.headland_m is None and plain.rounds < MOST_ROUNDS:
+        found += _deeper(scenario, field, plain.rounds + 1)
+    return found
+
+
+def _plain(scenario: Scenario, field: Field, headland_m: float) -> Layout:
+    """One bearing inside as many rounds as the headland takes and the field has room for."""
+    width, bearing = scenario.width_m, scenario.bearing_deg
+    most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
+    for count in range(most, 1, -1):
+        try:
+            depth = headland_m if count == most else count * width
+            return lay_tracks(field, width, depth, bearing, rounds=count)
+        except FieldError:
+            if scenario.headland_m is not None:
+                raise
+    return lay_tracks(field, width, width, bearing, rounds=1)
+
+
+def _deeper(scenario: Scenario, field: Field, rounds: int) -> list[Layout]:
+    """The most promising layout inside so many rounds; none where these leave no room for tracks."""
+    width = scenario.width_m
+    try:
+        plain = lay_tracks(field, width, rounds * width, scenario.bearing_deg, rounds=rounds)
+    except FieldError:
+        return []
+    return _options(scenario, plain)[:1] if scenario.bearing_deg is None else [plain]
+
+
+def _options(scenario: Scenario, plain: Layout) -> list[Layout]:
+    """The layouts beside a plain one; cells are none where tracks are spared, as turns in one lead over the next."""
+    return [one for one in lay_options(plain) if scenario.operation != SOW or len(one.cells) == 1]
+
+
+def quickest(jobs: Sequence[Job]) -> int:
+    """Which of several jobs for one tractor on a field is done soonest; the first where others gain little.
+
+    Where there are many tracks, jobs with as many rounds as the first are compared by the estimated driving alone.
+    """
+    if len(jobs) == 1:
+        return 0
+    deeper = [job.layout.rounds > jobs[0].layout.rounds for job in jobs]
+    if max(len(job.layout.tracks) for job in jobs) > MOST_TRACKS:
+        cost = [math.inf if more else effort_m(job.layout) for job, more in zip(jobs, deeper, strict=True)]
+    else:
+        cost = [finish_s(job) * (1.0 + DEEPER * more) for job, more in zip(jobs, deeper, strict=True)]
+    best = min(range(len(jobs)), key=lambda place: (round(cost[place], 1), place))
+    return best if cost[best] < (1.0 - LEAST_GAIN) * cost[0] else 0
+
+
+def finish_s(job: Job) -> float:
+    """Seconds in which one tractor would finish the field: its best order, the rounds, missed ground at their rate."""
+    tracks = list(job.layout.tracks)
+    order = searched(tracks, job, TurnTable(job, tracks, NEAR_LINES), roughly=True)
+    rounds_s, left_m = _rounds_s(job)
+    worked = _worked_m2(job) - left_m * job.layout.width_m
+    return (order.seconds + rounds_s) * job.layout.field.area_m2 / worked
+
+
+def _rounds_s(job: Job) -> tuple[float, float]:
+    """Seconds of the rounds driven by one tractor, with all their corners, and the metres that no way leads to."""
+    shift = shift_of(job, shared(job, outside_in=True, begin=job.layout.field.entrance)[0])
+    if shift is None:
+        return 0.0, math.fsum(lap.length_m for lap in job.rounds)
+    driven = math.fsum(leg.length_m / leg.speed_mps for leg in shift.legs)
+    shifts = sum(a.gear != b.gear for a, b in pairwise(shift.legs))
+    return driven + shifts * job.connector.costs.cusp_s, shift.left_m
+
+
+def _worked_m2(job: Job) -> float:
+    """Ground that the implement passes over where everything is driven as planned, corners whole."""
+    layout, half = job.layout, 0.5 * job.layout.width_m
+    lines = [shapely.LinearRing(lap.line) if lap.closed else lap.line for lap in job.rounds]
+    around = shapely.buffer(lines, half, cap_style="flat", join_style="mitre")
+    along = shapely.buffer([shapely.LineString([t.start, t.end]) for t in layout.tracks], half, cap_style="flat")
+    worked = shapely.union_all(np.concatenate([around, along]), grid_size=GRID_M)
+    return float(shapely.intersection(worked, layout.field.boundary, grid_size=GRID_M).area)
