@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from fields.layout import Layout
 from planner.choosing import promising
 from planner.deconflict import GiveWay, without_conflicts
 from planner.giving_way import Rules, giving_way
@@ -36,6 +38,7 @@ FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nob
 CROSSED_M = 0.01
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
+SAME_LINE_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -93,8 +96,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    promising = corners_by_promise(job)
-    for corner in sorted(promising, key=lambda corner: corner != job.corner):
+    for corner in sorted(corners_by_promise(job), key=lambda corner: corner != job.corner):
         try:
             latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
@@ -191,8 +193,20 @@ def _begun(run: Run, slip: Slip) -> str:
 def beside_clearance_m(site: Site) -> float:
     """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
     machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
-    room = ROOM_KEPT * (site.implement.width_m - machine_m)
+    room = ROOM_KEPT * (_spacing_m(site.layout) - machine_m)
     return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
+
+
+def _spacing_m(layout: Layout) -> float:
+    """How far apart neighbouring tracks are at the least: where lines are shared out evenly, less than their width."""
+    spacing = layout.width_m
+    for before, track in pairwise(layout.tracks):
+        ends = np.array([track.start, track.end]) - before.start
+        along = (np.array(before.end) - before.start) / before.length
+        apart = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
+        if track.line == before.line + 1 and np.ptp(apart) < SAME_LINE_M and apart[0] > 0.5 * layout.width_m:
+            spacing = min(spacing, float(apart[0]))
+    return spacing
 
 
 def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: GiveWay) -> tuple[Run, str | None]:

@@ -30,7 +30,7 @@ def _row_before_in_place(draft: Draft, number: int, slot: Slot) -> list[Gate]:
 
 
 def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:
-    return driven(lambda changes: row_by_row(job, changes=changes), simulate)[1]
+    return driven(lambda changes: row_by_row(job, changes=changes), simulate).refined
 
 
 STRATEGY = Strategy(
