@@ -19,7 +19,7 @@ from fields.lines import TURN_M, CombRules, axes
 
 FloatArray = npt.NDArray[np.float64]
 
-PROMISING = 1.05  # directions this much dearer than the cheapest may still be quicker
+PROMISING = 1.02  # directions this much dearer than the cheapest may still be quicker
 MOST_BEARINGS = 3
 APART_RAD = math.radians(5.0)  # directions that are nearer give much the same tracks
 SHORTEST_M = 5.0
