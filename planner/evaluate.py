@@ -28,7 +28,7 @@ from vehicle.run import DONE, Run
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-CROSSED_M = 0.01
+CROSSED_M = 0.02  # a width of wire
 MOST_SLOWED = 2
 SMALLEST_GAIN_M = 0.02
 
