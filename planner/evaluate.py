@@ -35,7 +35,7 @@ from vehicle.world import World
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-CROSSED_M = 0.01
+CROSSED_M = 0.02  # a width of wire
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
 SAME_LINE_M = 1e-3
