@@ -30,7 +30,7 @@ from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
-ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 CROSSED_M = 0.01
