@@ -1,0 +1,11 @@
+"""A whole tractor from what a maker's datasheet says.
+
+    sheet    Datasheet: the values, what is usual, and what cannot be
+    rules    everything else by rules, each with its words under [source]
+    whole    tractor_from: the tractor as the simulator needs it
+"""
+
+from vehicle.datasheet.sheet import NEEDED, QUANTITIES, Datasheet, sheet_from
+from vehicle.datasheet.whole import tractor_from
+
+__all__ = ["NEEDED", "QUANTITIES", "Datasheet", "sheet_from", "tractor_from"]
