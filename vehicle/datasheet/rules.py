@@ -11,6 +11,7 @@ from vehicle.chassis import GRAVITY
 from vehicle.datasheet.sheet import (
     FRONT_SHARE,
     OUTER_WHEEL,
+    QUANTITIES,
     TRACK_SHARE,
     Datasheet,
     antenna_forward_m,
@@ -34,7 +35,8 @@ def mass(sheet: Datasheet, like: Tractor) -> Sourced:
         return round(MASS_PER_POWER * sheet.power_kw), f"assumed: {rule}"
     size = (sheet.wheelbase_m * sheet.width_m) / (like.wheelbase_m * like.width_m)
     rule = f"as the {like.name}, times the square of wheelbase x width"
-    return max(float(f"{like.mass_kg * size**2:.2g}"), 1.0), f"assumed: {rule}"
+    kg = min(max(like.mass_kg * size**2, QUANTITIES["mass_kg"].low), QUANTITIES["mass_kg"].high)
+    return float(f"{kg:.2g}"), f"assumed: {rule}"
 
 
 def axles(sheet: Datasheet) -> tuple[Sourced, Sourced]:
@@ -127,6 +129,19 @@ def _wider(like: Tractor, ground: str) -> float:
     asphalt = like.power_law("asphalt")
     full = like.max_steering_deg
     return sum(like.power_law(ground).radius_m(a) / asphalt.radius_m(a) for a in (full, -full)) / 2.0
+
+
+def steering_rate(sheet: Datasheet, like: Tractor) -> Sourced:
+    """How fast the wheels turn over, degrees per s."""
+    if sheet.steering_rate_deg_per_s is not None:
+        return sheet.steering_rate_deg_per_s, GIVEN
+    turned = lock(sheet)[0] / like.max_steering_deg
+    tighter = like.smallest_radius_m("asphalt") / centre_radius(sheet)[0]
+    rate = like.steering.rate_deg_per_s
+    if turned * tighter <= 1.0:
+        return rate, f"assumed: as the {like.name}"
+    rule = f"as the {like.name}, quicker for a tighter turn: at one speed, full lock within as many radii of way"
+    return round(rate * turned * tighter, 1), f"assumed: {rule}"
 
 
 def drive(mass_kg: float) -> Sourced:

@@ -13,6 +13,7 @@ from fields.errors import named
 from vehicle.errors import VehicleError
 
 SHARPEST_DEG = 50.0  # no front axle turns its wheels further in the mean of both
+LONGEST_SHARE = 3.5
 CENTRE, OUTER_WHEEL = "centre", "outer-wheel"
 
 
@@ -35,17 +36,17 @@ class Quantity:
 
 
 QUANTITIES: Mapping[str, Quantity] = {
-    "wheelbase_m": Quantity("distance between the axles", "m", 0.2, 6.0, 1.0, 3.5, 2.4),
-    "width_m": Quantity("width over all", "m", 0.2, 6.0, 0.8, 3.0, 2.0),
-    "turning_radius_m": Quantity("radius at full lock, half the turning circle", "m", 0.2, 30.0, 2.0, 8.0, 5.0),
+    "wheelbase_m": Quantity("distance between the axles", "m", 0.5, 5.0, 1.0, 3.5, 2.4),
+    "width_m": Quantity("width over all", "m", 0.3, 5.0, 0.8, 3.0, 2.0),
+    "turning_radius_m": Quantity("radius at full lock, half the turning circle", "m", 0.8, 25.0, 2.0, 8.0, 5.0),
     "mass_kg": Quantity("mass ready to work", "kg", 20.0, 60_000.0, 500.0, 16_000.0, 5000.0),
     "power_kw": Quantity("power of the engine", "kW", 0.5, 1000.0, 10.0, 400.0, 80.0),
     "length_m": Quantity("length over all", "m", 0.3, 15.0, 2.0, 7.0, 4.3),
-    "track_m": Quantity("distance between the wheels of an axle", "m", 0.1, 6.0, 0.8, 2.3, 1.6),
+    "track_m": Quantity("distance between the wheels of an axle", "m", 0.2, 5.0, 0.8, 2.3, 1.6),
     "rear_overhang_m": Quantity("what reaches behind the rear axle", "m", 0.0, 6.0, 0.3, 1.2, 0.75),
     "max_steering_deg": Quantity("wheel angle at full lock", "degrees", 5.0, 59.0, 25.0, 55.0, 35.0),
     "steering_rate_deg_per_s": Quantity("how fast the wheels turn over", "degrees per s", 1.0, 500.0, 10.0, 60.0, 16.0),
-    "front_share": Quantity("share of the weight on the front axle", "of 1", 0.1, 0.9, 0.35, 0.55, 0.4),
+    "front_share": Quantity("share of the weight on the front axle", "of 1", 0.2, 0.8, 0.35, 0.55, 0.4),
     "antenna_forward_m": Quantity("antenna ahead of the rear axle", "m", -3.0, 10.0, 0.0, 2.0, 1.1),
 }
 """Every number of a datasheet, by the name it has there."""
@@ -129,10 +130,10 @@ def _together(sheet: Datasheet) -> list[str]:
     """What is wrong between values that are possible each on its own."""
     faults = []
     base, width, radius = sheet.wheelbase_m, sheet.width_m, sheet.turning_radius_m
-    if sheet.length_m is not None and sheet.length_m < base:
+    if sheet.length_m is not None and not base <= sheet.length_m <= LONGEST_SHARE * base:
         faults.append(
-            f"{named('length_m')} is {sheet.length_m:g} m, less than the wheelbase of {base:g} m; the length is over "
-            "all, usually 1.8 times the wheelbase"
+            f"{named('length_m')} is {sheet.length_m:g} m beside a wheelbase of {base:g} m; a tractor without "
+            f"implement is 1 to {LONGEST_SHARE:g} times as long as its wheelbase, usually 1.8 times"
         )
     elif sheet.rear_overhang_m is not None and sheet.length_m is not None and sheet.rear_overhang_m > (
         sheet.length_m - base

@@ -10,6 +10,8 @@ from vehicle.tractor import Guidance, SpeedControl, Steering, Tractor, load_trac
 
 LIKE = "eg105"
 GAINS = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m")
+LOOKAHEADS = ("lookahead_m", "turn_lookahead_m")
+FAR_TURNING, FAR_OFF = 3.0, 0.25
 
 
 def tractor_from(name: str, sheet: Datasheet) -> Tractor:
@@ -50,18 +52,18 @@ def _as(like: Tractor, section: str, values: BaseModel) -> dict[str, str]:
 
 def _steering(sheet: Datasheet, like: Tractor) -> tuple[Steering, dict[str, str]]:
     told = _as(like, "steering", like.steering)
-    if sheet.steering_rate_deg_per_s is None:
-        return like.steering, told
-    told["steering.rate_deg_per_s"] = rules.GIVEN
-    return like.steering.model_copy(update={"rate_deg_per_s": sheet.steering_rate_deg_per_s}), told
+    rate, told["steering.rate_deg_per_s"] = rules.steering_rate(sheet, like)
+    return like.steering.model_copy(update={"rate_deg_per_s": rate}), told
 
 
 def _guidance(sheet: Datasheet, like: Tractor) -> tuple[Guidance, dict[str, str]]:
-    """As of the other tractor, the lookahead in turns as long against the wheelbase."""
+    """As of the other tractor, lookaheads as long against the wheelbase."""
     told = _as(like, "guidance", like.guidance)
-    told["guidance.turn_lookahead_m"] = f"assumed: as the {like.name}, in proportion to the wheelbase"
-    ahead = like.guidance.turn_lookahead_m * sheet.wheelbase_m / like.wheelbase_m
-    return like.guidance.model_copy(update={"turn_lookahead_m": round(ahead, 3)}), told
+    changes = {}
+    for key in LOOKAHEADS:
+        changes[key] = round(getattr(like.guidance, key) * sheet.wheelbase_m / like.wheelbase_m, 3)
+        told[f"guidance.{key}"] = f"assumed: as the {like.name}, in proportion to the wheelbase"
+    return like.guidance.model_copy(update=changes), told
 
 
 def _speed(mass_kg: float, like: Tractor) -> tuple[SpeedControl, dict[str, str]]:
@@ -73,3 +75,22 @@ def _speed(mass_kg: float, like: Tractor) -> tuple[SpeedControl, dict[str, str]]
         told[f"speed.{key}"] = f"assumed: as the {like.name}, in proportion to the mass"
     changes["max_drive_n"], told["speed.max_drive_n"] = rules.drive(mass_kg)
     return like.speed.model_copy(update=changes), told
+
+
+def remarks(sheet: Datasheet) -> tuple[str, ...]:
+    """What is possible but looks odd, in sentences."""
+    said = []
+    radius, base = rules.centre_radius(sheet)[0], sheet.wheelbase_m
+    if radius > FAR_TURNING * base:
+        said.append(
+            f"A turning radius of {radius:g} m is {radius / base:.1f} wheelbases, usual are 1.5 to 2.5; halve it if the "
+            "datasheet gives the diameter of the turning circle."
+        )
+    if sheet.max_steering_deg is not None:
+        free = rules.lock(sheet.model_copy(update={"max_steering_deg": None}))[0]
+        if abs(sheet.max_steering_deg / free - 1.0) > FAR_OFF:
+            said.append(
+                f"Wheels turned by {sheet.max_steering_deg:g} degrees do not go with a radius of {radius:.2f} m on a "
+                f"wheelbase of {base:g} m, which asks for {free:.1f}; the radius counts, check all three."
+            )
+    return tuple(said)
