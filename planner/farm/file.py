@@ -62,6 +62,15 @@ class FarmFile(Section):
         """An implement by name, the first without one; raises ScenarioError."""
         return _pick(self.implements, name, "implement")
 
+    def prices_for(self, tractor: FarmTractor, implement: FarmImplement) -> Prices:
+        """The prices with what these machines have of their own."""
+        own = {
+            "tractor_price": tractor.price, "tractor_power_kw": tractor.power_kw,
+            "hours_per_year": tractor.hours_per_year, "years": tractor.years, "implement_price": implement.price,
+            "implement_hours_per_year": implement.hours_per_year,
+        }  # fmt: skip
+        return self.prices.model_copy(update={key: value for key, value in own.items() if value is not None})
+
     def fits(self, tractor: FarmTractor, implement: FarmImplement) -> bool:
         """Whether an implement goes with a kind of tractor."""
         return not implement.tractors or tractor.name in implement.tractors
@@ -86,6 +95,8 @@ def farm_from(text: str, called: str, folder: Path = Path()) -> FarmFile:
         raise ScenarioError(f"The farm file {called} cannot be used: {faults}.", parameter="farm") from None
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"The farm file {called} is not TOML: {parse_fault(error)}.", parameter="farm") from None
+    if "tractors" not in farm.model_fields_set:
+        return farm
     return farm.model_copy(update={"tractors": tuple(_with_file(each, called, folder) for each in farm.tractors)})
 
 

@@ -21,7 +21,7 @@ class FarmTractor(Section):
     """
 
     name: str = Field(strict=True, min_length=1, description="in quotes")
-    file: str | None = text(None, "a tractor that comes with Headland (eg105, mr1000a) or a TOML file, in quotes")
+    file: str | None = text(None, "eg105, mr1000a or a TOML file, in quotes", "eg105 if there is no sheet")
     sheet: Datasheet | None = None
     count: StrictInt = Field(1, ge=1, le=MOST_TRACTORS, description="how many", json_schema_extra={SOURCE: "one"})
     price: float | None = number(None, 0.0, HIGHEST_PRICE, "list price of one", "prices.tractor_price")
@@ -34,6 +34,11 @@ class FarmTractor(Section):
         if self.file is not None and self.sheet is not None:
             raise ValueError(f"the tractor {self.name!r} has a file and a sheet; leave out one of them")
         return self
+
+    @property
+    def origin(self) -> Tractor | str:
+        """What a plan takes for its tractor: an object, or a name or file where there is one; raises VehicleError."""
+        return self.file or USUAL_TRACTOR if self.sheet is None else self.machine()
 
     def machine(self) -> Tractor:
         """The tractor as the simulator has it; raises VehicleError."""
@@ -62,7 +67,6 @@ class FarmImplement(Section):
     collects: bool = Field(False, strict=True, description="true: it fills at work", json_schema_extra={SOURCE: "no"})
     price: float | None = number(None, 0.0, HIGHEST_PRICE, "list price", "prices.implement_price")
     hours_per_year: float | None = number(None, 1.0, 8784.0, "hours of use a year", "prices.implement_hours_per_year")
-    years: float | None = number(None, 0.1, 100.0, "years it is kept", "prices.years")
     operation: Literal["till", "sow", "spray", "harvest", "mow"] | None = Field(
         None, description="till, sow, spray, harvest or mow, in quotes", json_schema_extra={SOURCE: NONE_GIVEN}
     )

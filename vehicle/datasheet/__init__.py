@@ -5,7 +5,7 @@
     whole    tractor_from: the tractor as the simulator needs it; remarks on what looks odd
 """
 
-from vehicle.datasheet.sheet import NEEDED, QUANTITIES, Datasheet, sheet_from
+from vehicle.datasheet.sheet import NEEDED, QUANTITIES, Datasheet, lacking, sheet_from
 from vehicle.datasheet.whole import remarks, tractor_from
 
-__all__ = ["NEEDED", "QUANTITIES", "Datasheet", "remarks", "sheet_from", "tractor_from"]
+__all__ = ["NEEDED", "QUANTITIES", "Datasheet", "lacking", "remarks", "sheet_from", "tractor_from"]

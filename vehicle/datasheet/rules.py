@@ -44,10 +44,10 @@ def axles(sheet: Datasheet) -> tuple[Sourced, Sourced]:
     rear = rear_axle_m(sheet)
     front = round(sheet.wheelbase_m - rear, 6)
     if sheet.front_share is not None:
-        words = f"given: wheelbase, and {sheet.front_share:g} of the weight in front"
+        words = f"given: {sheet.front_share:g} of the weight in front"
         return (front, words), (rear, words)
     words = f"assumed: {FRONT_SHARE:g} of the weight in front, as operator's manuals ask for (0.35 to 0.45)"
-    return (front, f"given: wheelbase; {words}"), (rear, words)
+    return (front, f"{words}; with rear_axle_m the wheelbase given"), (rear, words)
 
 
 def track(sheet: Datasheet) -> Sourced:
@@ -112,14 +112,16 @@ def laws(sheet: Datasheet, like: Tractor) -> tuple[dict[str, PowerLaw], dict[str
         sides = {}
         for side, sign in (("right", 1.0), ("left", -1.0)):
             full = sign * like.max_steering_deg
-            wider = law.radius_m(full) / like.power_law("asphalt").radius_m(full)
+            share = law.radius_m(full) / like.power_law("asphalt").radius_m(full)
             power = getattr(law, side)[1]
-            sides[side] = (float(f"{POWER_LAW_M / (radius * wider * angle**power):.8g}"), power)
+            sides[side] = (float(f"{POWER_LAW_M / (radius * share * angle**power):.8g}"), power)
         made[ground] = PowerLaw(**sides)
-        more = "" if ground == "asphalt" else f", wider by {100.0 * (_wider(like, ground) - 1.0):.0f} % as of the same"
+        exponent = f"the exponent of the {like.name} (thesis, Eq. 2.9 and 2.10)"
+        wider = 100.0 * (_wider(like, ground) - 1.0)
         sources[ground] = (
-            f"given: {words} at full lock on asphalt{more}; assumed: the exponent of the {like.name} (thesis, Eq. 2.9 "
-            "and 2.10)"
+            f"given: {words} at full lock; assumed: {exponent}"
+            if ground == "asphalt"
+            else f"assumed: {wider:.0f} % wider than on asphalt at full lock, and {exponent}"
         )
     return made, sources
 

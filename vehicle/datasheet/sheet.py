@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from fields.errors import named
 from vehicle.errors import VehicleError
+from vehicle.faults import faults_of
 
 SHARPEST_DEG = 50.0  # no front axle turns its wheels further in the mean of both
 LONGEST_SHARE = 3.5
@@ -86,23 +87,30 @@ class Datasheet(BaseModel):
         return self
 
 
+def lacking(values: Mapping[str, object]) -> list[str]:
+    """The values that are needed and missing, each with what it is, its unit and what it usually is."""
+    return [f"{named(name)} ({QUANTITIES[name].told})" for name in NEEDED if values.get(name) is None]
+
+
 def sheet_from(values: Mapping[str, float | str | None]) -> Datasheet:
     """A datasheet of the values that are not None.
 
     Raises VehicleError, whose sentence names every value that is missing, or every one that cannot be.
     """
-    given = {name: value for name, value in values.items() if value is not None}
-    missing = [f"{named(name)} ({QUANTITIES[name].told})" for name in NEEDED if name not in given]
+    missing = lacking(values)
     if missing:
-        raise VehicleError(f"A tractor cannot be made without {' and '.join(missing)}; take it from the datasheet.")
+        raise VehicleError(f"A tractor cannot be made without {' and '.join(missing)}; see its datasheet.")
+    kind = values.get("radius_of")
+    if kind is not None and kind not in (CENTRE, OUTER_WHEEL):
+        raise VehicleError(f"{named('radius_of')} {kind!r} is unknown; use {CENTRE} or {OUTER_WHEEL}.")
     try:
-        return Datasheet.model_validate(given)
+        return Datasheet.model_validate({name: value for name, value in values.items() if value is not None})
     except ValidationError as error:
         for fault in error.errors():
             refusal = fault.get("ctx", {}).get("error")
             if isinstance(refusal, VehicleError):
                 raise refusal from None
-        raise VehicleError(f"The datasheet cannot be used: {error.errors()[0]['msg']}.") from None
+        raise VehicleError(f"The datasheet cannot be used: {faults_of(error, Datasheet)}.") from None
 
 
 def _single(sheet: Datasheet) -> list[str]:

@@ -83,8 +83,8 @@ def remarks(sheet: Datasheet) -> tuple[str, ...]:
     radius, base = rules.centre_radius(sheet)[0], sheet.wheelbase_m
     if radius > FAR_TURNING * base:
         said.append(
-            f"A turning radius of {radius:g} m is {radius / base:.1f} wheelbases, usual are 1.5 to 2.5; halve it if the "
-            "datasheet gives the diameter of the turning circle."
+            f"A turning radius of {radius:g} m is {radius / base:.1f} wheelbases, usual are 1.5 to 2.5; halve it if "
+            "the datasheet gives the diameter of the turning circle."
         )
     if sheet.max_steering_deg is not None:
         free = rules.lock(sheet.model_copy(update={"max_steering_deg": None}))[0]

@@ -43,8 +43,9 @@ class Round:
 class Lane:
     """A straight track followed by one LANE_M to its right.
 
-    `weaving_m` is the largest error on the first, with the errors of an RTK receiver, in its second half, `settled_m` the way until the second is kept to
-    SETTLED_M (None: never), `beyond_m` how far the tractor gets beyond it.
+    `weaving_m` is the largest error on the first, with the errors of an RTK receiver, in its second half,
+    `settled_m` the way until the second is kept to SETTLED_M (None: never), `beyond_m` how far the tractor gets
+    beyond it.
     """
 
     track: Array
@@ -55,7 +56,7 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """A half circle between two tracks: its radius, the path, the track (t, 2), and how far off it got (None: stuck)."""
+    """A half circle between two tracks: radius, path, track (t, 2), and how far that got off the path (None: stuck)."""
 
     radius_m: float
     path: Array

@@ -57,7 +57,7 @@ def _circle_proofs(tractor: Tractor, rounds: Sequence[Round]) -> Iterator[Proof]
         lock = "full lock" if abs(each.steering_deg) == tractor.max_steering_deg else "half lock"
         side = "right" if each.steering_deg > 0 else "left"
         yield Proof(
-            f"circle {side}, {lock} ({abs(each.steering_deg):.1f} degrees)", each.ground, "m", each.asked_m,
+            f"circle {side}, {lock}, {abs(each.steering_deg):.1f} degrees", each.ground, "m", each.asked_m,
             each.circle.radius_m, CIRCLE_SHARE * each.asked_m, RADII,
         )  # fmt: skip
     asked, ground = ackermann_m(tractor), "asphalt" if "asphalt" in tractor.radius else GROUND
