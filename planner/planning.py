@@ -16,7 +16,7 @@ from planner.site import Site, prepare
 from planner.tasks import Outcome, Progress, outcomes, pack
 from reports.results import Drive, PlanResult, Ranking, merit
 from vehicle.run import Run
-from vehicle.tractor import Tractor
+from vehicle.tractor import Implement, Tractor
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,15 @@ def plan(
     *,
     field: Field | str | Path | None = None,
     tractor: Tractor | str | Path | None = None,
+    implement: Implement | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     pictures: bool = False,
 ) -> Planned:
     """Simulate and rank every candidate of a scenario.
 
-    `field` and `tractor` (objects, names or files) take the place of those the scenario names. `executor` simulates
+    `field` and `tractor` (objects, names or files) take the place of those the scenario names; `implement` says where
+    it sits and how long it is, its width is that of the scenario. `executor` simulates
     the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
     with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
     cannot is in the ranking with its reason.
@@ -53,9 +55,10 @@ def plan(
     if executor is None:
         with local_pool(len(todo)) as executor:
             return plan(
-                scenario, field=field, tractor=tractor, executor=executor, progress=progress, pictures=pictures
-            )
-    site = prepare(scenario, field, tractor)
+                scenario, field=field, tractor=tractor, implement=implement, executor=executor, progress=progress,
+                pictures=pictures,
+            )  # fmt: skip
+    site = prepare(scenario, field, tractor, implement)
     packed = pack(site)
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}

@@ -75,12 +75,13 @@ class Site:
 
 
 def prepare(
-    scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None
-) -> Site:
+    scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None,
+    implement: Implement | None = None,
+) -> Site:  # fmt: skip
     """Read the field and the tractor, time the turns, size the headland, lay the tracks.
 
-    `field` and `tractor`, as objects, names or files, take the place of those that the scenario names. Raises
-    FieldError, VehicleError, StrategyError or ScenarioError.
+    `field` and `tractor`, as objects, names or files, take the place of those that the scenario names; the `implement`
+    is as wide as the scenario says. Raises FieldError, VehicleError, StrategyError or ScenarioError.
     """
     scenario = _with_names(scenario, field, tractor)
     with about("field"):
@@ -92,7 +93,7 @@ def prepare(
         position_errors = gnss_errors(scenario)
     with about("tractor"):
         tractor = as_tractor(scenario.tractor if tractor is None else tractor)
-    implement = Implement(width_m=scenario.width_m)
+    implement = (implement or Implement()).model_copy(update={"width_m": scenario.width_m})
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     kinds = allowed_kinds(scenario.turn)

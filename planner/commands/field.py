@@ -10,12 +10,15 @@ import typer
 from planner.commands.options import (
     AsJson,
     Bearing,
+    FarmOption,
     FieldArgument,
     Headland,
+    ImplementOption,
     Local,
     Margin,
     TractorOption,
     Width,
+    with_farm,
 )
 
 if TYPE_CHECKING:
@@ -23,12 +26,15 @@ if TYPE_CHECKING:
 
 
 def field(
+    context: typer.Context,
     field: FieldArgument = "iwamizawa",
     width: Width = 3.0,
     headland: Headland = None,
     bearing: Bearing = None,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
+    farm: FarmOption = None,
+    implement: ImplementOption = None,
     local: Local = False,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with the tracks.")] = None,  # noqa: UP045
     listed: Annotated[bool, typer.Option("--list", help="List every field of the file, and stop.")] = False,
@@ -44,7 +50,7 @@ def field(
     from planner.scenario import Scenario
     from planner.site import prepare
 
-    check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor))
+    check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor, farm=farm))
     if listed and png:
         raise ScenarioError("--png draws one field; leave it out with --list.")
     if listed:
@@ -54,8 +60,9 @@ def field(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
         margin_m=margin, tracks_only=True,
     )  # fmt: skip
+    asked = with_farm(scenario, farm, implement, context)
     warm_up()
-    site = prepare(scenario)
+    site = prepare(asked.scenario, tractor=asked.tractor, implement=asked.implement)
     remark(site.layout.field.remarks)
     with written([(png, _picture(site))] if png else []):
         _print(site, json)
