@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -107,7 +108,7 @@ def _parts(leg: Leg, metres: list[float]) -> list[Leg]:
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T))))
     edges = [0.0, *metres, float(along[-1])]
     parts = []
-    for number, (start, end) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for number, (start, end) in enumerate(pairwise(edges)):
         points = _between(leg.points, along, start, end)
         part = replace(leg, points=points)
         parts.append(part if number == 0 else replace(part, gates=(), may_wait=False))

@@ -25,16 +25,18 @@ Array = npt.NDArray[np.float64]
 class Check:
     """Times of the last tractor in seconds, (drives,) each: `driven_s` in physics (nan: not done), `graph_s`.
 
-    `meetings` counts drives in which two tractors touch: in the field they would stop for each other.
+    `meetings` counts drives in which two tractors touch (in the field one would stop), `stalls` those that did not end.
+    Neither can be compared with the graph.
     """
 
     driven_s: Array
     graph_s: Array
     meetings: int
+    stalls: int
 
     @property
     def error(self) -> float:
-        """Mean of the relative error of the graph, without sign; nan where no drive was done."""
+        """Mean of the relative error of the graph, without sign; nan where no drive can be compared."""
         error = np.abs(self.graph_s / self.driven_s - 1.0)
         return float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
 
@@ -52,14 +54,15 @@ def check(
     sample = draw(graph, still, draws=drives, seed=seed, keep=True)
     assert sample.factor is not None
     driven = np.full(drives, np.nan)
-    meetings = 0
+    meetings = stalls = 0
     for number in range(drives):
         world = World(scaled(run.plan, graph, sample.factor[:, number]), tractor, implement)
         again = world.run(max_time_s=600.0 + PATIENCE * float(sample.finish_s[number]))
         meetings += bool(again.contacts)
-        if again.outcome == DONE:
+        stalls += again.outcome != DONE
+        if again.outcome == DONE and not again.contacts:
             driven[number] = again.duration_s
-    return Check(driven, sample.finish_s, meetings)
+    return Check(driven, sample.finish_s, meetings, stalls)
 
 
 def scaled(plan: Plan, graph: Graph, factor: Array) -> Plan:

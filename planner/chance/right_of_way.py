@@ -16,7 +16,7 @@ import shapely
 
 from planner.chance.cutting import Cut, cut_legs
 from vehicle.compile import outline
-from vehicle.layout import REC_ANGLE, REC_SPEED
+from vehicle.layout import REC_ANGLE, REC_POSE, REC_SPEED
 from vehicle.missions import Gate, Plan
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
@@ -54,12 +54,14 @@ def in_planned_order(run: Run, tractor: Tractor, implement: Implement) -> Run:
     """
     if run.plan.tractors < 2:
         return run
-    run = cut_legs(run, _cuts(_pieces(run, tractor, implement)))
-    plan = run.plan
-    for (waiter, leg), gates in _gates(_pieces(run, tractor, implement), plan).items():
+    whole = _pieces(run, tractor, implement)
+    cut = cut_legs(run, _cuts(whole))
+    pieces = whole if cut is run else _pieces(cut, tractor, implement)
+    plan = cut.plan
+    for (waiter, leg), gates in _gates(pieces, plan).items():
         for gate in gates:
             plan = plan.with_gate(waiter, leg, gate)
-    return replace(run, plan=plan)
+    return replace(cut, plan=plan)
 
 
 def _pairs(pieces: _Pieces) -> tuple[Whole, Whole]:
@@ -114,15 +116,11 @@ def _pieces(run: Run, tractor: Tractor, implement: Implement) -> _Pieces:
         _corners(boxes["nose"], boxes["tail"], boxes["half_width"]),
         _corners(boxes["tool_front"], boxes["tool_tail"], boxes["tool_half_width"]),
     )
-    marks = [_marks(run, number) for number in range(run.plan.tractors)]
-    ground = [
-        _hull(run.poses(int(mark[0]))[_rows(int(mark[2]), int(mark[3]))], body)
-        for mark in np.concatenate(marks)
-        for body in bodies
-    ]
-    tractors, leg, row, _, *rest = np.repeat(np.concatenate(marks), len(bodies), axis=0).T
+    marks = np.concatenate([_marks(run, number) for number in range(run.plan.tractors)])
+    ground = _hulls(run, marks, bodies)
+    tractors, leg, row, _, *rest = np.repeat(marks, len(bodies), axis=0).T
     whole = (column.astype(np.int64) for column in (tractors, leg, row))
-    return _Pieces(np.array(ground, dtype=np.object_), *whole, *rest)
+    return _Pieces(ground, *whole, *rest)
 
 
 def _marks(run: Run, tractor: int) -> Array:
@@ -166,9 +164,17 @@ def _corners(front: float, back: float, half: float) -> Array:
     return np.array([[front, half], [front, -half], [back, -half], [back, half]])
 
 
-def _hull(poses: Array, corners: Array) -> shapely.Geometry:
-    """What a box covers at poses (t, 3) that differ little."""
+def _hulls(run: Run, marks: Array, bodies: tuple[Array, ...]) -> npt.NDArray[np.object_]:
+    """What every body covers on each piece, bodies of a piece one after another; on a piece its poses differ little."""
+    rows = [_rows(first, last) for first, last in marks[:, 2:4].astype(np.int64).tolist()]
+    sizes = np.array([len(each) for each in rows])
+    owner = np.repeat(np.arange(len(rows)), sizes)
+    poses = run.record[np.concatenate(rows), marks[owner, 0].astype(np.int64), REC_POSE]
     cosine, sine = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
-    x = poses[:, 0, None] + cosine * corners[:, 0] - sine * corners[:, 1]
-    y = poses[:, 1, None] + sine * corners[:, 0] + cosine * corners[:, 1]
-    return shapely.convex_hull(shapely.multipoints(np.column_stack([x.ravel(), y.ravel()])))
+    hulls = []
+    for corners in bodies:
+        x = poses[:, 0, None] + cosine * corners[:, 0] - sine * corners[:, 1]
+        y = poses[:, 1, None] + sine * corners[:, 0] + cosine * corners[:, 1]
+        places = np.column_stack([x.ravel(), y.ravel()])
+        hulls.append(shapely.convex_hull(shapely.linestrings(places, indices=np.repeat(owner, len(corners)))))
+    return np.column_stack(hulls).ravel()

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.chance.draws import Sample
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.prices import Prices
 from planner.price.machine import Rates, rates
-from planner.price.prices import Prices
 
 HOUR_S = 3600.0
 IDLE_LOAD = 0.1  # share of full power of an engine that idles: tractors that wait or stop
@@ -30,22 +31,37 @@ class Cost:
     expected_error: float
 
 
-def cost(sample: Sample, prices: Prices, area_ha: float, *, road_km: float = 0.0) -> Cost:
-    """The cost of a plan for `area_ha` of work; each tractor comes `road_km` on a lorry."""
-    paid = paid_per_draw(sample, prices, road_km=road_km)
+@dataclass(frozen=True)
+class Terms:
+    """At what prices a fleet works: those of the farm and of its machines; each tractor comes `road_km` on a lorry."""
+
+    prices: Prices
+    tractor: FarmTractor | None = None
+    implement: FarmImplement | None = None
+    road_km: float = 0.0
+
+
+def hired(per_hour: float, per_tractor: float) -> Terms:
+    """So much per tractor and hour, all in, and so much for bringing each; late ground as on any farm."""
+    return Terms(Prices(per_hour=per_hour, supervision_share=0.0, transport_per_tractor=per_tractor))
+
+
+def cost(sample: Sample, terms: Terms, area_ha: float) -> Cost:
+    """The cost of a plan for `area_ha` of work."""
+    paid, prices = paid_per_draw(sample, terms), terms.prices
     late = (1.0 - sample.done) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
     return Cost(float(paid.mean()), _error(paid), float((paid + late).mean()), _error(paid + late))
 
 
-def paid_per_draw(sample: Sample, prices: Prices, *, road_km: float = 0.0) -> Array:
+def paid_per_draw(sample: Sample, terms: Terms) -> Array:
     """What is paid in each draw, (draws,). People look after the fleet until the last tractor is done."""
-    tractors = len(sample.tractor_s)
+    tractors, prices = len(sample.tractor_s), terms.prices
     present = tractors * sample.finish_s / HOUR_S
     people = present * prices.supervision_share * prices.supervision_per_hour
-    coming = tractors * (prices.transport_per_tractor + road_km * prices.transport_per_km)
+    coming = tractors * (prices.transport_per_tractor + terms.road_km * prices.transport_per_km)
     if prices.per_hour is not None:
         return np.asarray(present * prices.per_hour + people + coming)
-    return np.asarray(_machines(sample, rates(prices)) + people + coming)
+    return np.asarray(_machines(sample, rates(prices, terms.tractor, terms.implement)) + people + coming)
 
 
 def _machines(sample: Sample, hourly: Rates) -> Array:

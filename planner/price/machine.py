@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planner.price.prices import Prices
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.prices import Prices
 
 PCT = 0.01
 
@@ -29,22 +30,30 @@ class Rates:
         return self.depreciation + self.interest + self.insurance + self.repair
 
 
-def rates(prices: Prices) -> Rates:
-    """The hourly rates of one tractor with its implement."""
-    tractor = _owned(
-        prices.tractor_price, prices.hours_per_year, prices,
+def rates(prices: Prices, tractor: FarmTractor | None = None, implement: FarmImplement | None = None) -> Rates:
+    """The hourly rates of one tractor with its implement; what these do not say of themselves the prices do."""
+    own = _owned(
+        prices, _said(tractor, "price", prices.tractor_price), _said(tractor, "years", prices.years),
+        _said(tractor, "hours_per_year", prices.hours_per_year),
         (prices.first_year_value, prices.later_year_value, prices.repair_factor, prices.repair_power),
     )  # fmt: skip
-    implement = _owned(
-        prices.implement_price, prices.implement_hours_per_year, prices,
+    mounted = _owned(
+        prices, _said(implement, "price", prices.implement_price), _said(implement, "years", prices.years),
+        _said(implement, "hours_per_year", prices.implement_hours_per_year),
         (
             prices.implement_first_year_value, prices.implement_later_year_value,
             prices.implement_repair_factor, prices.implement_repair_power,
         ),
     )  # fmt: skip
-    full = prices.fuel_l_per_kwh * prices.tractor_power_kw * prices.fuel_per_l * (1.0 + prices.oil_share)
-    both = [mine + its for mine, its in zip(tractor, implement, strict=True)]
+    power = _said(tractor, "power_kw", prices.tractor_power_kw)
+    full = prices.fuel_l_per_kwh * power * prices.fuel_per_l * (1.0 + prices.oil_share)
+    both = [mine + its for mine, its in zip(own, mounted, strict=True)]
     return Rates(*both, full * prices.work_load, full * prices.turn_load, full * prices.road_load, full)
+
+
+def _said(machine: FarmTractor | FarmImplement | None, name: str, otherwise: float) -> float:
+    value = getattr(machine, name, None)
+    return otherwise if value is None else float(value)
 
 
 def remaining_value(price: float, first: float, later: float, years: float) -> float:
@@ -58,13 +67,13 @@ def repair_until(price: float, factor: float, power: float, hours: float) -> flo
 
 
 def _owned(
-    price: float, hours: float, prices: Prices, law: tuple[float, float, float, float]
+    prices: Prices, price: float, years: float, hours: float, law: tuple[float, float, float, float]
 ) -> tuple[float, float, float, float]:
     """Depreciation, interest, insurance and repair of one machine per hour of its use."""
     first, later, factor, power = law
-    left = remaining_value(price, first, later, prices.years)
+    left = remaining_value(price, first, later, years)
     mean = 0.5 * (price + left)
-    life = hours * prices.years
+    life = hours * years
     return (
         (price - left) / life,
         mean * prices.interest_pct * PCT / hours,

@@ -15,6 +15,7 @@ from planner.chance.graph import PASS, TURN_MORE, TURN_ONE, Graph, Link
 from planner.chance.rain import Rain
 from planner.chance.settings import INPUTS, SOURCES, Chances, certain, like, sigma
 from planner.errors import ScenarioError
+from planner.farm import FarmFile
 
 DRAWS = 10_000
 HOUR_S = 3600.0
@@ -210,3 +211,6 @@ class TestSettings:
             speed_cv, stops_per_hour, other = 0.3, 2.0, "x"
 
         assert like(Section()) == Chances(speed_cv=0.3, stops_per_hour=2.0)
+
+    def test_a_farm_that_says_nothing_has_the_same_chances(self) -> None:
+        assert like(FarmFile().chances) == Chances()
