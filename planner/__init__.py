@@ -8,6 +8,7 @@ evaluate       one candidate: built, simulated, repaired (deconflict, steady), m
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 chance         how sure a plan is: rain, stops and speeds that vary, drawn through its legs and gates
+outlook        how sure a plan is and what it costs, in its result; which one is advised
 price          what a plan costs, which one is best, and the advice in a sentence
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis

@@ -14,7 +14,10 @@ from fields.free import beside_tracks, free_space
 from fields.layout import Layout, lay_tracks
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
+from planner.chance.settings import Chances
 from planner.errors import ScenarioError, about, named
+from planner.outlook import Stakes, stakes_of
+from planner.price.cost import Terms
 from planner.scenario import KMH, SOW, Scenario
 from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
@@ -40,7 +43,8 @@ class Site:
     The guided point may be anywhere in `free`, and tramples no track in `beside`. `turn_fits[k]` tells whether a turn
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
     not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
-    the headland that are worked; in their corners the guided point may be anywhere in `rim`.
+    the headland that are worked; in their corners the guided point may be anywhere in `rim`. `stakes` are
+    draws and money.
     """
 
     scenario: Scenario
@@ -56,6 +60,7 @@ class Site:
     position_errors: Table
     rounds: tuple[Round, ...] = ()
     rim: shapely.Geometry = shapely.Polygon()  # noqa: RUF009 - no geometry ever changes
+    stakes: Stakes | None = None
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors, with an empty memory of ways."""
@@ -76,12 +81,13 @@ class Site:
 
 def prepare(
     scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None,
-    implement: Implement | None = None,
+    implement: Implement | None = None, chances: Chances | None = None, terms: Terms | None = None,
 ) -> Site:  # fmt: skip
     """Read the field and the tractor, time the turns, size the headland, lay the tracks.
 
     `field` and `tractor`, as objects, names or files, take the place of those that the scenario names; the `implement`
-    is as wide as the scenario says. Raises FieldError, VehicleError, StrategyError or ScenarioError.
+    is as wide as the scenario says. `chances` and `terms` (prices) are those of a farm. Raises FieldError,
+    VehicleError, StrategyError or ScenarioError.
     """
     scenario = _with_names(scenario, field, tractor)
     with about("field"):
@@ -93,6 +99,8 @@ def prepare(
         position_errors = gnss_errors(scenario)
     with about("tractor"):
         tractor = as_tractor(scenario.tractor if tractor is None else tractor)
+    with about("rain"):
+        stakes = stakes_of(scenario, chances, terms)
     implement = (implement or Implement()).model_copy(update={"width_m": scenario.width_m})
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
@@ -116,7 +124,7 @@ def prepare(
     fits = tuple(seconds is not None for seconds in timed)
     return Site(
         scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors, rounds,
-        rim,
+        rim, stakes,
     )
 
 

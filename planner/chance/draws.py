@@ -23,7 +23,8 @@ class Sample:
 
     `finish_s` (draws,) when the last tractor is done, `tractor_s` (tractors, draws) each of them; `work_s` and `turn_s`
     (draws,) tractor seconds of driving on passes and off them; `done` (draws,) the share of all worked metres that is
-    done at the limit; `factor` (legs, draws) on the seconds of every leg where that was to be kept.
+    done at the limit; `late_s` (draws,) by how much the fleet began late; `factor` (legs, draws) on the seconds of
+    every leg where that was to be kept.
     """
 
     finish_s: Array
@@ -31,6 +32,7 @@ class Sample:
     work_s: Array
     turn_s: Array
     done: Array
+    late_s: Array
     factor: Array | None = None
 
 
@@ -142,7 +144,7 @@ def _driven(graph: Graph, chances: Chances, seed: int, luck: _Luck, limit: Array
         if kept is not None:
             kept[node] = factor
     share = done / whole if whole > 0.0 else np.ones(draws)
-    return Sample(walk.now.max(axis=0), walk.now, spent[True], spent[False], share, kept)
+    return Sample(walk.now.max(axis=0), walk.now, spent[True], spent[False], share, luck.late_s, kept)
 
 
 def _walk(graph: Graph, chances: Chances, seed: int, luck: _Luck) -> _Walk:

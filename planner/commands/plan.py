@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from vehicle.run import Run
 
 NO_PLAN_STATUS = 3
-BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time, else the quickest."
+RAIN = "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
+BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time (late ground counts)."
 
 
 def plan(
@@ -67,6 +68,9 @@ def plan(
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.05,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
+    draws: Annotated[Optional[int], typer.Option(help="Draws of what varies; with --before or --rain 10000.")] = None,  # noqa: UP045
+    rain: Annotated[Optional[str], typer.Option(help=RAIN)] = None,  # noqa: UP045
+    prefer: Annotated[Optional[str], typer.Option(help="fastest, cheapest or surest: what the best plan is.")] = None,  # noqa: UP045
     farm: FarmOption = None,
     implement: ImplementOption = None,
     local: Local = False,
@@ -99,7 +103,7 @@ def plan(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
         operation, headland_order(headland_first, headland_last), corners,
-        tracks_only,
+        tracks_only, draws, rain, prefer,
     )  # fmt: skip
     planned = _planned(with_farm(scenario, farm, implement, context), processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
@@ -114,7 +118,7 @@ def _scenario(
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
-    order: str | None, corners: str, tracks_only: bool,
+    order: str | None, corners: str, tracks_only: bool, draws: int | None, rain: str | None, prefer: str | None,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_clock, parse_counts, parse_strategies
 
@@ -144,6 +148,9 @@ def _scenario(
         headland_order=order,
         corners=corners,
         tracks_only=tracks_only,
+        draws=draws,
+        rain=rain,
+        prefer=prefer,
     )
 
 
@@ -157,8 +164,8 @@ def _planned(asked: Asked, processes: int | None, pictures: bool) -> Planned:
     warm_up()
     with local_pool(len(candidates(scenario)), processes) as executor, progress_bar("Simulating plans") as progress:
         return simulate_all(
-            scenario, tractor=asked.tractor, implement=asked.implement, executor=executor, progress=progress,
-            pictures=pictures,
+            scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances, terms=asked.terms,
+            executor=executor, progress=progress, pictures=pictures,
         )  # fmt: skip
 
 

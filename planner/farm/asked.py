@@ -7,9 +7,12 @@ from collections.abc import Container
 from dataclasses import dataclass, replace
 from typing import Any
 
+from planner.chance.settings import Chances, like
 from planner.errors import ScenarioError
 from planner.farm.file import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.prices import Prices
+from planner.price.cost import Terms
 from planner.scenario import Scenario
 from vehicle.tractor import Implement, Tractor, tractor_names
 
@@ -19,7 +22,7 @@ class Asked:
     """A scenario with the values of a farm, and the machines to plan it with (`tractor`: an object or a file).
 
     `own` is the farm's kind of tractor, None where the scenario names another; `mounted` is the farm's
-    implement. Without a farm both are None.
+    implement; `terms` and `chances` are its prices and laws. Without a farm all are None.
     """
 
     scenario: Scenario
@@ -27,6 +30,8 @@ class Asked:
     implement: Implement | None
     own: FarmTractor | None
     mounted: FarmImplement | None
+    terms: Terms | None = None
+    chances: Chances | None = None
 
 
 def as_it_is(scenario: Scenario) -> Asked:
@@ -48,7 +53,18 @@ def asked(
     bar = mounted.mounted
     if "width_m" in given:
         bar = bar.model_copy(update={"width_m": scenario.width_m, "frame_width_m": None})
-    return Asked(replace(scenario, **found), None if own is None else own.origin, bar, own, mounted)
+    return Asked(
+        replace(scenario, **found), None if own is None else own.origin, bar, own, mounted,
+        Terms(_prices(scenario, farm, given), own, mounted), like(farm.chances),
+    )  # fmt: skip
+
+
+def _prices(scenario: Scenario, farm: FarmFile, given: Container[str]) -> Prices:
+    """The prices of the farm, but for those that were given."""
+    names = {"price_per_hour": "per_hour", "price_per_tractor": "transport_per_tractor"}
+    return farm.prices.model_copy(
+        update={own: getattr(scenario, name) for name, own in names.items() if name in given}
+    )
 
 
 def _own(scenario: Scenario, farm: FarmFile, given: Container[str], implement: str | None) -> FarmTractor | None:

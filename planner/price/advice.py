@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from planner.price.choice import CHEAPEST, Figures, best, best_by_count
+from planner.price.choice import Figures, best, best_by_count
+from planner.scenario import CHEAPEST
 
 _COUNTS = ("No tractor", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
 _ORDINALS = ("", "first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
@@ -12,16 +13,20 @@ LEAST_MONEY = 0.005
 MINUTE_S = 60.0
 
 
-def advice(plans: Sequence[Figures], limit: str = "", prefer: str = CHEAPEST) -> str:
+def advice(
+    plans: Sequence[Figures], limit: str = "", prefer: str = CHEAPEST, taken: tuple[str, int] | None = None
+) -> str:
     """The sentence for feasible plans, "" without any.
 
     `limit` says when work must be done, as "before 17:00" or "before the rain". Money is what is paid; the choice also
-    counts late ground (`Figures.expected`). Example: "2 tractors: 97 % before 17:00, 128.90. One saves 1.50 but
+    counts late ground (`Figures.expected`); `taken` is the plan that was chosen (strategy, tractors) where that is
+    known. Example: "2 tractors: 97 % before 17:00, 128.90. One saves 1.50 but
     finishes in time only 61 % of the time; a third adds 9.40 and 2 %."
     """
     if not plans:
         return ""
-    chosen, by_count = best(plans, prefer), best_by_count(plans, prefer)
+    known = next((plan for plan in plans if (plan.strategy, plan.tractors) == taken), None)
+    chosen, by_count = known or best(plans, prefer), best_by_count(plans, prefer)
     fewer = max((count for count in by_count if count < chosen.tractors), default=None)
     more = min((count for count in by_count if count > chosen.tractors), default=None)
     parts = [] if fewer is None else [_fewer(by_count[fewer], chosen)]

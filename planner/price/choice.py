@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from planner.errors import ScenarioError, named, nearest
+from planner.scenario import CHEAPEST, FASTEST, PREFERENCES
 
-FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
-PREFERENCES = (FASTEST, CHEAPEST, SUREST)
 MODEL_SHARE = 0.02  # of money, time and probability: what simulated plans are off by however many draws there are
 ERRORS = 2.0  # standard errors of the draws that two plans must differ by
 

@@ -54,9 +54,10 @@ def cost(sample: Sample, terms: Terms, area_ha: float) -> Cost:
 
 
 def paid_per_draw(sample: Sample, terms: Terms) -> Array:
-    """What is paid in each draw, (draws,). People look after the fleet until the last tractor is done."""
+    """What is paid in each draw, (draws,). A fleet is paid for from when it begins, late or not, and
+    people look after it until the last tractor is done."""
     tractors, prices = len(sample.tractor_s), terms.prices
-    present = tractors * sample.finish_s / HOUR_S
+    present = tractors * (sample.finish_s - sample.late_s) / HOUR_S
     people = present * prices.supervision_share * prices.supervision_per_hour
     coming = tractors * (prices.transport_per_tractor + terms.road_km * prices.transport_per_km)
     if prices.per_hour is not None:
@@ -66,7 +67,7 @@ def paid_per_draw(sample: Sample, terms: Terms) -> Array:
 
 def _machines(sample: Sample, hourly: Rates) -> Array:
     """Machines and fuel, each tractor until it is done itself; waiting and stops idle."""
-    used = sample.tractor_s.sum(axis=0)
+    used = (sample.tractor_s - sample.late_s).sum(axis=0)
     idle = np.maximum(used - sample.work_s - sample.turn_s, 0.0)
     fuel = sample.work_s * hourly.fuel_at_work + sample.turn_s * hourly.fuel_in_turns
     fuel += idle * IDLE_LOAD * hourly.fuel_full

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from planner.errors import ScenarioError
 from planner.price.advice import advice
-from planner.price.choice import CHEAPEST, FASTEST, PREFERENCES, SUREST, Figures, best
+from planner.price.choice import Figures, best
+from planner.scenario import CHEAPEST, FASTEST, PREFERENCES, SUREST
 
 
 def plan(tractors: int, paid: float, probability: float | None, late: float = 0.0, hours: float = 3.0) -> Figures:

@@ -12,12 +12,13 @@ from planner.price.cost import Terms, cost, hired, paid_per_draw
 from planner.price.machine import rates, remaining_value, repair_until
 
 
-def sample(tractor_h: Any, work_h: Any = 0.0, turn_h: Any = 0.0, done: Any = 1.0) -> Sample:
+def sample(tractor_h: Any, work_h: Any = 0.0, turn_h: Any = 0.0, done: Any = 1.0, late_h: Any = 0.0) -> Sample:
     """Draws of a fleet from hours, (tractors, draws)."""
     seconds = 3600.0 * np.array(tractor_h, float)
     draws = seconds.shape[1]
-    whole, turns, share = (np.broadcast_to(np.array(each, float), (draws,)) for each in (work_h, turn_h, done))
-    return Sample(seconds.max(axis=0), seconds, 3600.0 * whole, 3600.0 * turns, share)
+    given = (work_h, turn_h, done, late_h)
+    whole, turns, share, late = (np.broadcast_to(np.array(each, float), (draws,)) for each in given)
+    return Sample(seconds.max(axis=0), seconds, 3600.0 * whole, 3600.0 * turns, share, 3600.0 * late)
 
 
 NOTHING = Prices(
@@ -73,6 +74,11 @@ class TestPlan:
     def test_hired_tractors_cost_their_hours_until_the_last_is_done(self) -> None:
         paid = paid_per_draw(sample([[2.0, 3.0], [1.0, 4.0]]), hired(40.0, 10.0))
         assert paid.tolist() == pytest.approx([2 * 2.0 * 40 + 20, 2 * 4.0 * 40 + 20])
+
+    def test_nobody_is_paid_before_the_work_begins(self) -> None:
+        early, late = sample([[2.0]], 1.0, 0.5), sample([[3.0]], 1.0, 0.5, late_h=1.0)
+        for terms in (Terms(Prices()), hired(40.0, 10.0)):
+            assert paid_per_draw(late, terms) == pytest.approx(paid_per_draw(early, terms))
 
     def test_work_turns_and_waiting_take_fuel_of_their_own(self) -> None:
         prices = but(NOTHING, fuel_per_l=1.0, oil_share=0.0)
