@@ -95,8 +95,8 @@ def advised(ranking: Ranking, stakes: Stakes | None) -> Ranking:
     in_time = [plan for plan in plans if plan.meets_deadline is not False]
     chosen = None
     if in_time and stakes.decides:
-        taken = best(_figures(in_time, stakes), stakes.prefer)
-        chosen = taken.strategy, taken.tractors
+        found = best(_figures(in_time, stakes), stakes.prefer)
+        chosen = found.strategy, found.tractors
     told = replace(ranking, currency=stakes.terms.prices.currency, draws=stakes.question.draws, chosen=chosen)
     best_of_all = told.best
     taken = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)

@@ -74,10 +74,11 @@ def _arrivals(
     clock = np.zeros(len(pace))
     while True:
         clock = clock + random.exponential(HOUR_S / per_hour, len(pace))
-        luck = random.integers(len(seen), size=len(pace)) if seen else random.standard_normal(len(pace))
+        luck = random.standard_normal(len(pace))
+        which = random.integers(max(1, len(seen)), size=len(pace))
         at = clock / pace
         (hit,) = np.nonzero(at < driven_s)
         if not len(hit):
             return
-        lasts = np.array(seen)[luck[hit]] if seen else lognormal(mean, cv, luck[hit])
+        lasts = np.array(seen)[which[hit]] if seen else lognormal(mean, cv, luck[hit])
         yield at[hit], hit, lasts

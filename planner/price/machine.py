@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from planner.farm.machines import FarmImplement, FarmTractor
@@ -47,8 +48,11 @@ def rates(prices: Prices, tractor: FarmTractor | None = None, implement: FarmImp
     )  # fmt: skip
     power = _said(tractor, "power_kw", prices.tractor_power_kw)
     full = prices.fuel_l_per_kwh * power * prices.fuel_per_l * (1.0 + prices.oil_share)
-    both = [mine + its for mine, its in zip(own, mounted, strict=True)]
-    return Rates(*both, full * prices.work_load, full * prices.turn_load, full * prices.road_load, full)
+    having, interest, insurance, repair = (mine + its for mine, its in zip(own, mounted, strict=True))
+    return Rates(
+        having, interest, insurance, repair,
+        full * prices.work_load, full * prices.turn_load, full * prices.road_load, full,
+    )  # fmt: skip
 
 
 def _said(machine: FarmTractor | FarmImplement | None, name: str, otherwise: float) -> float:
@@ -58,12 +62,12 @@ def _said(machine: FarmTractor | FarmImplement | None, name: str, otherwise: flo
 
 def remaining_value(price: float, first: float, later: float, years: float) -> float:
     """What a machine of this list price is worth after so many years: price x d1 x d2^years."""
-    return price * first * later**years
+    return price * first * math.pow(later, years)
 
 
 def repair_until(price: float, factor: float, power: float, hours: float) -> float:
     """Repair until so many hours of use: price x RF1 x (hours / 1000)^RF2."""
-    return price * factor * (hours / 1000.0) ** power
+    return price * factor * math.pow(hours / 1000.0, power)
 
 
 def _owned(
