@@ -80,7 +80,7 @@ class Chances(Section):
 
     speed_cv: float = number(0.15, 0.0, 2.0, "of the speed of one pass", f"0.15 to 0.18 within a job, {_LOGS}")
     job_cv: float = number(
-        0.06, 0.0, 2.0, "of one factor on all driving of a job", f"{_LOGS}: off by 4.8 % in the mean, each left out once"
+        0.06, 0.0, 2.0, "of one factor on all driving of a job", f"{_LOGS}: off by 4.8 % in the mean, left out singly"
     )
     slip_pct: float = number(7.6, 0.0, 90.0, "percent of wheel slip, at which speeds hold", "log of a New Holland")
     slip_cv: float = number(0.28, 0.0, 2.0, "of the slip", "the same log: half of it between 6.2 and 9.0 %")
