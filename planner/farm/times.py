@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, model_validator
 
-from planner.farm.values import SOURCE, Section, number
+from planner.farm.values import Section, number, other
 from planner.scenario import DAY_S, parse_clock
 
 LONGEST_S = 7.0 * DAY_S
@@ -39,7 +39,7 @@ Break = Annotated[str, AfterValidator(_is_break)]
 
 
 def _clock(words: str) -> Any:
-    return Field(default=None, strict=True, description=words, json_schema_extra={SOURCE: "none"})
+    return other(None, words, "none", strict=True)
 
 
 class Times(Section):
@@ -53,9 +53,7 @@ class Times(Section):
     refill_s: float = number(300.0, 0.0, LONGEST_S, "s to refill or unload once there", "assumed: one big bag or tank")
     shift_start: Clock = _clock("hh:mm in quotes")
     shift_end: Clock = _clock("hh:mm in quotes")
-    breaks: tuple[Break, ...] = Field(
-        (), description="such as '12:00-12:30', in quotes", json_schema_extra={SOURCE: "none: robots need none"}
-    )
+    breaks: tuple[Break, ...] = other((), "such as '12:00-12:30', in quotes", "none: robots need none")
     road_speed_kmh: float = number(25.0, 0.5, 80.0, "km/h on the road", "assumed: with an implement, villages included")
     road_factor: float = number(1.3, 1.0, 10.0, "road over straight line", "usual detour of rural roads, 1.2 to 1.4")
 
