@@ -7,6 +7,8 @@ site           what all candidates share: field, tracks, tractor, turns timed, h
 evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled)
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
+chance         how sure a plan is: rain, stops and speeds that vary, drawn through its legs and gates
+price          what a plan costs, which one is best, and the advice in a sentence
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
