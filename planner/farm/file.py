@@ -13,9 +13,10 @@ from pydantic import ValidationError, field_validator, model_validator
 
 from fields.reading import brief, parse_fault, read_text, shown
 from planner.errors import ScenarioError, nearest
+from planner.farm.chances import Chances
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
-from planner.farm.times import Chances, Times, Yard
+from planner.farm.times import Times, Yard
 from planner.farm.values import Section
 from vehicle.errors import VehicleError
 from vehicle.faults import faults_of

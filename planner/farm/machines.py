@@ -21,7 +21,7 @@ class FarmTractor(Section):
     """
 
     name: str = Field(strict=True, min_length=1, description="in quotes")
-    file: str | None = other(None, "eg105, mr1000a or a TOML file, in quotes", "eg105 if there is no sheet", strict=True)
+    file: str | None = other(None, "eg105, mr1000a or a TOML file, in quotes", "eg105 without a sheet", strict=True)
     sheet: Datasheet | None = None
     count: StrictInt = other(1, "how many", "one", ge=1, le=MOST_TRACTORS)
     price: float | None = number(None, 0.0, HIGHEST_PRICE, "list price of one", "prices.tractor_price")

@@ -1,7 +1,7 @@
 """The farm file: what it holds, where its defaults are from, what is refused, and what a plan takes from it."""
 
 import tomllib
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.chance.settings import Chances as Laws
+from planner.chance.settings import like
 from planner.errors import HeadlandError, ScenarioError
 from planner.farm import Chances, FarmFile, FarmImplement, FarmTractor, Prices, Times, Yard, example_farm, example_text
 from planner.farm.asked import asked
@@ -133,6 +135,12 @@ def test_files_of_tractors_are_looked_for_beside_the_farm(tmp_path: Path) -> Non
     farm = load_farm(place)
     assert farm.tractor("F").machine().wheelbase_m == pytest.approx(2.78)
     assert farm.tractor("F").origin == str(tmp_path / "fendt.toml")
+
+
+def test_chances_are_the_settings_of_the_draws() -> None:
+    assert set(Chances.model_fields) == {each.name for each in fields(Laws)}
+    assert like(farm_from("", "empty.toml").chances) == Laws()
+    assert like(farm_from("[chances]\nstop_durations_s = [5.0, 120]", "one.toml").chances).stop_durations_s == (5, 120)
 
 
 def test_prices_of_a_machine_take_the_place_of_the_farms() -> None:
