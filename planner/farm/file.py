@@ -63,15 +63,6 @@ class FarmFile(Section):
         """An implement by name, the first without one; raises ScenarioError."""
         return _pick(self.implements, name, "implement")
 
-    def prices_for(self, tractor: FarmTractor, implement: FarmImplement) -> Prices:
-        """The prices with what these machines have of their own."""
-        own = {
-            "tractor_price": tractor.price, "tractor_power_kw": tractor.power_kw,
-            "hours_per_year": tractor.hours_per_year, "years": tractor.years, "implement_price": implement.price,
-            "implement_hours_per_year": implement.hours_per_year,
-        }  # fmt: skip
-        return self.prices.model_copy(update={key: value for key, value in own.items() if value is not None})
-
     def fits(self, tractor: FarmTractor, implement: FarmImplement) -> bool:
         """Whether an implement goes with a kind of tractor."""
         return not implement.tractors or tractor.name in implement.tractors

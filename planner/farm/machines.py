@@ -67,6 +67,7 @@ class FarmImplement(Section):
     collects: bool = other(False, "true: it fills at work", "no", strict=True)
     price: float | None = number(None, 0.0, HIGHEST_PRICE, "list price", "prices.implement_price")
     hours_per_year: float | None = number(None, 1.0, 8784.0, "hours of use a year", "prices.implement_hours_per_year")
+    years: float | None = number(None, 0.1, 100.0, "years it is kept", "prices.years")
     operation: Literal["till", "sow", "spray", "harvest", "mow"] | None = other(
         None, "till, sow, spray, harvest or mow, in quotes"
     )

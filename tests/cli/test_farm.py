@@ -31,6 +31,7 @@ tractors = ["Carrier"]
 
 [prices]
 per_hour = 30.0
+supervision_share = 0.0
 transport_per_tractor = 5.0
 """
 

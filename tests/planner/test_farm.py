@@ -143,11 +143,42 @@ def test_chances_are_the_settings_of_the_draws() -> None:
     assert like(farm_from("[chances]\nstop_durations_s = [5.0, 120]", "one.toml").chances).stop_durations_s == (5, 120)
 
 
-def test_prices_of_a_machine_take_the_place_of_the_farms() -> None:
-    farm = example_farm()
-    prices = farm.prices_for(farm.tractor("Fendt 724"), farm.implement("drill"))
-    assert (prices.tractor_price, prices.tractor_power_kw, prices.implement_price) == (220_000.0, 174.0, 35_000.0)
-    assert prices.model_dump(include={"years", "fuel_per_l"}) == farm.prices.model_dump(include={"years", "fuel_per_l"})
+PLAIN = """
+[prices]
+first_year_value = 0.5
+later_year_value = 1.0
+implement_first_year_value = 0.5
+implement_later_year_value = 1.0
+interest_pct = 0.0
+insurance_pct = 0.0
+repair_factor = 0.0
+implement_repair_factor = 0.0
+fuel_per_l = 1.0
+fuel_l_per_kwh = 0.25
+work_load = 0.5
+oil_share = 0.0
+supervision_per_hour = 20.0
+supervision_share = 0.25
+years = 10.0
+hours_per_year = 600.0
+implement_hours_per_year = 200.0
+[[tractors]]
+name = "T"
+price = 60000.0
+power_kw = 80.0
+[[implements]]
+name = "I"
+price = 20000.0
+"""
+
+
+def test_the_price_of_an_hour_by_hand() -> None:
+    # Half the price goes over 6,000 and 2,000 hours: 5 and 5. Fuel: 80 kW, half of it, a quarter litre: 10. People: 5.
+    found = asked(Scenario(), farm_from(PLAIN, "plain.toml"))
+    assert found.scenario.price_per_hour == pytest.approx(25.0)
+    flat = farm_from(PLAIN.replace("[prices]", "[prices]\nper_hour = 30.0"), "flat.toml")
+    assert asked(Scenario(), flat).scenario.price_per_hour == pytest.approx(35.0)
+    assert asked(Scenario(), flat, {"price_per_hour"}).scenario.price_per_hour == 40.0
 
 
 def test_a_plan_takes_machines_speeds_and_prices_from_the_farm() -> None:
@@ -155,7 +186,7 @@ def test_a_plan_takes_machines_speeds_and_prices_from_the_farm() -> None:
     scenario = found.scenario
     assert (scenario.width_m, scenario.operation, scenario.tractors) == (3.0, "sow", (1, 2))
     assert scenario.speed_mps == pytest.approx(7.0 / 3.6) and scenario.turn_speed_mps == pytest.approx(5.0 / 3.6)
-    assert (scenario.price_per_tractor, scenario.price_per_hour) == (8.0, Scenario().price_per_hour)
+    assert scenario.price_per_tractor == 8.0
     assert found.own is not None and found.own.name == "Fendt 724" and found.implement is not None
     assert found.implement.hitch_m == 1.4
 
@@ -165,6 +196,7 @@ def test_what_is_given_wins_over_the_farm() -> None:
     given_here = {"width_m", "speed_mps", "tractor", "tractors", "operation"}
     found = asked(scenario, example_farm(), given_here, implement="drill")
     expected = replace(scenario, turn_speed_mps=5.0 * (1.0 / 3.6), price_per_tractor=8.0)
+    expected = replace(expected, price_per_hour=found.scenario.price_per_hour)
     assert found.scenario == expected
     assert found.tractor == "eg105" and found.implement is not None and found.implement.width_m == 4.0
 
