@@ -93,8 +93,8 @@ def _hint(place: tuple[str | int, ...], model: Model) -> str:
             return f" here; it belongs under [{section}]"
     home = _model_of(place[:-1], model)
     for section, info in home.model_fields.items() if home is not None else ():
-        inner = _inner(info.annotation)
-        if inner is not None and key in inner.model_fields:
+        part: Model | None = _inner(info.annotation)
+        if part is not None and key in part.model_fields:
             return f" here; it belongs under {section}"
     return nearest(key, home.model_fields) if home is not None else ""
 

@@ -27,6 +27,7 @@ def ask_missing(name: str | None, given: dict[str, float | str | None]) -> str:
             if given[key] is None:
                 given[key] = _number(QUANTITIES[key])
     except typer.Abort:
+        typer.echo(err=True)  # ends the line of the question
         raise KeyboardInterrupt from None
     return name
 

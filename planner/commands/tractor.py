@@ -128,10 +128,10 @@ def _overview(made: Tractor, file: Path) -> Sheet:
 
     own = made.model_dump()
     rows = []
-    for key, words in made.source.items():
+    for key, source in made.source.items():
         value = own.get(key)
         if isinstance(value, float):
-            rows.append((f"{key}: {words}", f"{value:g}"))
+            rows.append((f"{key}: {source}", f"{value:g}"))
     asphalt, soil = (made.smallest_radius_m(ground) for ground in ("asphalt", "soil"))
     words = (
         f"Turns on {asphalt:.2f} m on asphalt and {soil:.2f} m on soil, wheels at {made.max_steering_deg:g} degrees.",

@@ -5,16 +5,18 @@
 values      numbers with limits, defaults and where the defaults are from
 machines    tractors and implements
 prices      money: what machines, fuel, people and late ground cost
-times       handling and shifts, what is left to chance, where the yard is
+times       handling, shifts and breaks; where the yard is
+chances     what is left to chance
 file        FarmFile, all of it: read, checked, machines picked by name
 sources     every value in use with its origin: given, or the default's source
 asked       a farm in place of what the scenario of a plan leaves open
 """
 
+from planner.farm.chances import Chances
 from planner.farm.file import FarmFile, example_farm, example_text, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
-from planner.farm.times import Chances, Times, Yard
+from planner.farm.times import Times, Yard
 
 __all__ = [
     "Chances",

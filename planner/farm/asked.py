@@ -13,6 +13,7 @@ from planner.farm.file import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
 from planner.price.cost import Terms
+from planner.price.machine import rates
 from planner.scenario import Scenario
 from vehicle.tractor import Implement, Tractor, tractor_names
 
@@ -91,6 +92,16 @@ def _mounted(farm: FarmFile, own: FarmTractor | None, name: str | None) -> FarmI
     return found
 
 
+def price_per_hour(farm: FarmFile, own: FarmTractor | None, mounted: FarmImplement) -> float:
+    """What one tractor with its implement costs in an hour at work, with who looks after it."""
+    prices = farm.prices
+    people = prices.supervision_share * prices.supervision_per_hour
+    if prices.per_hour is not None:
+        return prices.per_hour + people
+    hourly = rates(prices, own, mounted)
+    return hourly.machine + hourly.fuel_at_work + people
+
+
 def _values(farm: FarmFile, own: FarmTractor | None, mounted: FarmImplement) -> dict[str, Any]:
     """Parameters of a scenario by the farm; None for what it leaves open."""
     return {
@@ -99,6 +110,6 @@ def _values(farm: FarmFile, own: FarmTractor | None, mounted: FarmImplement) -> 
         "turn_speed_mps": mounted.turn_speed_mps,
         "operation": mounted.operation,
         "tractors": None if own is None else tuple(range(1, own.count + 1)),
-        "price_per_hour": farm.prices.per_hour,
+        "price_per_hour": price_per_hour(farm, own, mounted),
         "price_per_tractor": farm.prices.transport_per_tractor,
     }

@@ -13,9 +13,10 @@ from pydantic import ValidationError, field_validator, model_validator
 
 from fields.reading import brief, parse_fault, read_text, shown
 from planner.errors import ScenarioError, nearest
+from planner.farm.chances import Chances
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
-from planner.farm.times import Chances, Times, Yard
+from planner.farm.times import Times, Yard
 from planner.farm.values import Section
 from vehicle.errors import VehicleError
 from vehicle.faults import faults_of
@@ -61,15 +62,6 @@ class FarmFile(Section):
     def implement(self, name: str | None = None) -> FarmImplement:
         """An implement by name, the first without one; raises ScenarioError."""
         return _pick(self.implements, name, "implement")
-
-    def prices_for(self, tractor: FarmTractor, implement: FarmImplement) -> Prices:
-        """The prices with what these machines have of their own."""
-        own = {
-            "tractor_price": tractor.price, "tractor_power_kw": tractor.power_kw,
-            "hours_per_year": tractor.hours_per_year, "years": tractor.years, "implement_price": implement.price,
-            "implement_hours_per_year": implement.hours_per_year,
-        }  # fmt: skip
-        return self.prices.model_copy(update={key: value for key, value in own.items() if value is not None})
 
     def fits(self, tractor: FarmTractor, implement: FarmImplement) -> bool:
         """Whether an implement goes with a kind of tractor."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, StrictInt, model_validator
 
-from planner.farm.values import NONE_GIVEN, SOURCE, Section, number, text
+from planner.farm.values import Section, number, other
 from planner.scenario import FASTEST_KMH, HIGHEST_PRICE, KMH, LONGEST_M, MOST_TRACTORS, SLOWEST_KMH
 from vehicle.datasheet import Datasheet, tractor_from
 from vehicle.tractor import Implement, Tractor, load_tractor
@@ -21,9 +21,9 @@ class FarmTractor(Section):
     """
 
     name: str = Field(strict=True, min_length=1, description="in quotes")
-    file: str | None = text(None, "eg105, mr1000a or a TOML file, in quotes", "eg105 if there is no sheet")
+    file: str | None = other(None, "eg105, mr1000a or a TOML file, in quotes", "eg105 without a sheet", strict=True)
     sheet: Datasheet | None = None
-    count: StrictInt = Field(1, ge=1, le=MOST_TRACTORS, description="how many", json_schema_extra={SOURCE: "one"})
+    count: StrictInt = other(1, "how many", "one", ge=1, le=MOST_TRACTORS)
     price: float | None = number(None, 0.0, HIGHEST_PRICE, "list price of one", "prices.tractor_price")
     power_kw: float | None = number(None, 0.1, 2000.0, "kW at the shaft", "prices.tractor_power_kw")
     hours_per_year: float | None = number(None, 1.0, 8784.0, "hours of use a year", "prices.hours_per_year")
@@ -64,13 +64,14 @@ class FarmImplement(Section):
     turn_speed_kmh: float | None = number(None, SLOWEST_KMH, FASTEST_KMH, "km/h in turns", "the option")
     capacity: float | None = number(None, 0.001, 1e6, "l or kg when full", "it carries nothing")
     rate_per_m2: float | None = number(None, 1e-9, 1e3, "l or kg per m2 worked", "it carries nothing")
-    collects: bool = Field(False, strict=True, description="true: it fills at work", json_schema_extra={SOURCE: "no"})
+    collects: bool = other(False, "true: it fills at work", "no", strict=True)
     price: float | None = number(None, 0.0, HIGHEST_PRICE, "list price", "prices.implement_price")
     hours_per_year: float | None = number(None, 1.0, 8784.0, "hours of use a year", "prices.implement_hours_per_year")
-    operation: Literal["till", "sow", "spray", "harvest", "mow"] | None = Field(
-        None, description="till, sow, spray, harvest or mow, in quotes", json_schema_extra={SOURCE: NONE_GIVEN}
+    years: float | None = number(None, 0.1, 100.0, "years it is kept", "prices.years")
+    operation: Literal["till", "sow", "spray", "harvest", "mow"] | None = other(
+        None, "till, sow, spray, harvest or mow, in quotes"
     )
-    tractors: tuple[str, ...] = Field((), description="names in quotes", json_schema_extra={SOURCE: "all of them"})
+    tractors: tuple[str, ...] = other((), "names in quotes", "all of them")
 
     @property
     def speed_mps(self) -> float | None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field
-
-from planner.farm.values import SOURCE, Section, number
+from planner.farm.values import Section, number, other
 from planner.scenario import HIGHEST_PRICE
 
 _EQUATIONS = "ASAE machinery cost equations (D497, EP496; standards of 2000)"
@@ -19,9 +17,7 @@ class Prices(Section):
     its implement costs in an hour and takes the place of depreciation, interest, repair and fuel.
     """
 
-    currency: str = Field(
-        "EUR", strict=True, min_length=1, max_length=12, description="in quotes", json_schema_extra={SOURCE: "assumed"}
-    )
+    currency: str = other("EUR", "in quotes", "assumed", strict=True, min_length=1, max_length=12)
     per_hour: float | None = number(None, 0.0, HIGHEST_PRICE, "per tractor and hour, all in", "from the values below")
     tractor_price: float = number(
         100_000.0, 0.0, HIGHEST_PRICE, "list price of a tractor", "assumed: about 1,300 a kW for 77 kW, with the robot"

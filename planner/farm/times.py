@@ -1,17 +1,16 @@
-"""Times of a farm: handling, shifts, what chance does to them, and where the yard is."""
+"""Times of a farm: handling, shifts and breaks; and where the yard is."""
 
 from __future__ import annotations
 
 import re
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, model_validator
 
-from planner.farm.values import SOURCE, Section, number
+from planner.farm.values import Section, number, other
 from planner.scenario import DAY_S, parse_clock
 
 LONGEST_S = 7.0 * DAY_S
-_LOGS = "17 logs of one attended forage harvester"
 
 
 def _is_clock(text: str | None) -> str | None:
@@ -39,7 +38,7 @@ Break = Annotated[str, AfterValidator(_is_break)]
 
 
 def _clock(words: str) -> Any:
-    return Field(default=None, strict=True, description=words, json_schema_extra={SOURCE: "none"})
+    return other(None, words, "none", strict=True)
 
 
 class Times(Section):
@@ -53,9 +52,7 @@ class Times(Section):
     refill_s: float = number(300.0, 0.0, LONGEST_S, "s to refill or unload once there", "assumed: one big bag or tank")
     shift_start: Clock = _clock("hh:mm in quotes")
     shift_end: Clock = _clock("hh:mm in quotes")
-    breaks: tuple[Break, ...] = Field(
-        (), description="such as '12:00-12:30', in quotes", json_schema_extra={SOURCE: "none: robots need none"}
-    )
+    breaks: tuple[Break, ...] = other((), "such as '12:00-12:30', in quotes", "none: robots need none")
     road_speed_kmh: float = number(25.0, 0.5, 80.0, "km/h on the road", "assumed: with an implement, villages included")
     road_factor: float = number(1.3, 1.0, 10.0, "road over straight line", "usual detour of rural roads, 1.2 to 1.4")
 
@@ -69,38 +66,6 @@ class Times(Section):
         """Start and end of the shift as seconds of the day; an end past midnight is above a day."""
         start, end = (None if at is None else parse_clock(at, "the shift") for at in (self.shift_start, self.shift_end))
         return start, end + DAY_S if start is not None and end is not None and end <= start else end
-
-
-class Chances(Section):
-    """What is left to chance, each a law of its own; 0 switches it off.
-
-    Coefficients of variation are of lognormal factors. Stops and breakdowns come by chance at a mean rate, each as
-    long as a draw with the given mean and coefficient of variation.
-    """
-
-    speed_cv: float = number(0.15, 0.0, 2.0, "of the speed of one pass", f"0.15 to 0.18 within a job, {_LOGS}")
-    job_cv: float = number(
-        0.06, 0.0, 2.0, "of one factor on all driving of a job", f"{_LOGS}: off by 4.8 % in the mean, each left out"
-    )
-    slip_pct: float = number(7.6, 0.0, 90.0, "percent of wheel slip, at which speeds hold", "log of a New Holland")
-    slip_cv: float = number(0.28, 0.0, 2.0, "of the slip", "the same log: half of it between 6.2 and 9.0 %")
-    turn_cv: float = number(0.21, 0.0, 2.0, "of the time of a turn to the next track", f"163 turns, {_LOGS}")
-    turn_more_cv: float = number(0.13, 0.0, 2.0, "of that of a turn over more tracks", f"16 turns, {_LOGS}")
-    stops_per_hour: float = number(
-        1.0, 0.0, 1000.0, "stops per tractor and hour", f"assumed for a robot: a tenth of {_LOGS}"
-    )
-    stop_s: float = number(48.0, 0.0, LONGEST_S, "s of a stop in the mean", f"stops of 5 s and more, {_LOGS}")
-    stop_cv: float = number(3.9, 0.0, 20.0, "of the length of a stop", f"median 12 s beside that mean, {_LOGS}")
-    breakdown_hours: float = number(
-        290.0, 0.0, 1e6, "hours between breakdowns, 0 for none",
-        "Zetor tractors (Agronomy 12(6):1364): half of the worst model fail within 200 h",
-    )  # fmt: skip
-    repair_s: float = number(7200.0, 0.0, LONGEST_S, "s of a repair in the mean", "assumed: someone has to come")
-    repair_cv: float = number(1.0, 0.0, 20.0, "of the length of a repair", "assumed: as an exponential law")
-    start_delay_s: float = number(
-        600.0, 0.0, LONGEST_S, "s late at the start in the mean", "assumed: a change of field in two campaigns"
-    )
-    start_delay_cv: float = number(1.0, 0.0, 20.0, "of the delay", "assumed: as an exponential law")
 
 
 class Yard(Section):

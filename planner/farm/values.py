@@ -27,9 +27,9 @@ def number(default: float | None, low: float, high: float, words: str, source: s
     )  # fmt: skip
 
 
-def text(default: str | None, words: str, source: str = NONE_GIVEN) -> Any:
-    """A text in quotes."""
-    return Field(default=default, strict=True, description=words, json_schema_extra={SOURCE: source})
+def other(default: Any, words: str, source: str = NONE_GIVEN, **rules: Any) -> Any:
+    """A value of another kind, with pydantic's own rules."""
+    return Field(default=default, description=words, json_schema_extra={SOURCE: source}, **rules)
 
 
 def source_of(section: type[Section], key: str) -> str:

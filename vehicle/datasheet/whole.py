@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import BaseModel
 
 from vehicle.datasheet import rules
@@ -30,7 +32,7 @@ def tractor_from(name: str, sheet: Datasheet) -> Tractor:
         "antenna_forward_m": rules.antenna(sheet),
         "antenna_right_m": (0.0, "assumed: on the centre line"),
     }
-    values = {key: value for key, (value, _) in body.items()}
+    values: dict[str, Any] = {key: value for key, (value, _) in body.items()}
     source = {key: words for key, (_, words) in body.items()}
     steering, told = _steering(sheet, like)
     source |= told

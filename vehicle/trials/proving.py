@@ -13,6 +13,7 @@ from vehicle.calibration import drive_circle
 from vehicle.circles import CIRCLE_SPEED_MPS, Circle
 from vehicle.gnss import default_table
 from vehicle.ground import ground_names
+from vehicle.learnt import without_logs
 from vehicle.missions import TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.run import DONE
 from vehicle.tractor import Implement, Tractor
@@ -65,8 +66,11 @@ class Half:
 
 
 def circles(tractor: Tractor) -> tuple[Round, ...]:
-    """Full and half lock to both sides on every ground whose radii the file has."""
-    lock = tractor.max_steering_deg
+    """Full and half lock to both sides on every ground whose radii the file has, without what logs taught.
+
+    [radius] is measured before logs are: effects come on top of it.
+    """
+    tractor, lock = without_logs(tractor), tractor.max_steering_deg
     return tuple(
         Round(ground, angle, tractor.power_law(ground).radius_m(angle), drive_circle(tractor, angle, ground))
         for ground in ground_names()

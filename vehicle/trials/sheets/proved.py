@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from vehicle.calibration import drive_circle
 from vehicle.errors import VehicleError
 from vehicle.tractor import Tractor
 from vehicle.trials.proving import (
@@ -25,7 +26,7 @@ from vehicle.trials.sheets.sheet import Line, Panel, Proof, Proved, Sheet, TextT
 
 CIRCLE_SHARE, ACKERMANN_SHARE = 0.01, 0.35
 WEAVING_CM, SETTLED_M, BEYOND_CM, OFF_M = 5.0, 30.0, 50.0, 1.0
-RADII = "look at [radius], and at [effects] if logs taught the file some"
+RADII = "look at [radius]"
 ASKED_COLOUR = 4
 GUIDING = "look at [guidance] and at steering.rate_deg_per_s"
 
@@ -90,7 +91,7 @@ def _row(proof: Proof) -> tuple[str, ...]:
         asked, told = f"{proof.tolerance:g} {proof.unit} or less", ""
     else:
         asked = f"{proof.asked:.2f} {proof.unit}"
-        told = "" if apart is None else f"{100.0 * apart / proof.asked + 0.0:+.1f} %"
+        told = "" if apart is None else f"{round(100.0 * apart / proof.asked, 1) + 0.0:+.1f} %"
     driven = "not to its end" if proof.driven is None else f"{proof.driven:.2f} {proof.unit}"
     return proof.drive, proof.ground, asked, driven, told, "yes" if proof.good else "no"
 
@@ -109,9 +110,20 @@ def _words(tractor: Tractor, proofs: Sequence[Proof]) -> tuple[str, ...]:
         f"{proof.advice}."
         for proof in wrong
     )
-    learnt = f"Logs taught the file: {', '.join(tractor.effects)}." if tractor.effects else ""
+    learnt = _learnt(tractor)
     guessed = f"Values assumed, not measured: {len(assumed)} of {len(tractor.source)}." if assumed else ""
     return (first, *told, *(text for text in (learnt, guessed) if text))
+
+
+def _learnt(tractor: Tractor) -> str:
+    """What effects found in logs make of the circle at full lock."""
+    if not tractor.effects:
+        return ""
+    radius = drive_circle(tractor, tractor.max_steering_deg, GROUND).radius_m
+    return (
+        f"Logs taught the file: {', '.join(tractor.effects)}; with that full lock to the right drives {radius:.2f} m "
+        f"on {GROUND}. Circles here are without, the other drives with it."
+    )
 
 
 def _circle_panels(rounds: Sequence[Round]) -> Iterator[Panel]:
