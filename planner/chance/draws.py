@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from planner.chance.events import Events, events_of, lognormal
 from planner.chance.graph import PASS, Graph
-from planner.chance.settings import Chances, sigma
+from planner.chance.settings import Chances, certain, sigma
 from planner.chance.streams import stream
 
 MOST_SLIPPING = 0.9
@@ -56,7 +56,15 @@ def draw(
     """
     luck = _luck(graph, chances, draws, seed)
     limit = np.full(draws, math.inf) if limit_s is None else limit_s
-    return _driven(graph, chances, seed, luck, limit, keep)
+    return _driven(_walk(graph, chances, seed, luck), limit, keep)
+
+
+def drive(graph: Graph, factor: Array) -> Sample:
+    """Drive the graph with these factors (legs, draws) on the seconds of its legs, and nothing else that varies."""
+    calm, draws = certain(), factor.shape[1]
+    walk = _walk(graph, calm, 0, _luck(graph, calm, draws, 0))
+    walk.given = factor
+    return _driven(walk, np.full(draws, math.inf), keep=False)
 
 
 def slip_factor(chances: Chances, normal: Array) -> Array:
@@ -87,10 +95,13 @@ class _Walk:
     clock: Array
     group: list[int]
     factors: list[Array]
+    given: Array | None = None
     opened: dict[int, Array] = field(default_factory=dict)
 
     def factor(self, node: int) -> Array:
         """The factor of a leg; a pass or turn that begins takes its numbers whether they count or not."""
+        if self.given is not None:
+            return self.given[node]
         own, kind = int(self.graph.tractor[node]), int(self.graph.kind[node])
         if self.group[own] != self.graph.group[node]:
             self.group[own] = int(self.graph.group[node])
@@ -122,10 +133,9 @@ class _Walk:
             self.opened[index] = self.held(own, min(offset, seconds), begin + offset * factor)
 
 
-def _driven(graph: Graph, chances: Chances, seed: int, luck: _Luck, limit: Array, keep: bool) -> Sample:
+def _driven(walk: _Walk, limit: Array, keep: bool) -> Sample:
     """The longest path. What is held per leg is only what a leg after it still asks for."""
-    draws = len(limit)
-    walk = _walk(graph, chances, seed, luck)
+    graph, draws = walk.graph, len(limit)
     links_to, links_from = _by_node(graph)
     spent, done = {True: np.zeros(draws), False: np.zeros(draws)}, np.zeros(draws)
     whole = float(graph.worked_m.sum())
@@ -144,7 +154,7 @@ def _driven(graph: Graph, chances: Chances, seed: int, luck: _Luck, limit: Array
         if kept is not None:
             kept[node] = factor
     share = done / whole if whole > 0.0 else np.ones(draws)
-    return Sample(walk.now.max(axis=0), walk.now, spent[True], spent[False], share, luck.late_s, kept)
+    return Sample(walk.now.max(axis=0), walk.now, spent[True], spent[False], share, walk.luck.late_s, kept)
 
 
 def _walk(graph: Graph, chances: Chances, seed: int, luck: _Luck) -> _Walk:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.chance.draws import draw
-from planner.chance.graph import Graph, graph_of
+from planner.chance.draws import draw, drive
+from planner.chance.graph import PASS, Graph, graph_of
 from planner.chance.settings import Chances
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.run import DONE, Run
@@ -18,6 +19,8 @@ from vehicle.world import World
 DRIVES = 8
 FASTEST = 3.0  # times the speed of the plan: turns that are drawn shorter than that are not driven so
 PATIENCE = 3.0
+SHORTEST_S = 0.1
+ACCELERATION_MPS2 = 0.7
 Array = npt.NDArray[np.float64]
 
 
@@ -47,35 +50,59 @@ def check(
     """Drive a run again with the drawn factors on the speeds of its legs, without stops, breakdowns and late starts.
 
     Legs are driven so fast that each takes its drawn time; what does not depend on speed (changing gear, moving the
-    wheels) stays as long as it was.
+    wheels) stays as long as it was. Turns that are drawn quicker than the tractor can turn are driven as quickly as it
+    can, and the graph is asked about those.
     """
     still = chances.without("stops").without("breakdowns").without("late start")
     graph = graph_of(run)
     sample = draw(graph, still, draws=drives, seed=seed, keep=True)
     assert sample.factor is not None
-    driven = np.full(drives, np.nan)
+    driven, factor = np.full(drives, np.nan), sample.factor.copy()
     meetings = stalls = 0
     for number in range(drives):
-        world = World(scaled(run.plan, graph, sample.factor[:, number]), tractor, implement)
-        again = world.run(max_time_s=600.0 + PATIENCE * float(sample.finish_s[number]))
+        plan = scaled(run.plan, graph, factor[:, number], tractor.speed.max_acceleration_mps2)
+        again = World(plan, tractor, implement).run(max_time_s=600.0 + PATIENCE * float(sample.finish_s[number]))
         meetings += bool(again.contacts)
         stalls += again.outcome != DONE
         if again.outcome == DONE and not again.contacts:
             driven[number] = again.duration_s
-    return Check(driven, sample.finish_s, meetings, stalls)
+            factor[:, number] = _driven_factor(graph, graph_of(again), factor[:, number])
+    return Check(driven, drive(graph, factor).finish_s, meetings, stalls)
 
 
-def scaled(plan: Plan, graph: Graph, factor: Array) -> Plan:
+def _driven_factor(graph: Graph, again: Graph, factor: Array) -> Array:
+    """The factors, but for turns quicker than simulated those that were driven: gears and wheels take their time."""
+    quick = (graph.kind != PASS) & (factor < 1.0)
+    took = again.driven_s / np.maximum(graph.driven_s, SHORTEST_S)
+    return np.where(quick & (graph.driven_s > SHORTEST_S), took, factor)
+
+
+def scaled(plan: Plan, graph: Graph, factor: Array, acceleration_mps2: float = ACCELERATION_MPS2) -> Plan:
     """The plan with every leg at the speed at which it takes `factor` (legs,) times its driven seconds."""
     missions = []
     for tractor, mission in enumerate(plan.missions):
         nodes = graph.of(tractor)
+        gears = [0, *(leg.gear for leg in mission.legs), 0]
         own = zip(mission.legs, graph.driven_s[nodes].tolist(), factor[nodes].tolist(), strict=True)
-        missions.append(Mission(tuple(replace(leg, speed_mps=_speed(leg, *times)) for leg, *times in own)))
+        legs = []
+        for index, (leg, driven_s, share) in enumerate(own):
+            standing = (gears[index] != leg.gear) + (gears[index + 2] != leg.gear)
+            lag = 0.5 * standing / acceleration_mps2
+            legs.append(replace(leg, speed_mps=_speed(leg, driven_s, share, lag)))
+        missions.append(Mission(tuple(legs)))
     return replace(plan, missions=tuple(missions))
 
 
-def _speed(leg: Leg, driven_s: float, factor: float) -> float:
-    at_speed = leg.length_m / leg.speed_mps
-    fixed = max(driven_s - at_speed, 0.0)
-    return leg.length_m / max(factor * (at_speed + fixed) - fixed, at_speed / FASTEST)
+def _speed(leg: Leg, driven_s: float, factor: float, lag: float) -> float:
+    """The speed v at which length / v + lag v and what does not depend on speed take the drawn time.
+
+    `lag` v are the seconds lost by setting off and stopping where a leg begins or ends at a standstill.
+    """
+    length, speed = leg.length_m, leg.speed_mps
+    fixed = max(driven_s - length / speed - lag * speed, 0.0)
+    scale = driven_s / (length / speed + lag * speed + fixed)
+    left = factor * (driven_s / scale) - fixed if scale > 0.0 else 0.0
+    root = left * left - 4.0 * lag * length
+    if left <= 0.0 or root < 0.0:
+        return FASTEST * speed
+    return min(2.0 * length / (left + math.sqrt(root)), FASTEST * speed)
