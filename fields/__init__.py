@@ -2,9 +2,12 @@
 
     field               a field in local metres
     layout, lines, bearings   tracks on it: where they run, how they are trimmed, directions worth trying
+    cells               parts of the ground for tracks, each with its own bearing
+    cutting, options    regions cut into cells; layouts worth comparing
     rounds              centre lines of the headland's rounds; spines of narrow strips
     filling             tracks that cover what the rounds leave
     obstacles, obstacles_read   what is cut out of a field, and read from its file
+    fences              sides of the outline that nothing crosses
     free                where the guided point may be, and what of that lies beside the tracks
     read, write         field files, in and out
     source, samples_index   what a name stands for: a sample or a file
@@ -15,6 +18,7 @@
     errors              the base of all refusals
 """
 
+from fields.cells import Cell
 from fields.errors import FieldError
 from fields.field import Field, GroundZone
 from fields.layout import Layout, Track, lay_tracks
@@ -23,6 +27,7 @@ from fields.samples_index import sample_names
 from fields.write import write_field
 
 __all__ = [
+    "Cell",
     "Field",
     "FieldError",
     "GroundZone",

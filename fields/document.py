@@ -26,7 +26,9 @@ class RawPolygon:
 
 @dataclass(frozen=True)
 class RawObstacle:
-    """An obstacle as read: "Point", "LineString" or "Polygon", its coordinates, unchecked, and its properties."""
+    """An obstacle or a line along the outline as read: "Point", "LineString" or "Polygon", its coordinates, unchecked,
+    and its properties.
+    """
 
     form: str
     coordinates: Any
@@ -36,12 +38,13 @@ class RawObstacle:
 
 @dataclass(frozen=True)
 class Document:
-    """A file taken apart: polygons, ground zones, obstacles, entrance points, coordinate system and frame.
+    """A file taken apart: polygons, ground zones, obstacles, edges, entrance points, coordinate system and frame.
 
     Attributes:
         crs: coordinate system named by an old-style ``crs`` member, or None.
         frame: ``"local_metres"``, ``"wgs84"`` or None when the file does not say.
         header: the foreign member of this program, possibly empty.
+        edges: lines that say what the outline is along them.
         unused: what no part of a field is read from: kind of feature in words, and how many.
     """
 
@@ -54,6 +57,7 @@ class Document:
     source: str
     unused: tuple[tuple[str, int], ...] = ()
     obstacles: tuple[RawObstacle, ...] = ()
+    edges: tuple[RawObstacle, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from dataclasses import field as member
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -12,12 +13,14 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, named
+from fields.fences import check_way_in
 from fields.obstacles import Obstacle, ground_left
 from fields.outline import SMALLEST_M2
 from fields.projection import project
 
 FloatArray = npt.NDArray[np.float64]
 
+FENCE_M = 0.001  # half of what a fence itself takes
 USUAL_POINTS, MOST_POINTS = 2_000, 5_000
 FINEST_M, COARSEST_M = 0.01, 0.16
 """A centimetre is less than any receiver tells; at 16 cm an outline still is that of the same field."""
@@ -54,6 +57,10 @@ class Field:
         entrance: point where tractors enter, metres, or None.
         grounds: ground zones; where they overlap the first one counts.
         obstacles: what stands in or beside the field, holes of the boundary aside.
+        small: what tracks are driven round, the margin included; in the boundary, but not in `ground`.
+        fences: sides of the outline that nothing of a machine may cross, lines in metres.
+        outline: the boundary before margins were kept and obstacles cut out of it; None where nothing was.
+        beyond: the boundary where it is drawn in by no more than the margin; None where it is the same.
         default_ground: ground wherever no zone lies.
         source: where the boundary comes from, in words.
         remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
@@ -75,6 +82,10 @@ class Field:
     source: str = ""
     remarks: tuple[str, ...] = member(default=(), compare=False)
     obstacles: tuple[Obstacle, ...] = ()
+    small: tuple[shapely.Polygon, ...] = ()
+    fences: tuple[shapely.LineString, ...] = ()
+    outline: shapely.Polygon | None = None
+    beyond: shapely.Polygon | None = None
 
     def __post_init__(self) -> None:
         label = f"field '{self.name}'"
@@ -85,34 +96,60 @@ class Field:
     @property
     def area_m2(self) -> float:
         """Area without the obstacles, square metres."""
-        return float(self.boundary.area)
+        return float(self.ground.area)
 
     @property
     def area_ha(self) -> float:
         """Area without the obstacles, hectares."""
         return self.area_m2 / 10_000.0
 
-    def clear_of_obstacles(self, margin_m: float) -> Field:
-        """The field whose boundary is the ground that may be worked: a margin is kept to obstacles and holes.
+    @cached_property
+    def ground(self) -> shapely.Polygon:
+        """What is to be worked: all up to the margin but what tracks are driven round."""
+        if not self.small:
+            return self.beyond or self.boundary
+        return orient(shapely.difference(self.beyond or self.boundary, shapely.union_all(self.small)), 1.0)
 
-        Where obstacles cut the field in pieces the largest is kept, and a remark tells what the others measure.
+    @cached_property
+    def solid(self) -> tuple[shapely.Geometry, ...]:
+        """The ground that holes of the outline and obstacles take themselves, without a margin."""
+        holes = (self.outline or self.boundary).interiors
+        return (*(shapely.Polygon(hole) for hole in holes), *(one.shape for one in self.obstacles))
+
+    def clear_of_obstacles(self, margin_m: float, small_m: float = 0.0, swing_m: float = 0.0) -> Field:
+        """The field whose boundary is the ground that may be worked: a margin is kept to obstacles, holes and fences.
+
+        Those less than `small_m` across stay in the boundary and become `small`. The boundary keeps `swing_m` more to
+        all others: so far more than half its width a machine reaches out of a bend. Where obstacles cut the field in
+        pieces the largest is kept, and a remark tells what the others measure.
 
         Raises:
-            FieldError: the margin is out of range, or too little ground is left.
+            FieldError: the margin is out of range or wider than the field, too little ground is left, or a fence has
+                no way in.
         """
-        if not (math.isfinite(margin_m) and margin_m >= 0.0):
-            raise FieldError(f"The margin ({named('margin_m')}) is {margin_m:g} m; it must be 0 or more.")
-        if not self.obstacles and not (margin_m and self.boundary.interiors):
+        check_way_in(self.boundary, self.fences, self.entrance, self.name)
+        _check_margin(margin_m, self)
+        if not self.obstacles and not self.fences and not (self.boundary.interiors and (margin_m or small_m)):
             return self
-        left, cut_off = ground_left(self.boundary, self.obstacles, margin_m)
-        if left.area < SMALLEST_M2:
+        kept = (*self.obstacles, *(Obstacle("fence", line, FENCE_M) for line in self.fences))
+        left = ground_left(self.boundary, kept, margin_m, small_m, swing_m)
+        if left.boundary.area < SMALLEST_M2:
+            what = "Obstacles and fences" if self.fences else "Obstacles"
             raise FieldError(
-                f"Obstacles with a margin ({named('margin_m')}) of {margin_m:g} m leave {left.area:.3g} m2 of field "
-                f"'{self.name}' in one piece; a field needs at least {SMALLEST_M2:g} m2, so check the obstacles or use "
-                "a smaller margin."
+                f"{what} with a margin ({named('margin_m')}) of {margin_m:g} m leave {left.boundary.area:.3g} m2 of "
+                f"field '{self.name}' in one piece; a field needs at least {SMALLEST_M2:g} m2, so check the obstacles "
+                "or use a smaller margin."
             )
-        told = f"Obstacles cut off {cut_off:.0f} m2 of the field, which are not worked."
-        return replace(self, boundary=left, remarks=(*self.remarks, told) if cut_off >= 1.0 else self.remarks)
+        told = f"Obstacles cut off {left.cut_off_m2:.0f} m2 of the field, which are not worked."
+        remarks = (*self.remarks, told) if left.cut_off_m2 >= 1.0 else self.remarks
+        return replace(
+            self,
+            boundary=left.boundary,
+            beyond=None if left.beyond is left.boundary else left.beyond,
+            small=left.small,
+            outline=self.outline or self.boundary,
+            remarks=remarks,
+        )
 
     def ground_at(self, x: float, y: float) -> str:
         """Name of the ground under the point (x, y) in metres; an edge belongs to its zone."""
@@ -136,6 +173,21 @@ class Field:
         if points.ndim != 2 or points.shape[1] != 2:
             raise FieldError(f"Points of shape {points.shape} are not pairs; pass an array of shape (n, 2).")
         return project(points + np.asarray(self.origin_m), self.crs, "EPSG:4326")
+
+
+def _check_margin(margin_m: float, field: Field) -> None:
+    """Refuse a margin that is none, or that no place of a field could keep even to a single post."""
+    if not (math.isfinite(margin_m) and margin_m >= 0.0):
+        raise FieldError(f"The margin ({named('margin_m')}) is {margin_m:g} m; it must be 0 or more.")
+    if field.obstacles or field.fences:
+        return  # told by what is left
+    x, y = shapely.get_coordinates(shapely.minimum_rotated_rectangle(field.boundary))[:3].T
+    across_m = float(np.hypot(np.diff(x), np.diff(y)).min())
+    if margin_m >= across_m:
+        raise FieldError(
+            f"The margin ({named('margin_m')}) is {margin_m:g} m and field '{field.name}' {across_m:.0f} m across; use "
+            "a smaller margin."
+        )
 
 
 def _plain(polygon: shapely.Polygon, label: str) -> tuple[shapely.Polygon, tuple[str, ...]]:

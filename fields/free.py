@@ -14,7 +14,16 @@ SWATH = 0.55  # of the width to either side of a track: neighbouring swaths over
 
 def free_space(field: Field, margin_m: float) -> shapely.Geometry:
     """The field drawn in by a margin, obstacles widened by it; may be empty or in several parts."""
-    return field.boundary.buffer(-margin_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    open_ground = shapely.difference(field.boundary, shapely.union_all(field.small)) if field.small else field.boundary
+    return open_ground.buffer(-margin_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+
+def rim_of(field: Field, margin_m: float, rim_m: float) -> shapely.Geometry:
+    """The field drawn in by no more than `rim_m`, but as far from obstacles as `free_space` is."""
+    rings = [shapely.Polygon(hole) for hole in field.boundary.interiors]
+    taken = [ring.buffer(margin_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for ring in (*rings, *field.small)]
+    outline = shapely.Polygon(field.boundary.exterior).buffer(-rim_m, join_style="mitre")
+    return shapely.difference(outline, shapely.union_all(taken))
 
 
 def beside_tracks(layout: Layout, free: shapely.Geometry) -> shapely.Geometry:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.bearings import candidate_bearings
+from fields.cells import Cell, compass_deg
 from fields.errors import FieldError, named
 from fields.field import Field
 from fields.filling import filled
@@ -38,15 +39,17 @@ class Track:
     """One straight piece of a swath.
 
     Attributes:
-        line: number of the parallel line, counted from one side of the field to the other.
+        line: number of the parallel line, counted from one side of its cell to the other, cell after cell.
         piece: 0 and up along +u where a hole or a notch interrupts the line.
         start, end: ends of the centre line, metres; end - start points along +u.
+        cell: number of the cell it belongs to.
     """
 
     line: int
     piece: int
     start: tuple[float, float]
     end: tuple[float, float]
+    cell: int = 1
 
     @property
     def length(self) -> float:
@@ -60,12 +63,14 @@ class Layout:
 
     Attributes:
         field: the field they are laid on.
-        bearing_rad: direction +u of every track as a mathematical angle, radians, in (-pi/2, pi/2].
-        width_m: working width. Lines are evenly spaced by at most that, so that the whole width is covered.
+        bearing_rad: direction +u of the tracks of the largest cell as a mathematical angle, radians, in
+            (-pi/2, pi/2].
+        width_m: working width. Lines of a cell are evenly spaced by at most that, so that the whole width is covered.
         headland_m: room left along the tracks beyond their ends.
-        tracks: sorted by line and piece; lines are numbered from one side to the other.
+        tracks: sorted by line and piece; no line number is used in two cells.
         inner: region in which the centre lines of tracks may lie; with rounds, what these leave for tracks.
         rounds: number of rounds of the headland that are worked; 0 where it is only room for turning.
+        cells: parts of `inner`, each with tracks in one direction, in order of their numbers; one where none are given.
     """
 
     field: Field
@@ -75,6 +80,15 @@ class Layout:
     tracks: tuple[Track, ...]
     inner: shapely.Geometry
     rounds: int = 0
+    cells: tuple[Cell, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.cells:
+            object.__setattr__(self, "cells", (Cell(1, self.bearing_rad, self.inner),))
+
+    def bearing_of(self, track: Track) -> float:
+        """Direction +u of a track: that of its cell, radians."""
+        return self.cells[track.cell - 1].bearing_rad
 
     @property
     def lines(self) -> int:
@@ -83,9 +97,8 @@ class Layout:
 
     @property
     def bearing_deg(self) -> float:
-        """Direction of the tracks clockwise from north, degrees in [0, 180)."""
-        bearing = (90.0 - math.degrees(self.bearing_rad)) % 180.0
-        return 0.0 if 180.0 - bearing < 1e-9 else bearing
+        """Direction of the tracks of the largest cell clockwise from north, degrees in [0, 180)."""
+        return compass_deg(self.bearing_rad)
 
     @property
     def total_m(self) -> float:
@@ -140,7 +153,7 @@ def lay_tracks(
         )
     bearing_rad, teeth = choice
     inner = _inner(region, edges, axes(bearing_rad), trim)
-    return Layout(field, bearing_rad, width_m, headland_m, _tracks(teeth, axes(bearing_rad)), inner)
+    return Layout(field, bearing_rad, width_m, headland_m, tracks_of(teeth, axes(bearing_rad)), inner)
 
 
 def _room(field: Field, width_m: float) -> shapely.Geometry:
@@ -180,7 +193,7 @@ def _inside_rounds(
             f"m, worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller headland "
             f"({named('headland_m')}).",
         )
-    return Layout(field, choice[0], width_m, depth, _tracks(teeth, axes(choice[0])), region, rounds)
+    return Layout(field, choice[0], width_m, depth, tracks_of(teeth, axes(choice[0])), region, rounds)
 
 
 def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
@@ -224,11 +237,15 @@ def _promising(angles: list[float], edges: FloatArray, rules: CombRules) -> list
     plain = [(angle, comb(edges @ axes(angle).T, rules)) for angle in angles]
     cost = [(angle, teeth.cost_m) for angle, teeth in plain if teeth is not None]
     limit = min((value for _, value in cost), default=0.0) * PROMISING
-    near = [angle for angle, value in cost if value <= limit]
-    return [angle - math.pi if angle > math.pi / 2.0 + 1e-12 else angle for angle in near]
+    return [half_turn(angle) for angle, value in cost if value <= limit]
 
 
-def _tracks(teeth: Comb, frame: FloatArray) -> tuple[Track, ...]:
+def half_turn(angle: float) -> float:
+    """A direction in [0, pi) without sense, in (-pi/2, pi/2]."""
+    return angle - math.pi if angle > math.pi / 2.0 + 1e-12 else angle
+
+
+def tracks_of(teeth: Comb, frame: FloatArray) -> tuple[Track, ...]:
     """The pieces of a comb as tracks in metres; empty lines before the first piece are not counted."""
     q = teeth.q[teeth.line]
     start = np.column_stack([teeth.s0, q]) @ frame

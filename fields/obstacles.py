@@ -15,6 +15,7 @@ USUAL_WIDTH_M = {"ditch": 1.5, "drain": 0.5, "fence": 0.2, "wall": 0.5, "hedge":
 """What a pole or a ditch measures where its file does not say; assumed, meant to be rather too large."""
 MOST_M = 1000.0
 MITRE_LIMIT = 2.0
+LEAST_LEFT = 0.5  # of the ground, where a wider distance is kept
 GRID_M = 1e-6  # without a grid GEOS leaves slivers where edges all but coincide
 
 
@@ -67,18 +68,66 @@ def widened(geometry: shapely.Geometry, by_m: float) -> shapely.Geometry:
     return geometry.buffer(by_m, cap_style="square", join_style="mitre", mitre_limit=MITRE_LIMIT)
 
 
-def ground_left(
-    boundary: shapely.Polygon, obstacles: tuple[Obstacle, ...], margin_m: float
-) -> tuple[shapely.Polygon, float]:
-    """The largest piece of a field when a margin is kept to its holes and obstacles; and the area of the others (m2).
+@dataclass(frozen=True)
+class Ground:
+    """What of a field may be worked.
 
-    The polygon is empty where nothing is left.
+    Attributes:
+        boundary: the largest piece left by everything that interrupts tracks; empty where nothing is left.
+        beyond: the same piece up to the margin, where the boundary is drawn in farther.
+        small: what tracks are driven round, each apart, the margin included; it is not cut out of `boundary`.
+        cut_off_m2: area of the other pieces.
     """
-    holes = [widened(shapely.Polygon(hole), margin_m) for hole in boundary.interiors]
-    blocked = shapely.union_all([*holes, *(one.widened(margin_m) for one in obstacles)], grid_size=GRID_M)
-    rest = shapely.difference(shapely.Polygon(boundary.exterior), blocked, grid_size=GRID_M)
-    parts = [part for part in shapely.get_parts(rest) if part.geom_type == AREA]
+
+    boundary: shapely.Polygon
+    beyond: shapely.Polygon
+    small: tuple[shapely.Polygon, ...]
+    cut_off_m2: float
+
+
+def ground_left(
+    boundary: shapely.Polygon,
+    obstacles: tuple[Obstacle, ...],
+    margin_m: float,
+    small_m: float = 0.0,
+    swing_m: float = 0.0,
+) -> Ground:
+    """The ground that is left of a field when a margin is kept to its holes and obstacles.
+
+    What is less than `small_m` across, and neither on the edge of the field nor within two margins of anything larger,
+    is small. The boundary keeps `swing_m` more to what is not, unless too little were left of it.
+    """
+    outline = shapely.Polygon(boundary.exterior)
+    bare = [(shapely.Polygon(hole), 0.0) for hole in boundary.interiors]
+    bare += [(one.geometry, one.half_m) for one in obstacles]
+    wide = [widened(geometry, half_m + margin_m) for geometry, half_m in bare]
+    blocked = _polygons(shapely.union_all(wide, grid_size=GRID_M))
+    small = [part for part in blocked if _is_small(part, outline, margin_m, small_m)]
+    large = [part for part in blocked if not any(part is one for one in small)]
+    parts = _polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
     if not parts:
-        return shapely.Polygon(), 0.0
+        return Ground(shapely.Polygon(), shapely.Polygon(), (), 0.0)
     largest = max(parts, key=lambda part: part.area)
-    return largest, math.fsum(part.area for part in parts) - largest.area
+    within = tuple(part for part in small if shapely.contains_properly(largest, part))
+    cut_off_m2 = math.fsum(part.area for part in parts) - largest.area
+    inner = _farther(largest, large, swing_m) if swing_m else largest
+    return Ground(inner, largest, within, cut_off_m2)
+
+
+def _farther(ground: shapely.Polygon, taken: list[shapely.Polygon], by_m: float) -> shapely.Polygon:
+    """The largest piece of the ground farther than a distance from what is taken; all of it where little is left."""
+    wide = shapely.union_all([widened(part, by_m) for part in taken], grid_size=GRID_M)
+    parts = _polygons(shapely.difference(ground, wide, grid_size=GRID_M))
+    largest = max(parts, key=lambda part: part.area, default=shapely.Polygon())
+    return largest if largest.area >= LEAST_LEFT * ground.area else ground
+
+
+def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, small_m: float) -> bool:
+    """Whether ground taken, its margin included, is less than `small_m` across without that, and clear of the edge."""
+    across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
+    return bool(round(across_m, 6) < small_m and shapely.contains_properly(outline, part))
+
+
+def _polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """The polygons among the parts of a geometry."""
+    return [part for part in shapely.get_parts(shape) if part.geom_type == AREA]

@@ -11,6 +11,7 @@ import shapely
 
 from fields.document import Document, RawPolygon
 from fields.errors import FieldError, named
+from fields.fences import NEAR_M, read_fences
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
 from fields.obstacles import Obstacle
@@ -22,8 +23,6 @@ from fields.write import write_field
 
 __all__ = ["Listed", "field_file", "list_fields", "read_field", "sample_names", "write_field"]
 
-NEAR_M = 50.0
-"""In a file of several fields, ground zones and entrances this near belong to the chosen one."""
 LISTED = 12
 
 
@@ -40,8 +39,9 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
 
     A Point whose properties have ``role: entrance`` is the entrance; polygons whose properties have a
     ``ground`` are ground zones. Features with ``role: obstacle`` are obstacles: a Point with its ``radius_m``, a
-    LineString with its ``width_m``, a Polygon; a ``kind`` such as ``pole`` or ``ditch`` may stand for the size. Heights
-    are dropped and open rings closed.
+    LineString with its ``width_m``, a Polygon; a ``kind`` such as ``pole`` or ``ditch`` may stand for the size. The
+    boundary may have ``edge: fence`` all round; a LineString along it with ``edge: fence`` or ``edge: open`` tells of
+    one side. Heights are dropped and open rings closed.
 
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.
@@ -54,6 +54,7 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
     check_area(shape, label)
     several = len(document.polygons) > 1
     inside = polygons_inside(document, chosen, frame, shape) if several else []
+    fences, told = read_fences(chosen, document.edges, frame, shape, several, label)
     return Field(
         name=name or _name(chosen, source.name),
         boundary=shape,
@@ -63,8 +64,9 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
         grounds=_grounds(document, frame, shape, several, label),
         default_ground=str(chosen.properties.get("default_ground") or "soil"),
         source=str(chosen.properties.get("source") or document.source),
-        remarks=(*_remarks(document), *_inside_remark(len(inside))),
+        remarks=(*_remarks(document), *_inside_remark(len(inside)), *told),
         obstacles=(*_obstacles(document, frame, shape, several, label), *inside),
+        fences=fences,
     )
 
 
@@ -75,7 +77,8 @@ def _remarks(document: Document) -> tuple[str, ...]:
     told = ", ".join(f"{count} {what}" for what, count in document.unused)
     return (
         f"Not used of the field file: {told}; an obstacle has the role 'obstacle' or is a hole of the boundary, an "
-        "entrance is a Point with role 'entrance', a ground zone a Polygon with a 'ground'.",
+        "entrance is a Point with role 'entrance', a ground zone a Polygon with a 'ground', a fence a LineString along "
+        "the boundary with edge 'fence'.",
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -47,7 +48,7 @@ class Side:
     before_rad: float = 0.0
     after_rad: float = 0.0
 
-    @property
+    @cached_property
     def length_m(self) -> float:
         """Length of the centre line, metres."""
         return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
@@ -69,12 +70,12 @@ class Round:
     sides: tuple[Side, ...]
     closed: bool = True
 
-    @property
+    @cached_property
     def length_m(self) -> float:
         """Length of the centre line, metres."""
         return math.fsum(side.length_m for side in self.sides)
 
-    @property
+    @cached_property
     def line(self) -> shapely.LineString:
         """The whole centre line."""
         return shapely.LineString(np.concatenate([side.points for side in self.sides]))

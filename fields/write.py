@@ -12,6 +12,7 @@ import shapely
 
 from fields.document import LOCAL, WGS84
 from fields.errors import FieldError
+from fields.fences import FENCE
 from fields.field import Field
 from fields.formats.geojson import HEADER
 from fields.obstacles import AREA, LINE, POINT, Obstacle
@@ -35,11 +36,13 @@ def write_field(field: Field, path: str | Path) -> None:
 def field_geojson(field: Field) -> str:
     """GeoJSON text of a field, one feature to a line."""
     properties = {"name": field.name, "source": field.source, "default_ground": field.default_ground}
-    features = [_feature("Polygon", _rings(field, field.boundary), properties)]
+    features = [_feature("Polygon", _rings(field, field.ground), properties)]
     for zone in field.grounds:
         features.append(_feature("Polygon", _rings(field, zone.polygon), {"ground": zone.name}))
     for obstacle in field.obstacles:
         features.append(_obstacle_feature(field, obstacle))
+    for fence in field.fences:
+        features.append(_feature(LINE, _given(field, shapely.get_coordinates(fence)), {"edge": FENCE}))
     if field.entrance is not None:
         point = _given(field, np.array([field.entrance]))[0]
         features.append(_feature("Point", point, {"role": "entrance"}))

@@ -4,7 +4,13 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
-evaluate       one candidate: built, simulated, repaired (deconflict, steady), measured (measure, swept, trampled)
+laying         which layout of the field to plan with
+evaluate       one candidate: built, simulated, mended (deconflict, steady), measured (measure, swept, trampled,
+               touched)
+giving_way     who waits for whom: courses driven alone, crossings of them, right_of_way in time, homeward for deadlocks
+slowing        turns that are better driven slowly, tried alone
+choosing, bounds   which plans of the same work are simulated; the least time a plan can take
+overlays       unions and differences of swept ground
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
 chance         how sure a plan is: rain, stops and speeds that vary, drawn through its legs and gates
@@ -12,8 +18,9 @@ outlook        how sure a plan is and what it costs, in its result; which one is
 price          what a plan costs, which one is best, and the advice in a sentence
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
+steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
-describe       a field in figures
+describe, unworked  a field in figures; what of it no track and no round covers, and why
 farm           the farm file: tractors, implements, prices, times, what is left to chance
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals

@@ -1,12 +1,14 @@
-"""Make tractors give way: simulate, and where two come too close let one wait before it enters the headland.
+"""Make tractors give way: simulate, and where two come too close let some wait where they may stand.
 
 Every plan marks the legs before which a tractor may wait: the last stretch of every pass, inside its own track, and
-the start. The tractor that came later gives way, at first until the other is clear of the place, then until the other
-has finished its turn; if neither helps, the other one gives way instead.
+the start. At the first conflict all of the plan is scheduled (giving_way). What still conflicts then is mended one by
+one: the tractor that came later gives way, at first until the other is clear of the place, then until the other has
+finished its turn; if neither helps, the other one gives way instead.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +19,11 @@ from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 ARRIVED_M = 0.2  # a leg counts as driven this far before its end
+SLACKS = (1.0, 2.0)  # times the usual time between two tractors, one after the other
+FEW = 6  # more rarely mend what was scheduled
 
+GiveWay = Callable[[Plan, float], Plan | None]
+"""The plan with gates so that nobody meets another, keeping so many times the usual time; None where none is found."""
 Key = tuple[int, int, int]
 """(tractor that waits, leg it waits before, tractor it waits for)."""
 
@@ -49,15 +55,36 @@ class Repairs:
         return False
 
 
-def without_conflicts(plan: Plan, simulate: Simulate, most: int = MOST_REPAIRS) -> tuple[Run, str | None]:
-    """Simulate and repair, at most so often, until the plan is done.
+def without_conflicts(
+    plan: Plan, simulate: Simulate, most: int = MOST_REPAIRS, give_way: GiveWay | None = None
+) -> tuple[Run, str | None]:
+    """Simulate, let tractors give way and repair, at most so often, until the plan is done.
 
     Returns the last run, and why the plan is not feasible when it is not.
     """
+    run = simulate(plan)
+    if run.outcome == DONE or give_way is None:
+        return (run, None) if run.outcome == DONE else _repaired(plan, run, simulate, most)
+    first = run
+    for slack in SLACKS if run.outcome == CONFLICT else ():
+        scheduled = give_way(plan, slack)
+        if scheduled is None:
+            break
+        latest = simulate(scheduled)
+        if latest.outcome == DONE:
+            return latest, None
+        plan, run = scheduled, latest
+    run, why = _repaired(plan, run, simulate, min(most, FEW))
+    return run, why and _why(run, first.conflict)
+
+
+def _repaired(plan: Plan, run: Run, simulate: Simulate, most: int) -> tuple[Run, str | None]:
+    """Mend a plan from its first run on, one order to give way at a time."""
     repairs = Repairs()
     first: Conflict | None = None
-    for _ in range(most):
-        run = simulate(repairs.applied(plan))
+    for number in range(most):
+        if number:
+            run = simulate(repairs.applied(plan))
         if run.outcome == DONE:
             return run, None
         if run.outcome == CONFLICT and run.conflict is not None:

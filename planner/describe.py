@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
+import shapely
 
+from fields.field import Field
+from fields.layout import Layout
+from fields.obstacles import LINE, POINT, Obstacle
+from planner.drive import rings_of, still
+from planner.overlays import GRID_M
 from planner.site import Site
-from reports.results import Drive
+from planner.unworked import LEAST_M2, Unworked, laid, unworked
+from reports.results import Drive, MissedPiece
 from strategies.connect import Connector
 from strategies.job import Pass
 from strategies.paths import Pose
@@ -16,20 +23,27 @@ from strategies.paths import Pose
 MOST_ENDS = 60
 
 
-def describe(site: Site) -> dict[str, Any]:
-    """Facts in the order a person would ask for them, units in the keys."""
+def describe(site: Site, drawn: Field | None = None) -> dict[str, Any]:
+    """Facts in the order a person would ask for them, units in the keys.
+
+    `drawn` is the field as it was read, before a margin was kept to its obstacles; without it what these take is not
+    told. Lists hold mappings with the same keys: ``obstacles``, ``cells``, ``rounds`` and ``not_worked``.
+    """
     layout, field, manner = site.layout, site.layout.field, site.manner
     lengths = [track.length for track in layout.tracks]
     return {
         "name": field.name,
         "source": field.source,
         "area_ha": round(field.area_ha, 4),
-        "holes": len(field.boundary.interiors),
-        "obstacles": [f"{one.name or one.kind}: {one.shape.area:.3g} m2" for one in field.obstacles],
+        "holes": len(field.ground.interiors),
+        "obstacles": [_obstacle(one, site) for one in field.obstacles],
+        "driven_round": len(field.small),
+        "fence_m": round(sum(fence.length for fence in field.fences), 1),
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
+        "cells": cells(layout),
         "headland_m": layout.headland_m,
-        "rounds": layout.rounds,
+        "rounds": _rounds(site),
         "tracks": len(lengths),
         "interrupted_tracks": len(lengths) - len({track.line for track in layout.tracks}),
         "longest_track_m": round(max(lengths), 1),
@@ -37,7 +51,77 @@ def describe(site: Site) -> dict[str, Any]:
         "track_length_m": round(sum(lengths), 1),
         "turning_radius_m": round(manner.radius_m, 2),
         "most_tractors": min(50, len({track.line for track in layout.tracks})),
+        "covered_pct": round(100.0 * _covered(site), 2),
+        "not_worked": [_not_worked(site, one) for one in unworked(site, drawn)],
         "turns": _turns(site),
+    }
+
+
+def cells(layout: Layout) -> list[dict[str, float]]:
+    """The cells of a layout in order of their numbers."""
+    return [
+        {
+            "number": cell.number,
+            "bearing_deg": round(cell.bearing_deg, 2),
+            "area_m2": round(cell.area_m2, 1),
+            "tracks": sum(track.cell == cell.number for track in layout.tracks),
+        }
+        for cell in layout.cells
+    ]
+
+
+def _obstacle(one: Obstacle, site: Site) -> dict[str, Any]:
+    """What stands where: kind, name, size and the margin that is kept to it."""
+    form = one.geometry.geom_type
+    place = shapely.point_on_surface(one.geometry)
+    return {
+        "kind": one.kind,
+        "name": one.name or None,
+        "radius_m": round(one.half_m, 3) if form == POINT else None,
+        "width_m": round(2.0 * one.half_m, 3) if form == LINE else None,
+        "area_m2": round(one.shape.area, 2),
+        "margin_m": site.scenario.margin_m,
+        **_place(site, place.x, place.y),
+    }
+
+
+def _place(site: Site, x: float, y: float) -> dict[str, float | None]:
+    """A place in metres of the field and, where it has one, on the earth."""
+    field = site.layout.field
+    lon, lat = (None, None) if field.crs is None else field.to_wgs84([(x, y)])[0].tolist()
+    return {"lon": lon, "lat": lat, "x_m": round(x, 2), "y_m": round(y, 2)}
+
+
+def _rounds(site: Site) -> list[dict[str, Any]]:
+    """The rounds of the headland, by number: how many rings and lines, how long together, how many corners."""
+    return [
+        {
+            "number": number,
+            "rings": sum(one.closed for one in alike),
+            "lines": sum(not one.closed for one in alike),
+            "length_m": round(math.fsum(one.length_m for one in alike), 1),
+            "corners": sum(abs(side.before_rad) > 0.0 for one in alike for side in one.sides),
+        }
+        for number in sorted({one.number for one in site.rounds})
+        if (alike := [one for one in site.rounds if one.number == number])
+    ]
+
+
+def _covered(site: Site) -> float:
+    """Share of the field under tracks and rounds as they are laid."""
+    boundary = site.layout.field.ground
+    return float(shapely.intersection(laid(site), boundary, grid_size=GRID_M).area / boundary.area)
+
+
+def _not_worked(site: Site, one: Unworked) -> dict[str, Any]:
+    """Ground that stays open for one reason, and where the largest piece of it is."""
+    place = shapely.point_on_surface(one.pieces[0]) if one.pieces else None
+    return {
+        "area_m2": round(one.m2, 1),
+        "pieces": len(one.pieces) or None,
+        "largest_m2": round(one.pieces[0].area, 1) if one.pieces else None,
+        **(dict.fromkeys(("lon", "lat", "x_m", "y_m")) if place is None else _place(site, place.x, place.y)),
+        "why": one.why,
     }
 
 
@@ -71,13 +155,13 @@ def _fitting(site: Site, lines: int) -> dict[str, float]:
 def _ends(site: Site, lines: int) -> list[tuple[Pose, Pose]]:
     """From where to where a turn leads over so many lines, to either side at both ends of every piece."""
     job = site.job(1)
-    by_place = {(track.line, track.piece): track for track in site.layout.tracks}
+    by_place = {(track.cell, track.line, track.piece): track for track in site.layout.tracks}
     ends = [
         (job.exit(Pass(track, way)), job.entry(Pass(other, -way)))
         for track in site.layout.tracks
         for step in (lines, -lines)
         for way in (1, -1)
-        if (other := by_place.get((track.line + step, track.piece)))
+        if (other := by_place.get((track.cell, track.line + step, track.piece)))
     ]
     return ends[:: max(1, math.ceil(len(ends) / MOST_ENDS))]
 
@@ -90,19 +174,15 @@ def _seconds(site: Site, *, fits: bool) -> dict[str, float]:
     }
 
 
-def outline_picture(site: Site) -> Drive:
-    """The field with its tracks and no tractor."""
-    boundary, layout = site.layout.field.boundary, site.layout
-    return Drive(
-        title=f"{layout.field.name}: {len(layout.tracks)} tracks at {layout.bearing_deg:.0f} degrees",
-        boundary=np.asarray(boundary.exterior.coords)[:, :2],
-        holes=tuple(np.asarray(hole.coords)[:, :2] for hole in boundary.interiors),
-        tracks=np.array([[track.start, track.end] for track in layout.tracks]),
-        width_m=layout.width_m,
-        step_s=0.1,
-        xy=(),
-        status=(),
-        finish_s=(),
-        seconds={"working": (), "turning": (), "waiting": (), "reversing": ()},
-        entrance=layout.field.entrance,
+def outline_picture(site: Site, drawn: Field | None = None) -> Drive:
+    """The field with its rounds, cells and tracks and no tractor; what they leave open is missed ground."""
+    layout = site.layout
+    open_ground = [piece for one in unworked(site, drawn) for piece in one.pieces if piece.area >= LEAST_M2]
+    open_ground.sort(key=lambda piece: -round(piece.area, 3))
+    place = shapely.point_on_surface(open_ground[0]) if open_ground else None
+    bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
+    return replace(
+        still(site, f"{layout.field.name}: {len(layout.tracks)} tracks at {bearing}"),
+        missed=rings_of(tuple(open_ground)),
+        largest_missed=place and MissedPiece(float(open_ground[0].area), float(place.x), float(place.y)),
     )

@@ -1,43 +1,83 @@
-"""What a picture of a run needs, as plain arrays."""
+"""What a picture of a field or a run needs, as plain arrays."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
+from fields.cells import Cell
+from fields.field import Field
+from fields.rounds import Round
 from planner.measure import coverage, guided_point
 from planner.site import Site
-from reports.results import Drive, PlanResult, Points
+from planner.steps import steps_of, track_names
+from reports.results import CellOutline, Drive, PlanResult, Points, RoundLine
 from vehicle.run import Run
 
 MISSED_TO_M = 0.1  # of what is left open, a picture needs no more
 
 
-def picture(site: Site, run: Run, result: PlanResult) -> Drive:
-    """Plain arrays of the run of a plan on its field."""
-    plural = "s" if result.tractors > 1 else ""
-    boundary, layout = site.layout.field.boundary, site.layout
-    step = float(run.time_s[1] - run.time_s[0])
-    shares = run.time_shares()
+def still(site: Site, title: str) -> Drive:
+    """The field with its rounds, cells and tracks, and no tractor."""
+    boundary, layout = site.layout.field.ground, site.layout
     return Drive(
-        title=f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}",
+        title=title,
         boundary=np.asarray(boundary.exterior.coords)[:, :2],
         holes=tuple(np.asarray(hole.coords)[:, :2] for hole in boundary.interiors),
         tracks=np.array([[track.start, track.end] for track in layout.tracks]),
         width_m=layout.width_m,
-        step_s=step,
+        step_s=0.1,
+        xy=(),
+        status=(),
+        finish_s=(),
+        seconds={"working": (), "turning": (), "waiting": (), "reversing": ()},
+        entrance=layout.field.entrance,
+        track_names=track_names((track.line, track.piece) for track in layout.tracks),
+        rounds=tuple(_round_line(one) for one in site.rounds),
+        cells=tuple(_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
+        obstacles=_obstacles(layout.field),
+    )
+
+
+def picture(site: Site, run: Run, result: PlanResult) -> Drive:
+    """Plain arrays of the run of a plan on its field."""
+    plural = "s" if result.tractors > 1 else ""
+    shares = run.time_shares()
+    return replace(
+        still(site, f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}"),
+        step_s=float(run.time_s[1] - run.time_s[0]),
         xy=tuple(guided_point(run, site, tractor) for tractor in range(run.plan.tractors)),
         status=tuple(run.status(tractor) for tractor in range(run.plan.tractors)),
         finish_s=tuple(float(t) for t in run.finish_s),
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
-        entrance=layout.field.entrance,
-        missed=_rings(coverage(run, site).missed),
+        missed=rings_of(coverage(run, site).missed),
         largest_missed=result.largest_missed,
+        steps=steps_of(run),
     )
 
 
-def _rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, ...]:
+def _obstacles(field: Field) -> tuple[Points, ...]:
+    """Outlines of obstacles as far as they lie on the map of the field."""
+    page = shapely.box(*field.boundary.bounds)
+    parts = shapely.get_parts([shapely.intersection(one.shape, page) for one in field.obstacles])
+    return tuple(np.asarray(part.exterior.coords)[:-1, :2] for part in parts if part.area > 0.0)
+
+
+def _round_line(one: Round) -> RoundLine:
+    sides = [side.points if not index else side.points[1:] for index, side in enumerate(one.sides)]
+    return RoundLine(one.number, np.concatenate(sides))
+
+
+def _outline(cell: Cell) -> CellOutline:
+    place = shapely.point_on_surface(cell.region)
+    parts = shapely.get_parts(cell.region)
+    return CellOutline(cell.number, cell.bearing_deg, rings_of(tuple(parts)), float(place.x), float(place.y))
+
+
+def rings_of(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, ...]:
     """Outlines and holes of pieces of ground, plain enough to be drawn."""
     plain = (orient(piece.simplify(MISSED_TO_M), 1.0) for piece in pieces)
     return tuple(np.asarray(ring.coords)[:-1, :2] for one in plain for ring in (one.exterior, *one.interiors))

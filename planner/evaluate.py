@@ -6,29 +6,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.deconflict import without_conflicts
+from planner.choosing import promising
+from planner.deconflict import GiveWay, without_conflicts
+from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.outlook import with_outlook
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
-from planner.steady import ASIDE_M, slips, slowed, worst_aside
+from planner.slowing import cures, promised_m, slowed
+from planner.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.swept import swept_ground
+from planner.touched import fence_crossed_m, obstacle_touched
 from planner.trampled import trampled_m2
 from reports.results import PlanResult
 from strategies.errors import StrategyError
-from strategies.formation import corners_by_promise
 from strategies.job import Job
-from strategies.record import MOST_REPAIRS, Refined, Simulate, Strategy
+from strategies.promise import corners_by_promise
+from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Plan
+from vehicle.missions import ROUND, Mission, Plan
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
+from vehicle.world import World
 
 ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-MOST_SLOWED = 2
+CROSSED_M = 0.01
+LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
 
 
@@ -83,16 +89,15 @@ def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(site.job(candidate.tractors), jump=candidate.jump)
-    if job.corner is not None or not strategy.abreast:
-        return _run_job(site, strategy, job)
-    return _from_some_corner(site, strategy, job)
+    return _from_some_corner(site, strategy, job) if strategy.abreast else _run_job(site, strategy, job)
 
 
 def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
-    """A formation on a field without an entrance: from the corner that promises most and can be driven."""
+    """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    for corner in corners_by_promise(job):
+    promising = corners_by_promise(job)
+    for corner in sorted(promising, key=lambda corner: corner != job.corner):
         try:
             latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
@@ -115,11 +120,12 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
         return rehearsal.simulate(plan, _patience_s(plan))
 
+    give_way = _give_way(site, rehearsal)
     refine = strategy.refine
     refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
-        runs = [_run_plan(site, strategy, job, each, simulate) for each in choices]
+        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
@@ -128,13 +134,50 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _run_plan(site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate) -> CandidateRun:
-    repairs = strategy.most_repairs + (MOST_REPAIRS if job.rounds else 0)
-    run, reason = _driven(refined, simulate, repairs)
+def _give_way(site: Site, rehearsal: Rehearsal) -> GiveWay:
+    """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
+    known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
+
+    def alone(mission: Mission) -> Run:
+        key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
+        if key not in known:
+            world = World(Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                          position_errors=site.position_errors)
+            known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
+        return known[key][1]
+
+    rules = Rules(site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone)
+    return lambda plan, slack: giving_way(plan, rules, slack)
+
+
+def _run_plan(
+    site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate, give_way: GiveWay
+) -> CandidateRun:
+    repairs = strategy.most_repairs
+    run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
-        run, aside = _steadied(site, run, simulate, repairs)
-        reason = _fault(site, run, aside)
-    return CandidateRun(run, reason, _turns(job), refined.remark)
+        run, worst = _steadied(site, run, simulate, repairs, give_way)
+        reason = _fault(site, run, worst)
+    told = [refined.remark, *([] if reason else _told(site, run, worst))]
+    return CandidateRun(run, reason, _turns(job), "; ".join(each for each in told if each) or None)
+
+
+def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
+    """What a reader would not expect of the run of a feasible plan."""
+    told = []
+    if loosened := run.plan.notes.get("loosened"):
+        told.append(f"{loosened} time{'s' if loosened > 1 else ''} a tractor goes on before its formation is in place, "
+                    "as the others could not get past it")
+    if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
+        told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
+    if touched := obstacle_touched(run, site):
+        told.append(f"a tractor or its implement touches {touched}; a wider margin may avoid it")
+    return told
+
+
+def _begun(run: Run, slip: Slip) -> str:
+    kind = run.plan.missions[slip.tractor].legs[slip.leg].task.kind
+    return f"a {'side of a round' if kind == ROUND else 'track'} is begun {slip.metres:.2f} m beside its line"
 
 
 def beside_clearance_m(site: Site) -> float:
@@ -144,34 +187,32 @@ def beside_clearance_m(site: Site) -> float:
     return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
 
 
-def _driven(refined: Refined, simulate: Simulate, most_repairs: int) -> tuple[Run, str | None]:
+def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: GiveWay) -> tuple[Run, str | None]:
     """The run of a plan with tractors giving way, and why it is not feasible when it is not."""
     if refined.run is not None and refined.run.outcome == DONE:
         return refined.run, None
-    return without_conflicts(refined.plan, simulate, most_repairs)
+    return without_conflicts(refined.plan, simulate, most_repairs, give_way)
 
 
-def _steadied(site: Site, run: Run, simulate: Simulate, most_repairs: int) -> tuple[Run, float]:
-    """The run with turns that it followed badly driven more slowly where that helps, and what is left aside (m)."""
+def _steadied(
+    site: Site, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
+) -> tuple[Run, Slip | None]:
+    """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
     turns = slips(run, site)
-    for _ in range(MOST_SLOWED):
-        bad = [slip for slip in turns if slip.metres > ASIDE_M]
-        if not bad:
-            break
-        again, fault = without_conflicts(slowed(run.plan, bad), simulate, most_repairs)
-        if fault:
-            break
-        left = slips(again, site)
-        if worst_aside(left) > worst_aside(turns) - SMALLEST_GAIN_M:
-            break
-        run, turns = again, left
-    return run, worst_aside(turns)
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
+    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs, give_way)
+        left = turns if fault else slips(again, site)
+        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+            run, turns = again, left
+    return run, max(turns, key=lambda slip: slip.metres, default=None)
 
 
-def _fault(site: Site, run: Run, aside: float) -> str | None:
+def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
     """Why a plan that was driven to the end is not feasible all the same, or None.
 
-    `aside` is by how many metres the worst of its tracks was begun beside its line.
+    `worst` is the track or side of a round that was begun farthest beside its line. Where the headland is worked too,
+    ground that is left open there is measured and charged like any other, and only who has lost the line is refused.
     """
     if run.contacts:
         time, first, second = run.contacts[0]
@@ -179,8 +220,15 @@ def _fault(site: Site, run: Run, aside: float) -> str | None:
     outside = excursion(run, site).depth_m
     if outside >= FARTHEST_OUTSIDE_M:
         return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
-    if aside > FARTHEST_ASIDE * site.layout.width_m:
-        return f"a track or round is begun {aside:.2f} m beside its line, more than a third of the working width"
+    crossed = fence_crossed_m(run, site)
+    if crossed > CROSSED_M:
+        what = "a tractor or its implement crosses the fence"
+        return f"{what} by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+    width = site.layout.width_m
+    if worst is not None and not site.rounds and worst.metres > FARTHEST_ASIDE * width:
+        return f"{_begun(run, worst)}, more than a third of the working width"
+    if worst is not None and worst.metres > max(LOST_ASIDE * width, LOST_M):
+        return f"{_begun(run, worst)}, more than a working width: the tractor has lost it"
     return None
 
 
@@ -234,6 +282,7 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         min_clearance_m=finite_or_none(run.min_clearance_m),
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
+        formation_pct=run.plan.notes.get("formation_pct"),
         remark=tried.remark,
         rounds=site.layout.rounds,
         headland_s=headland_s(run),

@@ -27,6 +27,8 @@ def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[list[Refin
         yield [refined]
         return
     for passage in PASSAGES if job.tractors > 1 else PASSAGES[:1]:
+        if passage.alone and site.scenario.headland_orders == (FIRST,):
+            continue  # the others would stand on the headland
         plans = _plans(site, job, refined.plan, passage)
         yield [Refined(plan, None, _remark(refined, plan)) for plan in plans]
 

@@ -24,6 +24,7 @@ from planner.commands.field import field
 from planner.commands.gnss import gnss
 from planner.commands.plan import plan
 from planner.commands.replay import replay
+from planner.commands.saved import show
 from planner.commands.study import study
 from planner.commands.tractor import tractor
 from planner.commands.validate import validate
@@ -41,6 +42,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 app.command()(plan)
+app.command()(show)
 app.command()(field)
 app.command()(study)
 app.command()(diagnose)

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.overlays import Areas, left_of, only_areas, united, within
 from planner.site import Site
-from planner.swept import GRID_M, Areas, Swept, only_areas, swept_ground
+from planner.swept import Swept, swept_ground
 from reports.results import MissedPiece
 from vehicle.compile import outline
 from vehicle.run import Run
@@ -65,10 +66,10 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
 
     `swept` is the swept ground of the run where that is known already.
     """
-    boundary = site.layout.field.boundary
+    boundary = site.layout.field.ground
     inside = _clipped((swept or swept_ground(run, site)).ground, boundary)
-    worked = only_areas(shapely.union_all(inside, grid_size=GRID_M))
-    missed = only_areas(shapely.difference(boundary, worked, grid_size=GRID_M))
+    worked = united(inside)
+    missed = left_of(boundary, worked)
     area, total = float(worked.area), float(shapely.area(inside).sum())
     largest = _largest(missed, 0.5 * site.implement.width_m)
     return Coverage(
@@ -81,7 +82,7 @@ def _clipped(areas: Areas, boundary: shapely.Polygon) -> Areas:
     shapely.prepare(boundary)
     across = ~shapely.contains_properly(boundary, areas)
     inside = areas.copy()
-    inside[across] = [only_areas(a) for a in shapely.intersection(areas[across], boundary, grid_size=GRID_M)]
+    inside[across] = [within(one, boundary) for one in areas[across]]
     return inside
 
 
@@ -92,7 +93,7 @@ def _largest(missed: shapely.Geometry, neck_m: float) -> MissedPiece | None:
     two is a piece of its own.
     """
     pieces = _wide(missed, neck_m)
-    thin = _wide(shapely.difference(missed, shapely.multipolygons(pieces), grid_size=GRID_M), SLIVER_M)
+    thin = _wide(left_of(missed, shapely.multipolygons(pieces)), SLIVER_M)
     if not len(pieces) + len(thin):
         return None
     areas = np.concatenate([shapely.area(pieces), np.zeros(len(thin))])
@@ -110,7 +111,7 @@ def _wide(missed: shapely.Geometry, least_m: float) -> Areas:
     half, missed = 0.5 * least_m, only_areas(missed)
     core = missed.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    parts = shapely.get_parts(only_areas(shapely.intersection(wide, missed, grid_size=GRID_M)))
+    parts = shapely.get_parts(within(missed, wide))
     return np.array(sorted(parts, key=_by_size), dtype=np.object_)
 
 
@@ -128,7 +129,7 @@ class Excursion:
 
 def excursion(run: Run, site: Site) -> Excursion:
     """How much of the guided points' paths lies outside the field."""
-    boundary = site.layout.field.boundary
+    boundary = site.layout.field.ground
     shapely.prepare(boundary)
     length = depth = 0.0
     for tractor in range(run.plan.tractors):
@@ -146,7 +147,7 @@ def outline_excursion_m(run: Run, site: Site) -> float:
     boxes = outline(site.tractor, site.implement)
     corners = _corners(boxes)
     reach = float(np.hypot(*corners.T).max())
-    boundary = site.layout.field.boundary
+    boundary = site.layout.field.ground
     inner = boundary.buffer(-1.01 * reach)
     shapely.prepare([boundary, inner])
     posts = shapely.STRtree(shapely.points(shapely.get_coordinates(boundary)))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from planner.chance.answer import DRAWS, Question, answer
 from planner.chance.physics import Check, check
+from planner.chance.planned_order import in_planned_order
 from planner.chance.rain import parse_rain
-from planner.chance.right_of_way import in_planned_order
 from planner.chance.settings import Chances
 from planner.price.advice import advice
 from planner.price.choice import Figures, best

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+from fields.layout import Layout
+from planner.describe import cells
 from planner.evaluate import Candidate
 from planner.outlook import advised
 from planner.scenario import KMH, Scenario, clock
@@ -89,6 +91,7 @@ def asked(site: Site) -> dict[str, Any]:
         "headland_m": layout.headland_m,
         "bearing_deg": layout.bearing_deg,
         "tracks": len(layout.tracks),
+        "cells": cells(layout),
         "radius_m": site.manner.radius_m,
         "clearance_m": scenario.clearance_m,
         "margin_m": scenario.margin_m,
@@ -147,6 +150,14 @@ def _headland(site: Site) -> str:
     )
 
 
+def _bearings(layout: Layout) -> str:
+    """The direction of the tracks, or of those of every cell, in words."""
+    bearings = [f"{cell.bearing_deg:.0f}" for cell in layout.cells]
+    if len(bearings) == 1:
+        return f"bearing {bearings[0]} degrees"
+    return f"bearings {', '.join(bearings[:-1])} and {bearings[-1]} degrees in {len(bearings)} cells"
+
+
 def assumptions(site: Site) -> tuple[str, ...]:
     """What every plan of a ranking takes for granted, in sentences."""
     manner, layout, tractor = site.manner, site.layout, site.tractor
@@ -155,7 +166,7 @@ def assumptions(site: Site) -> tuple[str, ...]:
         f"{tractor.name}, implement {layout.width_m:g} m wide, working {manner.tool_m:.1f} m behind the antenna.",
         f"Work at {manner.work_speed_mps * kmh:.3g} km/h, turns at {manner.turn_speed_mps * kmh:.3g} km/h.",
         f"Planned turning radius {manner.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
-        f"{len(layout.tracks)} tracks at bearing {layout.bearing_deg:.0f} degrees.",
+        f"{len(layout.tracks)} tracks at {_bearings(layout)}.",
         "Outside the field counts the path of the antenna; body and implement may reach over the boundary in turns, "
         "and how long they do is told as the outline outside.",
         "Worked is what the implement passes over while it is down. Ground left open is charged at the plan's own "

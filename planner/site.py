@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from dataclasses import field as member
 from pathlib import Path
 
 import shapely
 
-from fields.errors import FieldError
 from fields.field import Field
-from fields.free import beside_tracks, free_space
-from fields.layout import Layout, lay_tracks
+from fields.free import beside_tracks, free_space, rim_of
+from fields.layout import Layout
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.chance.settings import Chances
 from planner.errors import ScenarioError, about, named
+from planner.laying import layouts, quickest
 from planner.outlook import Stakes, stakes_of
 from planner.price.cost import Terms
-from planner.scenario import KMH, SOW, Scenario
+from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
+from strategies.around import Around, lay_around
+from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
+from strategies.fence import Body, Fence
 from strategies.job import Job, Manner, starting_corner
 from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
+from vehicle.compile import outline
 from vehicle.gnss import NO_ERROR, Table, default_table, load_table
 from vehicle.ground import ground_names
 from vehicle.tractor import Implement, Tractor, as_tractor
@@ -30,7 +35,9 @@ from vehicle.tractor import Implement, Tractor, as_tractor
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_MARGIN = 1.08
 BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
-MOST_ROUNDS = 50
+SMALL = 4.0  # working widths across: smaller obstacles are driven round in the pass
+SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
+BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -43,8 +50,8 @@ class Site:
     The guided point may be anywhere in `free`, and tramples no track in `beside`. `turn_fits[k]` tells whether a turn
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
     not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
-    the headland that are worked; in their corners the guided point may be anywhere in `rim`. `stakes` are
-    draws and money.
+    the headland that are worked; in their corners the guided point may be anywhere in `rim`. `around` has what is bent
+    round small obstacles, `stakes` are draws and money.
     """
 
     scenario: Scenario
@@ -60,6 +67,7 @@ class Site:
     position_errors: Table
     rounds: tuple[Round, ...] = ()
     rim: shapely.Geometry = shapely.Polygon()  # noqa: RUF009 - no geometry ever changes
+    around: Around = member(default_factory=Around)
     stakes: Stakes | None = None
 
     def job(self, tractors: int) -> Job:
@@ -73,10 +81,24 @@ class Site:
                 f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: half the implement on either "
                 "side leaves nothing; use a narrower implement."
             )
+        fence, careful = self._fence()
         return Job(
             self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
+            around=self.around, fence=fence, careful=careful,
         )  # fmt: skip
+
+    def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
+        """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""
+        field, radius = self.layout.field, self.manner.radius_m
+        if not field.fences and not field.solid:
+            return None, ()
+        body = body_of(self.tractor, self.implement)
+        spare_m = min(SPARE * self.scenario.margin_m, MOST_SPARE_M)
+        obstacles = shapely.union_all([shape.boundary for shape in field.solid])
+        fence = Fence(shapely.union_all(field.fences), obstacles, body, spare_m)
+        forwards = tuple(kind for kind in self.kinds if kind != "switch-back")
+        return fence, (Connector(self.free, radius, self.costs, forwards),) if forwards else ()
 
 
 def prepare(
@@ -94,7 +116,6 @@ def prepare(
         if not isinstance(field, Field):
             field = read_field(scenario.field if field is None else str(field), local=scenario.local)
         _check_field(field)
-        field = field.clear_of_obstacles(scenario.margin_m)
     with about("gnss_table"):
         position_errors = gnss_errors(scenario)
     with about("tractor"):
@@ -104,51 +125,72 @@ def prepare(
     implement = (implement or Implement()).model_copy(update={"width_m": scenario.width_m})
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
+    with about("field"):
+        swing = max(0.0, body_of(tractor, implement).swing_m(radius) - reach.margin_m)
+        field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m, swing)
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
-    layout = _layout(scenario, field, headland)
-    rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
     bare = Manner(
         work_speed_mps=scenario.speed_mps,
         turn_speed_mps=scenario.turning_mps,
         reverse_speed_mps=min(scenario.turning_mps, SHUNTING_MPS),
         radius_m=radius,
         tool_m=reach.tool_m,
+        boxes=_boxes(tractor, implement),
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
-    timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
-    manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
-    free = free_space(field, reach.margin_m)
-    beside = beside_tracks(layout, free)
-    rim = _rim(field, free) if rounds else shapely.Polygon()
-    fits = tuple(seconds is not None for seconds in timed)
-    return Site(
-        scenario, layout, tractor, implement, manner, clock.costs(), free, beside, kinds, fits, position_errors, rounds,
-        rim, stakes,
+    costs, free = clock.costs(), free_space(field, reach.margin_m)
+
+    def on(laid: Layout) -> Site:
+        layout, around = _around(scenario, laid, tractor, implement, radius, reach)
+        timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
+        fits = tuple(seconds is not None for seconds in timed)
+        manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
+        rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
+        rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
+        return Site(
+            scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds, fits,
+            position_errors, rounds, rim, around, stakes,
+        )  # fmt: skip
+
+    return quickest([on(layout) for layout in layouts(scenario, field, headland)])
+
+
+def body_of(tractor: Tractor, implement: Implement) -> Body:
+    """The boxes of tractor and implement, ahead of the rear axle."""
+    boxes, axle = outline(tractor, implement), tractor.rear_axle_m
+    ends = (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
+    sizes = tuple((boxes[low] + axle, boxes[high] + axle, boxes[half]) for low, high, half in ends)
+    return Body(sizes, tractor.antenna_forward_m)
+
+
+def _around(
+    scenario: Scenario, layout: Layout, tractor: Tractor, implement: Implement, radius_m: float, reach: Reach
+) -> tuple[Layout, Around]:
+    """The tracks bent round small obstacles, or cut at them, and what else is bent by."""
+    field = layout.field
+    if not field.small:
+        return layout, Around()
+    boxes = outline(tractor, implement)
+    guided_m = tractor.antenna_forward_m - tractor.rear_axle_m
+    turned_over = max(1.0, scenario.speed_mps / TURNING_MPS)
+    rules = BendRules(
+        BEND_RADIUS * max(radius_m * turned_over, reach.margin_m),
+        reach.margin_m,
+        max(boxes["nose"], boxes["tool_front"]) - guided_m,
+        guided_m - min(boxes["tail"], boxes["tool_tail"]),
     )
+    return lay_around(layout, Bender(field.small, field.ground, rules), reach.tool_m)
 
 
-def _layout(scenario: Scenario, field: Field, headland_m: float) -> Layout:
-    """The tracks and, unless there are to be none, as many rounds as the headland takes and the field has room for."""
-    width, bearing = scenario.width_m, scenario.bearing_deg
-    if scenario.tracks_only:
-        return lay_tracks(field, width, headland_m, bearing)
-    most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
-    for count in range(most, 1, -1):
-        try:
-            depth = headland_m if count == most else count * width
-            return lay_tracks(field, width, depth, bearing, rounds=count)
-        except FieldError:
-            if scenario.headland_m is not None:
-                raise
-    return lay_tracks(field, width, width, bearing, rounds=1)
-
-
-def _rim(field: Field, free: shapely.Geometry) -> shapely.Geometry:
-    """The field a little drawn in, and as far from obstacles as anywhere else."""
-    outline = shapely.Polygon(field.boundary.exterior).buffer(-RIM_M, join_style="mitre")
-    solid = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(free)])
-    return shapely.difference(outline, shapely.difference(solid, free))
+def _boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:
+    """The outline of tractor and implement, counted from the guided point."""
+    guided = tractor.antenna_forward_m - tractor.rear_axle_m
+    ends = outline(tractor, implement)
+    return (
+        (ends["tail"] - guided, ends["nose"] - guided, ends["half_width"]),
+        (ends["tool_tail"] - guided, ends["tool_front"] - guided, ends["tool_half_width"]),
+    )
 
 
 def _with_names(

@@ -1,20 +1,19 @@
-"""Turns that a tractor cannot follow well: recognised in a run, and driven more slowly."""
+"""Turns that a tractor cannot follow well, recognised in a run."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from planner.measure import guided_point
 from planner.site import Site
-from vehicle.missions import Mission, Plan
+from vehicle.missions import Mission
 from vehicle.run import Run
 
 ASIDE_M = 0.4  # a track begun farther beside its line than this calls for a slower turn
 OUTSIDE_M = 0.3  # so does a path this far outside the field
-SLOWER = 0.6
 LONGEST_M = 60.0  # a longer leg is a route; slowing all of it would cost more than a track begun aside
 
 
@@ -29,7 +28,7 @@ class Slip:
 
 def slips(run: Run, site: Site) -> list[Slip]:
     """Every turn of a run: how far aside its track was begun, or how far its path left the field if that is worse."""
-    boundary = site.layout.field.boundary
+    boundary = site.layout.field.ground
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
         path, at_leg = guided_point(run, site, tractor), run.leg(tractor)
@@ -39,7 +38,7 @@ def slips(run: Run, site: Site) -> list[Slip]:
             along = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
             off = path[begun] - line[0]
             aside = abs(float(along[0] * off[1] - along[1] * off[0]))
-            turn = path[int(np.argmax(at_leg >= _turn_start(mission, leg))) : begun + 1]
+            turn = path[int(np.argmax(at_leg >= turn_start(mission, leg))) : begun + 1]
             outside = float(shapely.distance(shapely.points(turn), boundary).max())
             turns.append(Slip(tractor, leg, aside if outside <= OUTSIDE_M else max(aside, outside + ASIDE_M)))
     return turns
@@ -56,21 +55,9 @@ def _tracks_begun(mission: Mission) -> list[int]:
     return [k for k in range(1, len(legs)) if legs[k].implement and not legs[k - 1].implement]
 
 
-def _turn_start(mission: Mission, leg: int) -> int:
+def turn_start(mission: Mission, leg: int) -> int:
     """First of the legs that lead to the track of a working leg."""
     goal = mission.legs[leg].task
     while leg > 0 and not mission.legs[leg - 1].implement and mission.legs[leg - 1].task.same_goal(goal):
         leg -= 1
     return leg
-
-
-def slowed(plan: Plan, bad: list[Slip]) -> Plan:
-    """The plan with the turns before these working legs driven more slowly."""
-    missions = list(plan.missions)
-    for slip in bad:
-        legs = list(missions[slip.tractor].legs)
-        for index in range(_turn_start(missions[slip.tractor], slip.leg), slip.leg):
-            if legs[index].length_m < LONGEST_M:
-                legs[index] = replace(legs[index], speed_mps=SLOWER * legs[index].speed_mps)
-        missions[slip.tractor] = Mission(tuple(legs))
-    return replace(plan, missions=tuple(missions))

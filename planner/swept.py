@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.overlays import Areas, only_areas
 from planner.site import Site
 from vehicle.missions import ROUND
 from vehicle.run import Run
@@ -18,11 +19,9 @@ EVERY = 3  # rows of the 10 Hz record between corners of a swath: under half a m
 BEND_RAD = math.radians(20.0)  # a polygon ends where the bar has turned so far: neither side of it crosses itself
 SIMPLIFY_M = 0.003  # a corner driven round is short of what its outer end sweeps by two thirds of that
 SHORTEST_M = 0.1
-GRID_M = 1e-6  # without a grid GEOS loses area when it unites swaths whose edges all but coincide
 STILL_M = 1e-9
 Points = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
-Areas = npt.NDArray[np.object_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +49,9 @@ def swept_ground(run: Run, site: Site) -> Swept:
     return Swept(_polygons(ends), tractor, first, last, on_round.astype(bool))
 
 
-def swept_until(run: Run, site: Site, piece: tuple[int, int], row: int) -> shapely.Geometry:
-    """What a tractor swept from the first row of a piece (tractor, first row) of `swept_ground` to another row."""
-    tractor, first = piece
-    return _polygons([bar_ends(run.poses(tractor)[_rows(first, row)], site)])[0]
+def swept_until(run: Run, site: Site, pieces: list[tuple[int, int, int]]) -> Areas:
+    """What a tractor swept from the first row of a piece of `swept_ground` to another row: (tractor, first, row)."""
+    return _polygons([bar_ends(run.poses(tractor)[_rows(first, row)], site) for tractor, first, row in pieces])
 
 
 def bar_ends(poses: Points, site: Site) -> Points:
@@ -127,11 +125,3 @@ def _simplified(lines: list[Points]) -> tuple[Points, Rows]:
     whole = shapely.linestrings(np.concatenate(lines), indices=owner)
     plain = shapely.simplify(whole, SIMPLIFY_M, preserve_topology=False)
     return shapely.get_coordinates(plain, return_index=True)  # type: ignore[no-any-return]
-
-
-def only_areas(shape: shapely.Geometry) -> shapely.Geometry:
-    """The polygons of a geometry, without lines and points that cleaning or cutting has left in it."""
-    parts = shapely.get_parts(shape)
-    if shape.geom_type == "GeometryCollection":
-        parts = shapely.get_parts(parts)
-    return shapely.multipolygons(parts[shapely.area(parts) > 0.0])

@@ -6,13 +6,15 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.overlays import Areas, left_of, united, within
 from planner.site import Site
-from planner.swept import GRID_M, Areas, Points, Rows, Swept, only_areas, swept_until
+from planner.swept import Points, Rows, Swept, swept_until
 from vehicle.run import Run
 from vehicle.tractor import Tractor
 
 TYRE_M = 0.4  # an assumption, for every wheel: tyres of tractors of some 75 kW are 0.34 m wide in front, 0.42 m behind
 EVERY = 5  # rows of the 10 Hz record between points of a wheel's path
+STILL_M = 1e-6
 STRETCH = 20  # rows: two seconds of driving are looked at together
 
 
@@ -24,46 +26,50 @@ def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
     """
     lines, row = _wheel_paths(run, site.tractor)
     finished = np.flatnonzero(~swept.on_round)
-    ground = only_areas(shapely.union_all(swept.ground[finished], grid_size=GRID_M))
-    shapely.prepare(ground)
-    across = shapely.intersects(ground, lines)
+    ground = shapely.STRtree(swept.ground[finished])
+    across = np.unique(ground.query(lines, predicate="intersects")[0])
     tyres, row = shapely.buffer(lines[across], 0.5 * TYRE_M, cap_style="flat"), row[across]
-    wheel, strip = shapely.STRtree(swept.ground[finished]).query(tyres, predicate="intersects")
+    wheel, strip = ground.query(tyres, predicate="intersects")
     strip = finished[strip]
     before = swept.first[strip] < row[wheel]
     parts = _swept_before(run, site, swept, strip[before], row[wheel[before]])
-    pressed = shapely.intersection(tyres[wheel[before]], parts, grid_size=GRID_M)
-    trodden = only_areas(shapely.union_all([only_areas(one) for one in pressed], grid_size=GRID_M))
-    headland = only_areas(shapely.union_all(swept.ground[swept.on_round], grid_size=GRID_M))
-    inside = shapely.intersection(trodden, site.layout.field.boundary, grid_size=GRID_M)
-    return float(shapely.difference(only_areas(inside), headland, grid_size=GRID_M).area)
+    pressed = shapely.intersection(tyres[wheel[before]], parts)
+    inside = within(united(pressed), site.layout.field.ground)
+    rounds = swept.ground[swept.on_round]
+    near = np.sort(shapely.STRtree(rounds).query(inside, predicate="intersects"))
+    return float(left_of(inside, united(rounds[near])).area)
 
 
 def _swept_before(run: Run, site: Site, swept: Swept, strip: Rows, row: Rows) -> Areas:
     """Of every strip, what was swept before a row of the record."""
     parts = swept.ground[strip]
-    for n in np.flatnonzero(swept.last[strip] > row):
-        at = strip[n]
-        began = int(swept.tractor[at]), int(swept.first[at])
-        parts[n] = only_areas(swept_until(run, site, began, int(row[n])))
+    under_way = np.flatnonzero(swept.last[strip] > row)
+    at = strip[under_way]
+    pieces = zip(swept.tractor[at].tolist(), swept.first[at].tolist(), row[under_way].tolist(), strict=True)
+    parts[under_way] = swept_until(run, site, list(pieces))
     return parts
 
 
 def _wheel_paths(run: Run, tractor: Tractor) -> tuple[Areas, Rows]:
     """Paths of all wheels while the implement is up, in stretches of two seconds, and the row each begins at."""
-    paths: list[Points] = []
-    rows: list[int] = []
-    for number, mission in enumerate(run.plan.missions):
-        up = ~np.array([leg.implement for leg in mission.legs])[run.leg(number)]
-        for stretch in _stretches(up):
-            wheels = _wheels(run.poses(number)[stretch], tractor)
-            moved = np.hypot(*(wheels[:, 1:] - wheels[:, :-1]).transpose(2, 0, 1)).sum(axis=1) > GRID_M
-            paths += list(wheels[moved])
-            rows += [int(stretch[0])] * int(moved.sum())
-    if not paths:
+    found = [_paths_of(run, number, tractor) for number in range(run.plan.tractors)]
+    lines, rows = zip(*found, strict=True)
+    return np.concatenate(lines), np.concatenate(rows)
+
+
+def _paths_of(run: Run, number: int, tractor: Tractor) -> tuple[Areas, Rows]:
+    """The same of one tractor."""
+    up = ~np.array([leg.implement for leg in run.plan.missions[number].legs])[run.leg(number)]
+    stretches = _stretches(up)
+    if not stretches:
         return np.empty(0, dtype=np.object_), np.empty(0, dtype=np.int64)
-    owner = np.repeat(np.arange(len(paths)), [len(path) for path in paths])
-    return shapely.linestrings(np.concatenate(paths), indices=owner), np.array(rows)
+    owner = np.repeat(np.arange(len(stretches)), [len(stretch) for stretch in stretches])
+    wheels = _wheels(run.poses(number)[np.concatenate(stretches)], tractor)
+    steps = np.hypot(*np.diff(wheels, axis=1).transpose(2, 0, 1)) * (owner[1:] == owner[:-1])
+    moved = np.stack([np.bincount(owner[1:], each, len(stretches)) for each in steps], axis=1) > STILL_M
+    lines = np.stack([shapely.linestrings(wheel, indices=owner) for wheel in wheels], axis=1)
+    first = np.array([int(stretch[0]) for stretch in stretches])
+    return lines[moved], np.repeat(first, moved.sum(axis=1))
 
 
 def _stretches(up: npt.NDArray[np.bool_]) -> list[Rows]:

@@ -1,8 +1,11 @@
 """Tables, exports, figures and pages made from the results the planner hands over; nothing here simulates.
 
     results             result types of plans and of the study
-    table, export, page, figures   a ranking, the study or a field: for the terminal, JSON and CSV, a page, a map
+    table, export, page, figures   a ranking or the study: for the terminal, JSON and CSV, a page, a map
+    field_report        a field in figures, for the terminal
     front, drawing, paths, timed   what pages draw, as numbers: time against count, the map, paths thinned
+    landmarks, layers   where names and arrows stand on any map; the layers of the map that is a picture
+    leg_list, step_words   what each tractor does, in order: tables, JSON, and its words
     diagnosis_table, diagnosis_export, diagnosis_page   a diagnosis for the terminal, as JSON, as a page
     replay_report       a replayed run
     trials, trial_figures, agreement   the thesis's experiments, and how many of its numbers are met

@@ -9,31 +9,40 @@ from typing import Any
 
 import numpy as np
 
+from reports.landmarks import (
+    Label,
+    WorkMark,
+    cell_labels,
+    leg_numbers,
+    missed_label,
+    round_labels,
+    track_labels,
+    work_marks,
+)
+from reports.leg_list import heading, metres
 from reports.palette import TRACTORS
 from reports.paths import (
     REVERSING,
     STATES,
     WORKING,
     Extent,
-    arrow,
     extent,
     hatching,
-    numbered,
     round_length,
-    spread,
     swath,
     waits,
 )
 from reports.results import Drive, Points
+from reports.step_words import step_words
 from reports.timed import Lane, lanes
-from reports.wording import area, duration
+from reports.wording import duration
 
 # Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
 MOST_KNOTS = 30_000  # of the plan shown first
 MOST_OTHERS = 60_000  # of all other plans together
 _MARGIN = 0.04  # of the larger side of the map
-_LABELS, _ARROWS = 2.3, 4.0  # least distance between two, in units of a map: a hundredth of its larger side
-_HATCH = 1.1  # between two lines over ground that is not worked, likewise
+MOST_STEPS = 15_000  # of all plans together, at some 45 bytes each; further plans have no lists of legs
+_HATCH = 1.1  # between two lines over ground that is not worked, in hundredths of the larger side of the map
 
 
 @dataclass(frozen=True)
@@ -69,9 +78,10 @@ def map_picture(drives: Mapping[str, Drive]) -> dict[str, Any]:
     height = box.height + 2 * margin
     share = MOST_OTHERS // max(len(drives) - 1, 1)
     thinned = [lanes(drive, share if place else MOST_KNOTS) for place, drive in enumerate(drives.values())]
+    listed = _listed(list(drives.values()))
     plans = [
-        _plan(name, drive, paths, frame, size)
-        for (name, drive), paths in zip(drives.items(), thinned, strict=True)
+        _plan(name, drive, paths, frame, box, number < listed)
+        for number, ((name, drive), paths) in enumerate(zip(drives.items(), thinned, strict=True))
     ]
     driven = {int(value) for drive in drives.values() for status in drive.status for value in np.unique(status)}
     return {
@@ -80,7 +90,15 @@ def map_picture(drives: Mapping[str, Drive]) -> dict[str, Any]:
         "unit": max(round(size), 1),
         "field": "".join(frame.line(ring, closed=True) for ring in (first.boundary, *first.holes)),
         "swaths": "".join(frame.line(swath(track, first.width_m), closed=True) for track in first.tracks),
-        "labels": _labels(first, frame, size),
+        "rounds": [
+            {"line": frame.line(one.points), "tint": one.number % 2, "width": round(first.width_m * 100)}
+            for one in first.rounds
+        ],
+        "cells": "".join(frame.line(ring, closed=True) for cell in first.cells for ring in cell.rings),
+        "obstacles": "".join(frame.line(ring, closed=True) for ring in first.obstacles),
+        "labels": _texts(track_labels(first, size), frame),
+        "round_labels": _texts(round_labels(first, size), frame),
+        "cell_labels": _texts(cell_labels(first), frame),
         "lanes": [_drawn(path, frame, number) for number, path in enumerate(thinned[0])],
         "entrance": None if first.entrance is None else frame.of(np.array([first.entrance]))[0],
         "bar": {"x": round(margin * 100), "y": round((height + 0.02 * size) * 100), "length": round(bar * 100)},
@@ -99,13 +117,16 @@ def _together(boxes: Sequence[Extent]) -> Extent:
     )  # fmt: skip
 
 
-def _labels(drive: Drive, frame: Viewport, size: float) -> list[dict[str, Any]]:
-    """Numbers of tracks from 1, beyond both their ends, as many as have room."""
-    return [
-        {"x": x, "y": y, "text": str(number + 1)}
-        for number, place in numbered(drive.tracks, 0.012 * size, _LABELS * size / 100)
-        for x, y in frame.of(place[None, :])
-    ]
+def _listed(drives: Sequence[Drive]) -> int:
+    """How many plans, from the first on, have room for their lists of legs."""
+    steps = np.cumsum([sum(map(len, drive.steps)) for drive in drives])
+    return max(1, int(np.searchsorted(steps, MOST_STEPS, side="right")))
+
+
+def _texts(labels: Sequence[Label], frame: Viewport) -> list[dict[str, Any]]:
+    """Labels on paper."""
+    places = frame.of(np.array([label.place for label in labels]).reshape(-1, 2))
+    return [{"x": x, "y": y, "text": label.text} for (x, y), label in zip(places, labels, strict=True)]
 
 
 def _drawn(path: Lane, frame: Viewport, number: int) -> dict[str, Any]:
@@ -117,9 +138,12 @@ def _drawn(path: Lane, frame: Viewport, number: int) -> dict[str, Any]:
     return {"number": number + 1, "colour": number % len(TRACTORS), "start": frame.of(path.xy[:1])[0], **lines}
 
 
-def _plan(name: str, drive: Drive, paths: Sequence[Lane], frame: Viewport, size: float) -> dict[str, Any]:
-    """What the script needs of one plan: knots, arrows and stops per tractor, and seconds by manner."""
+def _plan(
+    name: str, drive: Drive, paths: Sequence[Lane], frame: Viewport, box: Extent, listed: bool
+) -> dict[str, Any]:
+    """What the script needs of one plan: knots, arrows, stops and legs per tractor, and seconds by manner."""
     longest = max(len(xy) for xy in drive.xy) - 1
+    marks = work_marks(drive, box.size or 1.0)
     return {
         "name": name,
         "title": drive.title,
@@ -129,7 +153,10 @@ def _plan(name: str, drive: Drive, paths: Sequence[Lane], frame: Viewport, size:
             {
                 "knots": _knots(path, frame),
                 "status": "".join(map(str, path.status.tolist())),
-                "arrows": _arrows(path, frame, size),
+                "arrows": _arrows(marks[number], frame),
+                "numbers": [[one["x"], one["y"], one["text"]] for one in _texts(leg_numbers(marks[number]), frame)],
+                "legs": _legs(drive, number) if listed else [],
+                "heading": heading(number + 1, drive.steps[number]) if drive.steps and listed else "",
                 "waits": [
                     [*frame.of(np.array([(x, y)]))[0], duration(seconds)]
                     for x, y, seconds in waits(drive.xy[number], drive.status[number], drive.step_s)
@@ -138,17 +165,17 @@ def _plan(name: str, drive: Drive, paths: Sequence[Lane], frame: Viewport, size:
             for number, path in enumerate(paths)
         ],
         "seconds": [[round(drive.seconds[state][number], 1) for state in STATES] for number in range(len(paths))],
-        "missed": _missed(drive, frame, size),
+        "missed": _missed(drive, frame, box),
     }
 
 
-def _missed(drive: Drive, frame: Viewport, size: float) -> dict[str, Any]:
+def _missed(drive: Drive, frame: Viewport, box: Extent) -> dict[str, Any]:
     """Ground that is not worked, the lines over it, and the largest piece: its place and its area in words."""
-    piece = drive.largest_missed
+    label = missed_label(drive, box)
     return {
         "ground": "".join(frame.line(ring, closed=True) for ring in drive.missed),
-        "hatch": "".join(frame.line(line) for line in hatching(drive.missed, _HATCH * size / 100)),
-        "largest": piece and [*frame.of(np.array([(piece.x_m, piece.y_m)]))[0], f"{area(piece.m2)} left"],
+        "hatch": "".join(frame.line(line) for line in hatching(drive.missed, _HATCH * (box.size or 1.0) / 100)),
+        "largest": label and [*frame.of(label.place[None, :])[0], label.text],
     }
 
 
@@ -158,12 +185,17 @@ def _knots(path: Lane, frame: Viewport) -> list[int]:
     return [int(value) for value in np.diff(flat, axis=0, prepend=np.zeros((1, 3), dtype=int)).ravel()]
 
 
-def _arrows(path: Lane, frame: Viewport, size: float) -> str:
-    """Heads of arrows half way along worked stretches, as many as have room."""
-    worked = [path.xy[first : last + 1] for status, first, last in path.runs() if status == WORKING]
-    heads = [head for line in worked if (head := arrow(line, 0.011 * size)) is not None]
-    places = np.array([head[0] for head in heads]).reshape(-1, 2)
-    return "".join(frame.line(heads[n], closed=True) for n in spread(places, _ARROWS * size / 100))
+def _arrows(marks: Sequence[WorkMark], frame: Viewport) -> str:
+    """Heads of arrows on worked stretches."""
+    return "".join(frame.line(mark.head, closed=True) for mark in marks)
+
+
+def _legs(drive: Drive, number: int) -> list[list[Any]]:
+    """Start and duration (s), length (m, "" of a wait) and words of everything a tractor does, in order."""
+    steps = drive.steps[number] if drive.steps else ()
+    return [
+        [round(step.from_s, 1), round(step.seconds, 1), metres(step), step_words(step)] for step in steps
+    ]
 
 
 def bar_rows(drive: Drive) -> list[dict[str, Any]]:

@@ -37,6 +37,7 @@ PLAN_KEYS = (
     "min_clearance_m",
     "collisions",
     "order_gap_pct",
+    "formation_pct",
     "reason",
     "on_pareto_front",
     "remark",

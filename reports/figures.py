@@ -4,31 +4,19 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 import textwrap
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reports import palette
-from reports.paths import (
-    REVERSING,
-    STATES,
-    WORKING,
-    Extent,
-    Piece,
-    arrow,
-    check_drive,
-    extent,
-    hatching,
-    numbered,
-    pieces,
-    round_length,
-    spread,
-    swath,
-    waits,
-)
+from reports.layers import INK, draw_ground, draw_missed, draw_names, draw_scale, draw_tractors
+from reports.leg_list import heading, text_rows
+from reports.paths import REVERSING, STATES, Extent, check_drive, extent
 from reports.results import Drive
-from reports.wording import area, duration, tractors
+from reports.wording import duration, tractors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -36,40 +24,44 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-_INK = "#2B2B2B"
 _HASH_SALT = "headland"
-_LETTERS_PER_INCH, _LINE_INCHES = 11.0, 0.24  # of a title of 11 points
-# Of the larger side of the map: how far beyond a track its number stands, least distances, length of an arrow's head.
-_BESIDE, _LABELS, _ARROWS, _HEAD = 0.012, 0.022, 0.04, 0.012
-_HATCH = 0.011  # of the larger side, between two lines over ground that is not worked
+_LETTERS_PER_INCH, _TITLE_INCHES, _EDGE_INCHES = 11.0, 0.24, 0.2  # of a title of 11 points; around everything
+_WIDEST, _TALLEST, _NARROWEST = 10.0, 9.0, 4.5  # of a map, inches
+_ROOM, _FOOT = 0.03, 0.1  # of the larger side of the field: beside it, and below it with the scale
+_MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row of them
+_LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
+_ROW_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0
+_MOST_ROWS, _WIDEST_WITH_LISTS = 70, 11.0  # of lists below the map; of a map with lists beside it
 
 
 def map_figure(drive: Drive, field_name: str = "") -> Figure:
     """The field and each tractor's path, to scale, north up, with start, entrance, scale bar and legend.
 
-    Tracks have their numbers and worked stretches the direction they were driven in, as many as have room. Ground that
-    is not worked is hatched, the largest piece marked with its area. Above stand
-    the name of the field, what was driven, and width, tracks, tractors and time. A drive without tractors shows the
-    field and its swaths.
+    Tracks and rounds have their numbers, cells their outline, number and bearing, worked stretches the direction they
+    were driven in and their number in the list of legs, as many as have room. Those lists stand below the map where
+    they fit. Ground that is not worked is hatched, the largest piece marked with its area. Above stand the name of the
+    field, what was driven, and width, tracks, rounds and time. A drive without tractors shows the field and its swaths.
 
     Raises:
         ReportError: the drive cannot be drawn.
     """
     check_drive(drive, least=0)
     box = extent(drive)
-    figure, axes = _map_canvas(box)
-    title = _title_lines(drive, field_name, figure.get_figwidth())
-    figure.set_figheight(figure.get_figheight() + _LINE_INCHES * len(title))
-    figure.suptitle(_literal("\n".join(title)), x=0.02, ha="left", fontsize=11, color=_INK, linespacing=1.4)
-    _draw_field(axes, drive)
-    _draw_missed(axes, drive, box.size)
-    for number in range(len(drive.xy)):
-        _draw_tractor(axes, drive, number, box.size)
+    sheet = _sheet(drive, field_name, _map_inches(box))
+    figure, axes = _canvas(sheet)
+    size = box.size or 1.0
+    axes.set_aspect("equal")
+    axes.set_xlim(box.west - _ROOM * size, box.east + _ROOM * size)
+    axes.set_ylim(box.south - _FOOT * size, box.north + _ROOM * size)
+    axes.set_axis_off()
+    draw_ground(axes, drive)
+    draw_missed(axes, drive, box)
+    draw_tractors(axes, drive, box.size)
     if drive.entrance is not None:
-        axes.plot(*drive.entrance, marker="v", color=_INK, markersize=8, linestyle="none", zorder=6)
-    _draw_numbers(axes, drive, box)
-    _draw_scale(axes, box)
-    _map_legend(figure, drive)
+        axes.plot(*drive.entrance, marker="v", color=INK, markersize=8, linestyle="none", zorder=6)
+    draw_names(axes, drive, box.size)
+    draw_scale(axes, box)
+    _write_round(figure, drive, sheet)
     return figure
 
 
@@ -95,138 +87,122 @@ def to_data(figure: Figure) -> str:
     return base64.b64encode(to_svg(figure).encode()).decode("ascii")
 
 
-def _canvas(width: float, height: float) -> tuple[Figure, Axes]:
+def _map_inches(box: Extent) -> tuple[float, float]:
+    """Width and height of the map: as large as has room, all of it map."""
+    size = box.size or 1.0
+    across, up = box.width + 2 * _ROOM * size, box.height + (_ROOM + _FOOT) * size
+    scale = min((_WIDEST - 2 * _EDGE_INCHES) / across, _TALLEST / up)
+    return round(float(across * scale), 4), round(float(up * scale), 4)
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """What goes where, in inches: the map `across` by `up`, above it `title`, below it `legend` and lists or beside."""
+
+    across: float
+    up: float
+    width: float
+    title: list[str]
+    legend: float
+    columns: int
+    lists: list[str]
+    beside: bool
+
+    @property
+    def above(self) -> float:
+        """Height of the title."""
+        return _EDGE_INCHES + _TITLE_INCHES * len(self.title)
+
+    @property
+    def listed(self) -> float:
+        """Height of the lists below the legend."""
+        rows = max((text.count("\n") + 1 for text in self.lists), default=0)
+        return 0.0 if self.beside or not rows else _ROW_INCHES * rows + _EDGE_INCHES
+
+    @property
+    def height(self) -> float:
+        """Of everything."""
+        return self.above + self.up + self.legend + self.listed
+
+
+def _sheet(drive: Drive, field_name: str, inches: tuple[float, float]) -> _Sheet:
+    """The map with lists of legs beside it, or below it, or without where they have no room."""
+    across, up = inches
+    alone = max(across + 2 * _EDGE_INCHES, _NARROWEST)
+    beside = _lists(drive, int(up / _ROW_INCHES) - 1)
+    wide = across + 3 * _EDGE_INCHES + _LIST_INCHES * len(beside)
+    below = _lists(drive, _MOST_ROWS)
+    is_beside = bool(beside) and wide <= _WIDEST_WITH_LISTS
+    width = wide if is_beside else alone
+    lists = beside if is_beside else below if len(below) * _LIST_INCHES + _EDGE_INCHES <= width else []
+    columns = max(2, int(width / _MARK_INCHES))
+    legend = _MARKS_INCHES * math.ceil(len(_marks(drive)) / columns) + _EDGE_INCHES
+    return _Sheet(across, up, width, _title_lines(drive, field_name, width), legend, columns, lists, is_beside)
+
+
+def _canvas(sheet: _Sheet) -> tuple[Figure, Axes]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(sheet.width, sheet.height))
     FigureCanvasAgg(figure)
-    return figure, figure.add_subplot()
+    left = _EDGE_INCHES if sheet.beside else 0.5 * (sheet.width - sheet.across)
+    bottom, across = (sheet.legend + sheet.listed) / sheet.height, sheet.across / sheet.width
+    return figure, figure.add_axes((left / sheet.width, bottom, across, sheet.up / sheet.height))
 
 
-def _map_canvas(box: Extent) -> tuple[Figure, Axes]:
-    size = box.size or 1.0
-    room = 0.04 * size
-    foot = 0.08 * size
-    drawn = (box.width + 2 * room) / (box.height + 2 * room + foot)
-    width, height = (10.0, 10.0 / drawn) if drawn > 1 else (max(9.0 * drawn, 4.5), 9.0)
-    figure, axes = _canvas(width, height + 0.9)
-    axes.set_aspect("equal")
-    axes.set_xlim(box.west - room, box.east + room)
-    axes.set_ylim(box.south - room - foot, box.north + room)
-    axes.set_axis_off()
-    return figure, axes
-
-
-def _draw_field(axes: Axes, drive: Drive) -> None:
-    from matplotlib.collections import PolyCollection
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
-    rings = [Outline(np.vstack([ring, ring[:1]]), closed=True) for ring in (drive.boundary, *drive.holes)]
-    whole = Outline.make_compound_path(*rings)
-    axes.add_patch(PathPatch(whole, facecolor=palette.FIELD, edgecolor="none", zorder=1))
-    strips = PolyCollection(
-        [swath(track, drive.width_m) for track in drive.tracks],
-        facecolors="none",
-        edgecolors=palette.SWATH,
-        linewidths=0.5,
-        zorder=2,
-    )
-    axes.add_collection(strips, autolim=False)
-    axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=palette.EDGE, linewidth=1.2, zorder=3))
-
-
-def _draw_missed(axes: Axes, drive: Drive, size: float) -> None:
-    """Lines over the ground that is not worked, and what the largest piece of it measures."""
-    from matplotlib.collections import LineCollection
-    from matplotlib.patheffects import withStroke
-
-    if drive.missed:
-        lines = [*hatching(drive.missed, _HATCH * (size or 1.0))]
-        lines += [np.vstack([ring, ring[:1]]) for ring in drive.missed]
-        axes.add_collection(LineCollection(lines, colors=palette.MISSED, linewidths=0.5, zorder=2.4), autolim=False)
-    if (piece := drive.largest_missed) is not None:
-        text = axes.annotate(f"{area(piece.m2)} left", (piece.x_m, piece.y_m), color=palette.MISSED, fontsize=9,
-                             fontweight="bold", ha="center", va="center", zorder=9)  # fmt: skip
-        text.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
-
-
-def _draw_tractor(axes: Axes, drive: Drive, number: int, size: float) -> None:
-    from matplotlib.collections import LineCollection
-
-    xy, status = drive.xy[number], drive.status[number]
-    colour = palette.tractor_colour(number)
-    parts = pieces(xy, status)
-    looks: tuple[tuple[str, float, tuple[int, ...]], ...] = (
-        ("solid", 1.3, (WORKING,)),
-        ("solid", 0.7, tuple({*range(5)} - {WORKING, REVERSING})),
-        ("dotted", 1.5, (REVERSING,)),
-    )
-    for style, width, wanted in looks:
-        lines = [part.points for part in parts if part.status in wanted]
-        axes.add_collection(
-            LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4), autolim=False
-        )
-    _draw_arrows(axes, parts, colour, size)
-    for x, y, _ in waits(xy, status, drive.step_s):
-        axes.plot(x, y, marker="s", markersize=4, markerfacecolor="white", markeredgecolor=colour, zorder=5)
-    axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
-    axes.annotate(
-        str(number + 1), xy[0], color="white", fontsize=7, fontweight="bold", ha="center", va="center", zorder=8
-    )
-
-
-def _draw_numbers(axes: Axes, drive: Drive, box: Extent) -> None:
-    """Numbers of tracks from 1 at both ends, with a pale edge where paths run under them."""
-    from matplotlib.patheffects import withStroke
-
-    for index, place in numbered(drive.tracks, _BESIDE * box.size, _LABELS * box.size):
-        x, y = place
-        text = axes.annotate(str(index + 1), (x, y), fontsize=6.5, color=_INK, ha="center", va="center", zorder=6)
-        text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
-
-
-def _draw_arrows(axes: Axes, parts: list[Piece], colour: str, size: float) -> None:
-    """The direction of worked stretches, half way along."""
-    from matplotlib.collections import PolyCollection
-
-    worked = [arrow(part.points, _HEAD * size) for part in parts if part.status == WORKING]
-    heads = [head for head in worked if head is not None]
-    places = np.array([head[0] for head in heads]).reshape(-1, 2)
-    chosen = [heads[index] for index in spread(places, _ARROWS * size)]
-    axes.add_collection(PolyCollection(chosen, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
+def _write_round(figure: Figure, drive: Drive, sheet: _Sheet) -> None:
+    """Title, legend and lists of legs."""
+    edge = _EDGE_INCHES / sheet.width
+    figure.suptitle(
+        _literal("\n".join(sheet.title)), x=edge, y=1.0 - 0.5 * _EDGE_INCHES / sheet.height, ha="left", va="top",
+        fontsize=11, color=INK, linespacing=1.4,
+    )  # fmt: skip
+    figure.legend(
+        handles=_marks(drive), loc="upper center", bbox_to_anchor=(0.5, (sheet.legend + sheet.listed) / sheet.height),
+        ncols=sheet.columns, frameon=False, fontsize=9, borderaxespad=0.0,
+    )  # fmt: skip
+    left = sheet.across + 2 * _EDGE_INCHES if sheet.beside else _EDGE_INCHES
+    top = sheet.height - sheet.above if sheet.beside else sheet.listed
+    for column, text in enumerate(sheet.lists):
+        figure.text(
+            (left + column * _LIST_INCHES) / sheet.width, top / sheet.height, _literal(text), ha="left", va="top",
+            fontsize=_LIST_POINTS, family="monospace", color=INK, linespacing=_LIST_SPACING,
+        )  # fmt: skip
 
 
 def _title_lines(drive: Drive, field_name: str, width: float) -> list[str]:
     """Field and plan, and below them the figures of the drive, in lines for a picture of `width` inches."""
     count = len(drive.xy)
     first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
-    second = [f"width {drive.width_m:g} m", f"{len(drive.tracks)} tracks"]
-    second += [tractors(count), f"done in {duration(max(drive.finish_s))}"] if count else []
+    tracks = f"{len(drive.tracks)} tracks"
+    second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
+    if drive.rounds:
+        rounds = max(one.number for one in drive.rounds)
+        second.append(f"{rounds} round{'s' if rounds > 1 else ''} of the headland")
+    if count:
+        second += [*([] if tractors(count) in first else [tractors(count)]), f"done in {duration(max(drive.finish_s))}"]
     room = int(width * _LETTERS_PER_INCH)
     return [line for text in (first, ", ".join(second)) for line in textwrap.wrap(text, room)]
 
 
-def _draw_scale(axes: Axes, box: Extent) -> None:
-    """A scale bar below the field on the left, a north arrow on the right."""
-    size = box.size or 1.0
-    bar = round_length(max(box.width, 0.5 * size) / 4)
-    y = box.south - 0.06 * size
-    axes.plot([box.west, box.west + bar], [y, y], color=_INK, linewidth=2.5, solid_capstyle="butt", zorder=6)
-    axes.annotate(f"{bar:g} m", (box.west + bar, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9)
-    axes.annotate(
-        "N",
-        xy=(box.east, y + 0.05 * size),
-        xytext=(box.east, y),
-        ha="center",
-        va="center",
-        fontsize=10,
-        arrowprops={"arrowstyle": "-|>", "color": _INK, "linewidth": 1.2},
-    )
+def _lists(drive: Drive, most: int) -> list[str]:
+    """The lists of legs as columns of text of at most so many rows; short ones stand below each other."""
+    columns: list[list[str]] = []
+    for number, steps in enumerate(drive.steps, start=1):
+        rows = text_rows(steps)
+        for first in range(0, len(rows), max(most - 1, 1)):
+            title = heading(number, steps) if not first else f"Tractor {number}, on"
+            block = [title, *rows[first : first + max(most - 1, 1)]]
+            if columns and len(columns[-1]) + 1 + len(block) <= most:
+                columns[-1] += ["", *block]
+            else:
+                columns.append(block)
+    return ["\n".join(column) for column in columns]
 
 
-def _map_legend(figure: Figure, drive: Drive) -> None:
+def _marks(drive: Drive) -> list[Artist]:
+    """The entries of the legend."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -236,29 +212,34 @@ def _map_legend(figure: Figure, drive: Drive) -> None:
         for number in range(count)
     ]
     if count:
-        handles.append(Line2D([], [], color=_INK, linewidth=1.8, label="working"))
-        handles.append(Line2D([], [], color=_INK, linewidth=0.7, label="turning"))
+        handles.append(Line2D([], [], color=INK, linewidth=1.8, label="working"))
+        handles.append(Line2D([], [], color=INK, linewidth=0.7, label="turning"))
     else:
         handles.append(Line2D([], [], color=palette.SWATH, linewidth=1.0, label=f"swaths of {drive.width_m:g} m"))
     driven = {int(value) for status in drive.status for value in np.unique(status)}
     if REVERSING in driven:
-        handles.append(Line2D([], [], color=_INK, linewidth=1.5, linestyle="dotted", label="reversing"))
+        handles.append(Line2D([], [], color=INK, linewidth=1.5, linestyle="dotted", label="reversing"))
     if STATES["waiting"] in driven:
         handles.append(_mark("s", "waiting", "white"))
     if count:
         handles.append(_mark("o", "start", "grey"))
     if drive.entrance is not None:
-        handles.append(_mark("v", "entrance", _INK))
+        handles.append(_mark("v", "entrance", INK))
+    if drive.rounds:
+        handles.append(Patch(facecolor=palette.ROUNDS[1], edgecolor=palette.ROUNDS[0], label="rounds"))
+    if drive.cells:
+        handles.append(Line2D([], [], color=INK, linewidth=1.0, linestyle="dashed", label="cells"))
+    if drive.obstacles:
+        handles.append(Patch(facecolor=palette.OBSTACLE, edgecolor="none", label="obstacles"))
     if drive.missed:
         handles.append(Patch(facecolor="none", edgecolor=palette.MISSED, hatch="/////", label="not worked"))
-    columns = max(2, int(figure.get_figwidth() / 1.6))
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+    return handles
 
 
 def _mark(marker: str, label: str, face: str) -> Line2D:
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], marker=marker, linestyle="none", markerfacecolor=face, markeredgecolor=_INK, label=label)
+    return Line2D([], [], marker=marker, linestyle="none", markerfacecolor=face, markeredgecolor=INK, label=label)
 
 
 def _literal(text: str) -> str:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from reports.drawing import bar_rows, map_picture
 from reports.front import front_picture
+from reports.leg_list import HEADINGS, cells, heading
+from reports.palette import TRACTORS
 from reports.paths import check_drive
 from reports.results import Drive, PlanResult, Ranking
 from reports.template import rendered
 from reports.wording import (
     LEFT_WORDS,
+    SOFT_HYPHEN,
+    begin_s,
     bound,
     clearance,
     duration,
@@ -30,6 +34,10 @@ from reports.wording import (
     tractors,
     yes_no,
 )
+
+_SOFT = {"Collisions": "Colli|sions", "Reversals": "Rever|sals", "Tractors": "Trac|tors", "Clearance": "Clear|ance",
+         "Farthest": "Farth|est"}  # fmt: skip
+"""Where headings may be broken on narrow paper."""
 
 Value = float | int | str | bool | None
 Plan = tuple[str, int]  # strategy and number of tractors
@@ -116,8 +124,11 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
         "facts": _facts(ranking.best),
         "map": None if first is None else map_picture(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else bar_rows(first),
+        "cards": [] if first is None else _cards(first, ranking.start),
+        "headings": HEADINGS,
+        "begin_s": begin_s(ranking.start),
         "front": front_picture(ranking),
-        "columns": columns,
+        "columns": [replace(column, heading=_soft(column.heading)) for column in columns],
         "rows": [_row(plan, columns, plan is ranking.best, places.get(_key(plan))) for plan in plans],
         "remarks": [*([LEFT_WORDS] if any(plan.missed_m2 is not None for plan in plans) else []), *remarks(plans)],
         "refused": len(refused(ranking)),
@@ -127,6 +138,26 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
         ],
         "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
     }
+
+
+def _cards(drive: Drive, start: str | None) -> list[dict[str, Any]]:
+    """The list of legs of every tractor: heading, colour and rows of text."""
+    return [
+        {
+            "number": tractor,
+            "colour": (tractor - 1) % len(TRACTORS),
+            "heading": heading(tractor, steps),
+            "rows": [cells(place, step, start) for place, step in enumerate(steps, start=1)],
+        }
+        for tractor, steps in enumerate(drive.steps, start=1)
+    ]
+
+
+def _soft(heading: str) -> str:
+    """A heading with soft hyphens."""
+    for word, parted in _SOFT.items():
+        heading = heading.replace(word, parted.replace("|", SOFT_HYPHEN))
+    return heading
 
 
 def _names(plans: Sequence[PlanResult], shown: Mapping[Plan | None, Drive]) -> list[str]:

@@ -7,6 +7,8 @@ TRACTORS_ON_DARK = ("#4FA8DE", "#F08A4B", "#2FC79A", "#DE9DC2", "#8FD0F5", "#F2B
 STATES = {"working": "#009E73", "turning": "#56B4E9", "waiting": "#E69F00", "reversing": "#CC79A7"}
 FIELD = "#EEF2E2"
 SWATH = "#C3CCAA"
+ROUNDS = ("#DDE7F0", "#EFE3C8")  # of even and odd rounds of the headland
+OBSTACLE = "#9A9A8E"
 EDGE = "#4F5B39"
 MISSED = "#B00020"
 

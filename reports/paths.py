@@ -63,6 +63,8 @@ def check_drive(drive: Drive, least: int = 1) -> None:
     for name in ("status", "finish_s"):
         if len(getattr(drive, name)) != count:
             raise ReportError(f"The drive has {count} paths and {len(getattr(drive, name))} of {name}; give one each.")
+    if drive.steps and len(drive.steps) != count:
+        raise ReportError(f"The drive has {count} paths and {len(drive.steps)} lists of steps; give one each or none.")
     for what, rings in (("the field", (drive.boundary, *drive.holes)), ("missed ground", drive.missed)):
         for ring in rings:
             if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():

@@ -39,6 +39,8 @@ class PlanResult:
     tractor or implement outside.
     `order_gap_pct` is by how much less any other order of tracks could take between them, at most; None where the order
     is not searched but given by the strategy.
+    `formation_pct` is the share of the length of all tracks that tractors drive abreast; None where the strategy forms
+    none.
     `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
     Draws of what varies from day to day give `finish_probability` (of being done by the deadline and before the rain)
     with its 95 % interval, quantiles of the time (`p50_s`, `p80_s`, `p95_s`) and money in the mean: `paid_cost`, and
@@ -71,6 +73,7 @@ class PlanResult:
     min_clearance_m: float | None = None
     collisions: int | None = None
     order_gap_pct: float | None = None
+    formation_pct: float | None = None
     on_pareto_front: bool = False
     remark: str | None = None
     rounds: int | None = None
@@ -160,6 +163,54 @@ class Ranking:
         return best.time_s - self.allowed_s
 
 
+@dataclass(frozen=True)
+class Step:
+    """One thing after another that a tractor does: a row of the list that its driver takes along.
+
+    `kind` is "track", "round" (one side of it), "corner" (between two sides of a round), "turn" or "way" (to the next
+    track or round), "wait" or "drive". `number` counts the track or round from 1, `part` names the piece of a track
+    ("a", "b", ...) or the side of a round ("1", "2", ...), "" where there is only one; for turns and ways both are
+    those led to, and `to_round` says which they are. `again` marks what goes on after a wait. It begins at `from_s` and
+    takes `seconds`, over `length_m`; `bearing_deg` is the direction worked in, clockwise from north. A turn leads over
+    `over` tracks in the `shape` of a "u", "omega" or "switch-back" ("" for none of these); `for_tractors` are those,
+    from 1, that are waited for. `x_m` and `y_m` are half way along it.
+    """
+
+    kind: str
+    number: int | None
+    part: str
+    from_s: float
+    seconds: float
+    length_m: float
+    x_m: float
+    y_m: float
+    to_round: bool = False
+    again: bool = False
+    bearing_deg: float | None = None
+    over: int | None = None
+    shape: str = ""
+    for_tractors: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class RoundLine:
+    """A round of the headland: its number from 1 and its centre line (n, 2) in metres, first point last if closed."""
+
+    number: int
+    points: Points
+
+
+@dataclass(frozen=True, eq=False)
+class CellOutline:
+    """A part of the field with tracks of its own: number from 1, their direction, rings (n, 2), a place inside."""
+
+    number: int
+    bearing_deg: float
+    rings: tuple[Points, ...]
+    x_m: float
+    y_m: float
+
+
 @dataclass(frozen=True, eq=False)
 class Drive:
     """What the tractors of one plan did, for pictures.
@@ -168,7 +219,9 @@ class Drive:
     (t, 2) of the guided point, `status` (t,) (0 finished, 1 working, 2 turning, 3 waiting, 4 reversing) every
     `step_s`; `seconds` maps working / turning / waiting / reversing to one value per tractor. `missed` are rings (n, 2)
     around ground that is left open, counter-clockwise, and clockwise round what is worked inside it; `largest_missed`
-    is the largest piece of it.
+    is the largest piece of it. `track_names` are what tracks are called, by default their places from 1; `rounds` are
+    those of the headland that are worked, `cells` the parts of a field that has several, `obstacles` rings (n, 2)
+    around what stands in it, and `steps` what each tractor does, in order.
     """
 
     title: str
@@ -184,6 +237,11 @@ class Drive:
     entrance: tuple[float, float] | None = None
     missed: tuple[Points, ...] = ()
     largest_missed: MissedPiece | None = None
+    track_names: tuple[str, ...] = ()
+    rounds: tuple[RoundLine, ...] = ()
+    cells: tuple[CellOutline, ...] = ()
+    obstacles: tuple[Points, ...] = ()
+    steps: tuple[tuple[Step, ...], ...] = ()
 
 
 @dataclass(frozen=True)

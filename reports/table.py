@@ -1,10 +1,9 @@
-"""Tables of plans, of the study and of a field for a terminal; plain text survives a pipe and an ASCII console."""
+"""Tables of plans and of the study for a terminal; plain text survives a pipe and an ASCII console."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.padding import Padding
@@ -33,7 +32,6 @@ from reports.wording import (
     yes_no,
 )
 
-_UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
 _ELSEWHERE = "a wider window or --json shows all"
 
 
@@ -64,9 +62,14 @@ class _RankingTable:
         yield wide if wide.fits(options.max_width) else self._table(_columns(False, *told))
 
     def _table(self, columns: list[_PlanColumn]) -> FittedTable:
-        rows = tuple(tuple(column.text(plan) for column in columns) for plan in self.plans)
+        rows = tuple(self._row(plan, columns) for plan in self.plans)
         styles = tuple("bold" if plan is self.best else "" for plan in self.plans)
         return FittedTable(tuple(column.column for column in columns), rows, styles, elsewhere=_ELSEWHERE)
+
+    def _row(self, plan: PlanResult, columns: list[_PlanColumn]) -> tuple[str, ...]:
+        """The first cell marks the best plan where it is not the first one."""
+        rank, *others = (column.text(plan) for column in columns)
+        return (f">{rank}" if plan is self.best and plan.rank != 1 else rank), *others
 
 
 def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
@@ -86,6 +89,7 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         more = len(plans) - len(shown)
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown; --all shows every plan."
         legend = "Times are h:mm:ss. * nobody is faster with as few tractors (Pareto front)."
+        legend += " > the best plan." if ranking.best and ranking.best.rank != 1 else ""
         legend += f" {LEFT_WORDS}" if left else ""
         parts.append(sentence(legend + (hidden if more else ""), style="dim"))
         parts += [sentence(text, style="dim") for text in remarks(shown)]
@@ -184,13 +188,6 @@ def _signed(value: float | None) -> str:
     return text if text == NOTHING or text.startswith("-") or float(text) == 0 else f"+{text}"
 
 
-def field_table(info: Mapping[str, Any]) -> RenderableType:
-    """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
-    columns = (Column("Label", words=True), Column("Value", words=True))
-    rows = tuple((_label(label), _plain(value)) for label, value in info.items())
-    return FittedTable(columns, rows, header=False)
-
-
 def _title(text: str) -> Text:
     return Text(text, style="bold underline")
 
@@ -201,26 +198,3 @@ def _bullet(text: str) -> RenderableType:
     grid.add_column(overflow="fold")
     grid.add_row(Text("-"), Padding(sentence(text), 0))
     return grid
-
-
-def _label(key: object) -> str:
-    """A key in words, its unit in brackets."""
-    words = str(key).split("_")
-    unit = f" ({_UNITS[words.pop()]})" if len(words) > 1 and words[-1] in _UNITS else ""
-    text = " ".join(words)
-    return text[:1].upper() + text[1:] + unit
-
-
-def _plain(value: Any, inner: str = "\n") -> str:
-    """A value in words: six significant digits, lists with commas, a mapping's pairs parted by `inner`."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if value is None or isinstance(value, bool):
-        return yes_no(value)
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, Mapping):
-        return inner.join(f"{_label(label)}: {_plain(item, ', ')}" for label, item in value.items()) or NOTHING
-    if isinstance(value, list | tuple):
-        return ", ".join(_plain(item) for item in value) or NOTHING
-    return str(value)

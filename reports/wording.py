@@ -12,9 +12,12 @@ from reports.effect_words import both, value_words
 from reports.results import MissedPiece, PlanResult, Ranking, finish_cost, finish_s
 
 NOTHING = "-"
+SOFT_HYPHEN = "\N{SOFT HYPHEN}"
+DAY_S = 86_400
 NO_BREAK = "\N{NO-BREAK SPACE}"
 LEFT_WORDS = "Left is ground that no implement worked; ranks count the time to finish it too, at each plan's own rate."
 LEAST_LEFT_M2 = 0.5  # less reads as nothing
+LEAST_ON_MAP_M2 = 10.0  # words on a map would hide more than a smaller piece
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -197,6 +200,18 @@ def clock(ranking: Ranking, seconds: float | None) -> str | None:
     later = start + timedelta(seconds=_whole(seconds))
     days = (later.date() - start.date()).days
     return later.strftime("%H:%M") + (f", {days} d later" if days else "")
+
+
+def begin_s(start: str | None) -> int | None:
+    """Seconds of the day at the start; None without one."""
+    begin = moment(start)
+    return None if begin is None else 3600 * begin.hour + 60 * begin.minute + begin.second
+
+
+def clock_at(start: str | None, seconds: float) -> str:
+    """The clock time ``9:14:05`` so many seconds after the start; without one the seconds as ``h:mm:ss``."""
+    begin = begin_s(start)
+    return duration(seconds if begin is None else (begin + _whole(seconds)) % DAY_S)
 
 
 def headline(ranking: Ranking) -> list[str]:

@@ -4,6 +4,8 @@
     sizing, timing          the headland that turns need; the seconds they take, simulated
     words, search           the words that join two poses, and the best that fits, compiled
     connect, routes         the quickest drivable way between two poses inside the field
+    bends, around           lines bent round small obstacles; tracks bent, or cut where no bend fits
+    fence                   whether the whole machine stays inside a fence on a way
     job                     what a strategy is given: layout, manner of driving, ways
     sequence                the order in which one tractor takes its tracks
     table, tours            seconds between passes by the ways driven; orders searched over them
@@ -12,7 +14,13 @@
     rounds, shifts, laps, corners   the headland in rounds: when, who, how along it, how round its corners
     legs                    tracks and turns as legs, each with its task
     separate                what strategies share whose tractors each have tracks of their own
-    formation               what strategies share whose tractors work abreast: rounds, places, the queue
+    formation               what strategies share whose tractors work abreast: rounds, places, the queue, the rest
+    grouping, clear_rounds  tracks in rounds and what is left over; rounds clear of each other's ways
+    promise                 the corners a formation may begin at, in order
+    abreast, clearing       places of one round; where a tractor stands clear of ways past it
+    queueing, leftover      legs and gates of rounds and queues; tracks one of the tractors works alone
+    care                    a formation driven and mended where two of its tractors meet
+    passages, releases      passing the headland, measured; when to leave the queue, optimised
     record, names, registry what a strategy is to others; all of them by name
 
     split_field, interleaved, row_by_row, col_by_col, row_by_row_optimised    one strategy each

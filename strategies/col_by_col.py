@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from strategies.formation import FORMATION_REPAIRS, Draft, Formation, Slot, form
+from strategies.abreast import Slot
+from strategies.care import driven
+from strategies.clear_rounds import AS_WRITTEN, Changes
+from strategies.formation import FORMATION_REPAIRS, Formation, form
 from strategies.job import Job
-from strategies.record import Strategy
+from strategies.queueing import Draft
+from strategies.record import Refined, Simulate, Strategy
 from vehicle.missions import Gate
 
 NAME = "col-by-col"
 
 
-def col_by_col(job: Job) -> Formation:
+def col_by_col(job: Job, *, changes: Changes = AS_WRITTEN) -> Formation:
     """Tractors turn one after another: the leader, the side the turn leads to, the other side."""
-    return form(job, NAME, _after_previous)
+    return form(job, NAME, _after_previous, changes=changes)
 
 
 def _after_previous(draft: Draft, number: int, slot: Slot) -> list[Gate]:
@@ -30,10 +34,15 @@ def _after_previous(draft: Draft, number: int, slot: Slot) -> list[Gate]:
     return [draft.turned(number, queue[place - 1].tractor)] if place else []
 
 
+def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:
+    return driven(lambda changes: col_by_col(job, changes=changes), simulate)[1]
+
+
 STRATEGY = Strategy(
     name=NAME,
     words="triangle formation; leader, then one side, then the other turn one after another",
     build=lambda job: col_by_col(job).plan,
     abreast=True,
+    refine=_driven,
     most_repairs=FORMATION_REPAIRS,
 )

@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from fields.layout import Layout, Track
 from fields.rounds import Round
+from strategies.around import Around
 from strategies.connect import Connector
+from strategies.fence import Fence, inside
 from strategies.paths import Path, Pose
+from strategies.search import shortest_m
 
 PLAIN_TURN_S = 40.0  # a turn in the headland that is quicker than this is not compared with one across tracks
 DETOUR, DETOUR_S = 1.25, 5.0  # how much longer than one across tracks a way round them may take, factor and seconds
@@ -20,7 +25,8 @@ class Manner:
 
     `tool_m` is how far the implement works behind the guided point; `turn_s[k]` the simulated seconds of the best
     turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across. A tractor
-    that must give way waits `hold_back_m` before the end of its track, clear of the headland.
+    that must give way waits `hold_back_m` before the end of its track, clear of the headland. `boxes` are the outline
+    of tractor and implement: from and to so far ahead of the guided point, and half the width (m).
     """
 
     work_speed_mps: float
@@ -32,11 +38,12 @@ class Manner:
     stagger_m: float = 12.0
     hold_back_m: float = 8.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
+    boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One track driven in one direction (+1 along the layout's bearing, -1 against it)."""
+    """One track driven in one direction (+1 along the bearing of its cell, -1 against it)."""
 
     track: Track
     direction: int
@@ -50,8 +57,9 @@ class Job:
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
-    tracks that can keep to the headland, however longer it is. Ways once worked out are kept in `ways`, as strategies
-    ask for the same ones; `used` counts the turns driven by kind.
+    tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
+    obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
+    Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts turns driven by kind.
     """
 
     layout: Layout
@@ -65,6 +73,9 @@ class Job:
     rim: Connector | None = None
     square: bool = True
     spare_tracks: bool = False
+    around: Around = field(default_factory=Around)
+    fence: Fence | None = None
+    careful: tuple[Connector, ...] = ()
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
@@ -75,11 +86,24 @@ class Job:
         not be spared.
         """
         if (a, b) not in self.ways:
-            self.ways[a, b] = self.turn(a, b) or self._route(a, b)
+            found = self.turn(a, b) or self._route(a, b)
+            if self.crosses(found):
+                found = inside(self.fence, [each.connect(a, b) for each in self.careful], self.connector.cost) or found
+            self.ways[a, b] = found or (self._turn(a, b) if self.fence else None)
         return self.ways[a, b]
 
+    def crosses(self, way: Path | None, *, fences_only: bool = False) -> bool:
+        """Whether some part of the machine comes to a fence, or an obstacle as well, on a way."""
+        return way is not None and self.fence is not None and self.fence.crosses(way, fences_only=fences_only)
+
     def turn(self, a: Pose, b: Pose) -> Path | None:
-        """A turn beside the tracks, or one across them that is much quicker."""
+        """A turn beside the tracks, or one across them that is much quicker; none that leads over the fence."""
+        best = self._turn(a, b)
+        if not self.crosses(best):
+            return best
+        return inside(self.fence, [each.direct(a, b) for each in self.careful], self.connector.cost)
+
+    def _turn(self, a: Pose, b: Pose) -> Path | None:
         cost = self.connector.cost
         beside = self.headland.direct(a, b) if self.headland else None
         if self.spare_tracks or (beside and cost(beside) <= PLAIN_TURN_S):
@@ -115,11 +139,14 @@ class Job:
 
     def heading(self, this: Pass) -> float:
         """Mathematical angle of travel."""
-        bearing = self.layout.bearing_rad
+        bearing = self.layout.bearing_of(this.track)
         return math.remainder(bearing if this.direction > 0 else bearing + math.pi, 2.0 * math.pi)
 
     def turn_time(self, a: Pass, b: Pass) -> float:
         """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""
+        if a.track.cell != b.track.cell:
+            radius = self.manner.radius_m
+            return shortest_m(np.array(self.exit(a)), np.array(self.entry(b)), radius) / self.manner.turn_speed_mps
         (ax, ay, heading), (bx, by, _) = self.exit(a), self.entry(b)
         along = (bx - ax) * math.cos(heading) + (by - ay) * math.sin(heading)
         across = abs((by - ay) * math.cos(heading) - (bx - ax) * math.sin(heading))
@@ -133,12 +160,16 @@ class Job:
 
 
 def starting_corner(layout: Layout) -> tuple[bool, int] | None:
-    """Which side and direction to begin with when the field has an entrance: (from the last line, direction)."""
+    """Which side and direction to begin with when the field has an entrance: (from the last line, direction).
+
+    The side is one of the cell that is nearest to the entrance.
+    """
     entrance = layout.field.entrance
     if entrance is None:
         return None
-    nearest = min(
-        ((math.dist(entrance, end), track.line, direction) for track in layout.tracks
+    _, line, direction, cell = min(
+        ((math.dist(entrance, end), track.line, direction, track.cell) for track in layout.tracks
          for end, direction in ((track.start, 1), (track.end, -1))),
     )  # fmt: skip
-    return nearest[1] > (layout.lines - 1) / 2, nearest[2]
+    lines = [track.line for track in layout.tracks if track.cell == cell]
+    return line > (lines[0] + lines[-1]) / 2, direction

@@ -17,10 +17,11 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from strategies.around import clear_parts
 from strategies.connect import Connector
 from strategies.corners import corner_arc, corner_ways, tangent_m, worked_into
 from strategies.job import Job
-from strategies.legs import STEP_M, driven_legs
+from strategies.legs import STEP_M, driven_legs, with_stops
 from strategies.paths import Path, Pose, ahead, join, straight
 from strategies.shifts import Stretch
 from vehicle.missions import ROUND, TURN, WAY, Leg, Task
@@ -33,6 +34,7 @@ MOST_REVERSALS = 4  # a way with more is a turn on the spot in arcs too short to
 TRIMS = ((0.0, 0.0), (0.0, 5.0), (5.0, 0.0), (5.0, 5.0), (10.0, 10.0))  # metres given up before and after a corner
 PULL_M = 0.25  # steps in which the end of a side is drawn back into the field
 LONGEST_CORNER = 6.0  # radii that the way through a corner may be longer than its ends are apart
+STOPS_M = 40.0  # a tractor may be kept waiting so often along a side
 BACK_M = (0.0, 1.5, 3.0, 5.0, 8.0)  # straight back from where nothing can be joined
 
 
@@ -92,7 +94,9 @@ def _legs_of(job: Job, driven: list[tuple[_Strip, Path | None]], left_m: float) 
     for strip, way in driven:
         if way is not None:
             job.used[way.kind] = job.used.get(way.kind, 0) + 1
-            legs += driven_legs(job, way, replace(strip.task, kind=WAY if way.kind == "route" else TURN))
+            task = replace(strip.task, kind=WAY if way.kind == "route" else TURN)
+            between = driven_legs(job, way, task)
+            legs += between if task.kind == TURN else with_stops(between, STOPS_M)
         legs += _working(job, strip)
     return Shift(tuple(legs), _pose(driven[0][0].points, 0), _pose(driven[-1][0].points, -1), left_m)
 
@@ -127,10 +131,18 @@ def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False, beside: bool = Fal
     rim = job.rim or job.connector
     if beside and job.headland is not None:
         way = job.headland.connect(a, b)
-        if _easy(way):
+        if _easy(way) and not job.crosses(way):
             return way
     ways = chain((_turn(job, a, b),), (_between(job, p, q) for p, q in _freed(job, rim, a, b)))
-    way = next((way for way in ways if _easy(way)), None) or rim.direct(a, b)
+    easy: list[Path] = []
+    for each in ways:
+        if _easy(each):
+            easy.append(each)
+            if not job.crosses(each):
+                break
+    way = _kept(job, easy) or rim.direct(a, b)
+    if job.crosses(way):
+        way = job.way(a, b)
     if not _easy(way) and anyhow:
         way = rim.connect(a, b)
     return way if _easy(way) else None
@@ -145,7 +157,15 @@ def _turn(job: Job, a: Pose, b: Pose) -> Path | None:
     turn = job.turn(a, b)
     if turn is not None:
         timed.append((rim.cost(turn), turn))
-    return min(timed, key=lambda pair: round(pair[0], 6))[1] if timed else None
+    return _kept(job, [way for _, way in sorted(timed, key=lambda pair: round(pair[0], 6))])
+
+
+def _kept(job: Job, ways: list[Path]) -> Path | None:
+    """The first of some ways that comes to neither fence nor obstacle, else the first that comes to no fence."""
+    if not ways or job.fence is None:
+        return ways[0] if ways else None
+    clear = next((way for way in ways if not job.crosses(way)), None)
+    return clear or next((way for way in ways if not job.crosses(way, fences_only=True)), None)
 
 
 def _easy(way: Path | None) -> TypeGuard[Path]:
@@ -189,14 +209,32 @@ def _strips(job: Job, share: Sequence[Stretch]) -> list[_Strip]:
         if out is not None:
             points = np.concatenate([points, *(run[1:] for _, run in out.sample(STEP_M))])
         task = Task(ROUND, stretch.lap.number, _piece(job, stretch))
-        strips.append(_Strip(points, task, stretch.length_m, into is not None, out is not None))
+        strips += _around(job, _Strip(points, task, stretch.length_m, into is not None, out is not None))
     return strips
 
 
+def _around(job: Job, strip: _Strip) -> list[_Strip]:
+    """A strip bent round small obstacles; in pieces where one leaves no room for that."""
+    if job.around.bender is None:
+        return [strip]
+    parts = clear_parts(strip.points, job.around.bender)
+    if parts is None:
+        return [strip]
+    last = len(parts) - 1
+    return [
+        _Strip(points, strip.task, length_m, strip.joined_in and index == 0, strip.joined_out and index == last)
+        for index, (points, length_m) in enumerate(parts)
+    ]
+
+
 def _piece(job: Job, stretch: Stretch) -> int:
-    """Number of a side among all sides of rounds of the same number."""
-    before = (lap for lap in job.rounds if lap.number == stretch.lap.number and lap.ring < stretch.lap.ring)
-    return sum(len(lap.sides) for lap in before) + stretch.side
+    """Number of a side among all sides of rounds of the same number, the same whichever way it is driven."""
+    same = [lap for lap in job.rounds if lap.number == stretch.lap.number]
+    before = sum(len(lap.sides) for lap in same if lap.ring < stretch.lap.ring)
+    lap = next((lap for lap in same if lap.ring == stretch.lap.ring), stretch.lap)
+    ends = stretch.lap.sides[stretch.side].points[[0, -1]]
+    turned = not np.array_equal(lap.sides[stretch.side].points[[0, -1]], ends)
+    return before + (len(lap.sides) - 1 - stretch.side if turned else stretch.side)
 
 
 def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:
@@ -208,12 +246,26 @@ def _extent(job: Job, stretch: Stretch) -> tuple[float, float]:
     else:
         end = stretch.last_m
     first, last, line = begin + tool, end + tool, stretch.line
-    room = (job.rim or job.connector).free
-    while last > side.length_m and not shapely.covers(room, shapely.Point(_at(line, last))):
+    while last > side.length_m and not _room_for(job, line, last):
         last -= PULL_M
-    while first < 0.0 and not shapely.covers(room, shapely.Point(_at(line, first))):
+    while first < 0.0 and not _room_for(job, line, first):
         first += PULL_M
+    if job.fence is not None:
+        middle = 0.5 * side.length_m
+        while last > middle and job.fence.hits(_pose_at(line, last)):
+            last -= PULL_M
+        while first < middle and job.fence.hits(_pose_at(line, first)):
+            first += PULL_M
     return first, last
+
+
+def _room_for(job: Job, line: Points, distance_m: float) -> bool:
+    return bool(shapely.covers((job.rim or job.connector).free, shapely.Point(_at(line, distance_m))))
+
+
+def _pose_at(line: Points, distance_m: float) -> Pose:
+    """Pose at a distance along a polyline, drawn on straight beyond its ends."""
+    return _pose(_along(line, distance_m - PULL_M, distance_m), -1)
 
 
 def _arc(job: Job, a: Stretch, b: Stretch) -> Path | None:
@@ -234,10 +286,11 @@ def _arc(job: Job, a: Stretch, b: Stretch) -> Path | None:
 
 
 def _working(job: Job, strip: _Strip) -> list[Leg]:
-    """The legs of a strip: a tractor may be kept waiting before it, and before its last stretch."""
+    """The legs of a strip: a tractor may be kept waiting before it, on a long one, and before its last stretch."""
     length = float(np.hypot(*np.diff(strip.points, axis=0).T).sum())
     hold = max(length - job.manner.hold_back_m, 0.5 * length)
-    parts = [(0.0, length)] if strip.joined_out else [(0.0, hold), (hold, length)]
+    ends = [0.0, length] if strip.joined_out else [0.0, *_stops(hold), length]
+    parts = list(pairwise(ends))
     legs = []
     for index, (first, last) in enumerate(parts):
         points = _along(strip.points, first, last)
@@ -246,6 +299,12 @@ def _working(job: Job, strip: _Strip) -> list[Leg]:
         wait = index > 0 or not strip.joined_in
         legs.append(Leg(points, job.manner.work_speed_mps, 1, True, ground, strip.task, wait))
     return legs
+
+
+def _stops(hold_m: float) -> list[float]:
+    """Where along a side a tractor may be kept waiting, up to the last place (m)."""
+    count = max(1, round(hold_m / STOPS_M))
+    return [hold_m * part / count for part in range(1, count + 1)]
 
 
 def _at(line: Points, distance_m: float) -> tuple[float, float]:

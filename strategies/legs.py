@@ -25,9 +25,17 @@ def task_on(kind: str, track: Track) -> Task:
 
 
 def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, task: Task, *, may_wait: bool = False) -> Leg:
-    """A straight leg between two distances ahead of a pose: work at work speed, anything else at turn speed."""
-    ahead = np.array([math.cos(a[2]), math.sin(a[2])])
-    points = np.array([a[:2] + start_m * ahead, a[:2] + end_m * ahead])
+    """A leg between two distances ahead of a pose: work at work speed, anything else at turn speed.
+
+    It is straight but for small obstacles that a pass beginning at the pose is driven round; distances are always those
+    along the track.
+    """
+    bent = job.around.bent.get(a[:2])
+    if bent is None:
+        ahead = np.array([math.cos(a[2]), math.sin(a[2])])
+        points = np.array([a[:2] + start_m * ahead, a[:2] + end_m * ahead])
+    else:
+        points = bent.between(start_m, end_m)
     return Leg(
         points=points,
         speed_mps=job.manner.work_speed_mps if task.works else job.manner.turn_speed_mps,
@@ -58,6 +66,19 @@ def driven_legs(job: Job, path: Path, task: Task) -> list[Leg]:
         for gear, points in path.sample(STEP_M)
         if float(np.hypot(*np.diff(points, axis=0).T).sum()) > SHORTEST_LEG_M
     ]
+
+
+def with_stops(legs: Sequence[Leg], every_m: float) -> list[Leg]:
+    """The same legs with a place to wait before each, and about every so many metres on those driven forwards."""
+    stopping: list[Leg] = []
+    for leg in legs:
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T))))
+        parts = max(1, round(along[-1] / every_m)) if leg.gear > 0 else 1
+        cuts = np.searchsorted(along, along[-1] * np.arange(1, parts) / parts)
+        for a, b in pairwise([0, *sorted(set(cuts.tolist()) - {0, len(along) - 1}), len(along) - 1]):
+            may_wait = leg.may_wait if a == 0 and stopping and stopping[-1].gear != leg.gear else True
+            stopping.append(replace(leg, points=leg.points[a : b + 1], may_wait=may_wait))
+    return stopping
 
 
 def _ground(job: Job, points: np.ndarray) -> str:

@@ -1,7 +1,7 @@
 """Rounds of the headland before the tracks of a plan or after them, whatever strategy wrote it.
 
-All tractors drive their shares of the rounds at once; nobody begins with what comes second before all others are
-through with what comes first.
+All tractors drive their shares of the rounds at once. Nobody works a track before all others are through with their
+rounds, or a round before all others are on their last track.
 """
 
 from __future__ import annotations
@@ -13,28 +13,29 @@ from dataclasses import dataclass, replace
 from strategies.errors import StrategyError
 from strategies.job import Job
 from strategies.laps import Shift, link, shift_of
-from strategies.legs import driven_legs, mission_from
+from strategies.legs import driven_legs, mission_from, with_stops
 from strategies.paths import Pose
 from strategies.shifts import Stretch, shared
-from vehicle.missions import ROUND, TURN, WAY, Gate, Leg, Mission, Plan
+from vehicle.missions import TRACK, TURN, WAY, Gate, Leg, Mission, Plan
 
 FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
 ORIGINS = 12  # places tried for the first border between sectors
-WELL_BEGUN_M = 15.0  # a tractor on its first side of a round leaves room behind it from here on
-NEARLY_M = 30.0  # one that follows another in a formation stops farther behind than its leg goes
+SAME_M = 20.0  # of rounds: what borders in an awkward place leave out beyond this is not given up for a short way
 ARRIVED_M = 0.2  # a tractor counts as through this far before the end of a leg
+STOPS_M = 10.0  # a tractor may be kept waiting so often on its way between rounds and tracks
 
 
 @dataclass(frozen=True)
 class _Whole:
-    """All legs of a tractor; those from `border` on are driven when the others are through with what comes first.
+    """All legs of a tractor; others may do what comes second when it is at leg `border`.
 
-    `before` legs stand before those of the strategy.
+    From leg `begin` on it does so itself. `before` legs stand before those of the strategy.
     """
 
     legs: tuple[Leg, ...]
     border: int
+    begin: int
     before: int
 
 
@@ -42,21 +43,15 @@ class _Whole:
 class Passage:
     """How a fleet goes on from what comes first to what comes second.
 
-    `beside` keeps all to the headland. `turn` 1 lets them go one after another, those first that have farthest to drive
-    before they wait for others, -1 these last, 0 all at once; meanwhile the others wait before the last stretch of
-    their last track, or at the end of their rounds. With `alone` one tractor drives all rounds, after the tracks only,
-    and the others wait for it before the last stretch of theirs.
+    `beside` keeps all to the headland. With `alone` one tractor drives all rounds, after the tracks only, and the
+    others wait for it before the last stretch of theirs.
     """
 
     beside: bool = False
-    turn: int = 0
     alone: bool = False
 
 
-PASSAGES = (
-    Passage(), Passage(beside=True), Passage(turn=1), Passage(True, 1), Passage(turn=-1), Passage(True, -1),
-    Passage(True, 1, alone=True),
-)  # fmt: skip
+PASSAGES = (Passage(), Passage(beside=True), Passage(True, alone=True))
 """From the quickest to those that keep tractors apart where the others do not."""
 
 
@@ -73,15 +68,13 @@ def with_rounds(job: Job, plan: Plan, order: str, passage: Passage = PASSAGES[0]
     meet = [None if shift is None else (shift.end if first else shift.start)[:2] for shift in shifts]
     own = [shifts[share] for share in _dealt(meet, ends)]
     parts = zip(plan.missions, own, ends, strict=True)
-    wholes = [_joined(job, *three, first=first, beside=passage.beside) for three in parts]
-    if passage.turn and not first:
-        wholes = [_held_back(whole, passage) for whole in wholes]
+    wholes = [_joined(job, *three, first=first, passage=passage) for three in parts]
     moved = [whole.before for whole in wholes]
     legs = [_renumbered(whole.legs, moved) for whole in wholes]
     for tractor, whole in enumerate(wholes):
-        if whole.border < len(whole.legs):
-            leg = replace(legs[tractor][whole.border], may_wait=True)
-            legs[tractor][whole.border] = leg.with_gates(_gates(wholes, own, tractor, first, passage))
+        if whole.begin < len(whole.legs):
+            leg = replace(legs[tractor][whole.begin], may_wait=True)
+            legs[tractor][whole.begin] = leg.with_gates(_gates(wholes, own, tractor, first, passage))
     left = math.fsum(shift.left_m for shift in shifts if shift)
     notes = {**plan.notes, "headland": order, "rounds": max(lap.number for lap in job.rounds), "left_m": round(left, 1)}
     return Plan(tuple(mission_from(each) for each in legs), notes)
@@ -95,8 +88,7 @@ def _gates(
         worker = next(index for index, shift in enumerate(own) if shift is not None)
         last = len(wholes[worker].legs) - 1
         return [Gate(worker, last, max(0.0, wholes[worker].legs[last].length_m - ARRIVED_M))]
-    through = _through(wholes, tractor, NEARLY_M if passage.turn and not first else ARRIVED_M)
-    return through if passage.alone else through + _begun(wholes, tractor, passage.turn)
+    return _through(wholes, tractor)
 
 
 def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[list[Stretch]]:
@@ -107,6 +99,8 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
         return whole + [[] for _ in range(job.tractors - 1)]
     begin = job.layout.field.entrance
     options = [shared(job, outside_in=first, begin=begin, origin=place / ORIGINS) for place in range(ORIGINS)]
+    driven = [sum(stretch.length_m for share in shares for stretch in share) for shares in options]
+    options = [shares for shares, metres in zip(options, driven, strict=True) if metres > max(driven) - SAME_M]
 
     def farthest(shares: list[list[Stretch]]) -> float:
         meet = [(share[-1].end if first else share[0].start) if share else None for share in shares]
@@ -137,27 +131,44 @@ def _dealt(places: Sequence[tuple[float, ...] | None], ends: list[Pose]) -> list
     return [own[tractor] for tractor in range(len(ends))]
 
 
-def _joined(job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first: bool, beside: bool) -> _Whole:
-    """The legs of a tractor with its share of the rounds."""
+def _joined(
+    job: Job, mission: Mission, shift: Shift | None, end: Pose, *, first: bool, passage: Passage
+) -> _Whole:
+    """The legs of a tractor with its share of the rounds.
+
+    Before the tracks it waits inside its own, clear of the headland, if there is room to get there; after them before
+    the last stretch of its last one.
+    """
     if shift is None:
-        return _Whole(mission.legs, 0 if first else len(mission.legs), 0)
+        hold = _last_hold(mission.legs) if passage.alone else len(mission.legs)
+        return _Whole(mission.legs, 0, 0, 0) if first else _Whole(mission.legs, _last_track(mission.legs), hold, 0)
     a, b = (shift.end, end) if first else (end, shift.start)
-    way = link(job, a, b, anyhow=True, beside=beside)
+    way = link(job, a, b, anyhow=True, beside=passage.beside)
     if way is None:
         there, back = ("rounds", "tracks") if first else ("tracks", "rounds")
         raise StrategyError(
             f"No way of turning radius {job.manner.radius_m:.1f} m leads from the {there} to the {back} (at "
             f"{a[0]:.0f}, {a[1]:.0f} m) inside the field; a wider headland may."
         )
-    one, two = (shift.legs, mission.legs) if first else (mission.legs, shift.legs)
-    between = driven_legs(job, way, replace(two[0].task, kind=WAY if way.kind == "route" else TURN))
-    return _Whole((*one, *between, *two), len(one), len(one) + len(between) if first else 0)
+    task = (mission if first else shift).legs[0].task
+    between = with_stops(driven_legs(job, way, replace(task, kind=WAY if way.kind == "route" else TURN)), STOPS_M)
+    if not first:
+        legs = (*mission.legs, *between, *shift.legs)
+        return _Whole(legs, _last_track(mission.legs), _last_hold(mission.legs), 0)
+    before = len(shift.legs) + len(between)
+    tracks = (replace(mission.legs[0], gates=()), *mission.legs[1:])  # whoever comes first may go in first
+    begin = next((n for n, leg in enumerate(tracks) if leg.task.kind == TRACK), 0)
+    return _Whole((*shift.legs, *between, *tracks), len(shift.legs), before + begin, before)
 
 
-def _held_back(whole: _Whole, passage: Passage) -> _Whole:
-    """The same legs for a tractor that waits before the last stretch of its last track, clear of the headland."""
-    hold = next((leg for leg in range(whole.border - 1, 0, -1) if whole.legs[leg].may_wait), whole.border)
-    return replace(whole, border=hold) if passage.alone or whole.border < len(whole.legs) else whole
+def _last_track(legs: Sequence[Leg]) -> int:
+    """The first leg that works the last track."""
+    return 1 + max((number for number, leg in enumerate(legs) if leg.task.kind != TRACK), default=-1)
+
+
+def _last_hold(legs: Sequence[Leg]) -> int:
+    """The last leg before which a tractor may be kept waiting; the number of legs where there is none."""
+    return next((leg for leg in range(len(legs) - 1, 0, -1) if legs[leg].may_wait), len(legs))
 
 
 def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
@@ -172,37 +183,10 @@ def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
     ]
 
 
-def _through(wholes: list[_Whole], me: int, short_m: float) -> list[Gate]:
-    """Gates that open when all others are through with what comes first, but for some metres."""
+def _through(wholes: list[_Whole], me: int) -> list[Gate]:
+    """Gates that open when all others are through with what comes first, or on their last track."""
     return [
-        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - short_m))
+        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - ARRIVED_M))
         for other, whole in enumerate(wholes)
         if other != me and whole.border > 0
     ]
-
-
-def _begun(wholes: list[_Whole], me: int, in_turn: int) -> list[Gate]:
-    """A gate that opens when the tractor before this one is where it waits for others, or through with its first leg.
-
-    `in_turn` is as in Passage.
-    """
-    if not in_turn:
-        return []
-    settled = [_settled(whole) for whole in wholes]
-    turn = sorted(range(len(wholes)), key=lambda one: (-settled[one][1], one))[::in_turn]
-    place = turn.index(me)
-    if place == 0:
-        return []
-    other, leg = turn[place - 1], settled[turn[place - 1]][0]
-    begun = wholes[other].legs[leg]
-    most = WELL_BEGUN_M if begun.task.kind == ROUND else math.inf
-    return [Gate(other, leg, min(max(0.0, begun.length_m - ARRIVED_M), most))]
-
-
-def _settled(whole: _Whole) -> tuple[int, float]:
-    """The leg with which a tractor has begun what comes second, and the metres of that up to it."""
-    legs, begin = whole.legs, max(whole.border, whole.before)
-    if not whole.before:
-        begin = next((leg for leg in range(begin, len(legs)) if legs[leg].task.kind == ROUND), len(legs) - 1)
-    last = next((leg for leg in range(begin, min(begin + 4, len(legs))) if legs[leg].gates), begin + 1) - 1
-    return last, math.fsum(leg.length_m for leg in legs[begin : last + 1])

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from strategies.formation import FORMATION_REPAIRS, Draft, Formation, Slot, form
+from strategies.abreast import Slot
+from strategies.care import driven
+from strategies.clear_rounds import AS_WRITTEN, Changes
+from strategies.formation import FORMATION_REPAIRS, Formation, form
 from strategies.job import Job
-from strategies.record import Strategy
+from strategies.queueing import Draft
+from strategies.record import Refined, Simulate, Strategy
 from vehicle.missions import Gate
 
 NAME = "row-by-row"
 
 
-def row_by_row(job: Job, *, move_up: bool = True) -> Formation:
+def row_by_row(job: Job, *, move_up: bool = True, changes: Changes = AS_WRITTEN) -> Formation:
     """Rows turn one after another; each waits for the row before it to be in place."""
-    return form(job, NAME, _row_before_in_place, move_up=move_up)
+    return form(job, NAME, _row_before_in_place, move_up=move_up, changes=changes)
 
 
 def _row_before_in_place(draft: Draft, number: int, slot: Slot) -> list[Gate]:
     return [draft.in_place(number, other.tractor) for other in draft.rounds[number] if other.row == slot.row - 1]
+
+
+def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:
+    return driven(lambda changes: row_by_row(job, changes=changes), simulate)[1]
 
 
 STRATEGY = Strategy(
@@ -25,5 +33,6 @@ STRATEGY = Strategy(
     "place",
     build=lambda job: row_by_row(job).plan,
     abreast=True,
+    refine=_driven,
     most_repairs=FORMATION_REPAIRS,
 )

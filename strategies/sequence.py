@@ -1,7 +1,8 @@
 """The order in which one tractor takes its tracks.
 
 Tracks are grouped into cells, runs of neighbouring lines with one piece each, so that a hole or a notch is worked
-around rather than jumped over line by line. In a cell the tracks are taken one after another, or in a pattern that
+around rather than jumped over line by line; tracks of two cells of the layout, with bearings of their own, are never
+in one. In a cell the tracks are taken one after another, or in a pattern that
 skips lines and comes back so that turns are wide.
 """
 
@@ -11,7 +12,7 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise, product
 
-from fields.layout import Track
+from fields.layout import Layout, Track
 from strategies.job import Job, Pass
 from strategies.table import TurnTable
 
@@ -21,8 +22,17 @@ Cell = list[Track]
 Order = list[Pass]
 
 
+def cells_in(layout: Layout, tracks: list[Track]) -> list[Cell]:
+    """Group tracks of a layout into cells, each within one cell of the layout, in the order of their first tracks."""
+    return [
+        cell
+        for part in layout.cells
+        for cell in cells_of([track for track in tracks if track.cell == part.number], part.bearing_rad)
+    ]
+
+
 def cells_of(tracks: list[Track], bearing_rad: float) -> list[Cell]:
-    """Group tracks into cells: a piece joins the cell of the one before if each overlaps only the other."""
+    """Group tracks of one bearing: a piece joins the cell of the one before if each overlaps only the other."""
     by_line: dict[int, list[Track]] = {}
     for track in tracks:
         by_line.setdefault(track.line, []).append(track)
@@ -79,12 +89,13 @@ def order_tracks(
 
     Where the line of that corner is interrupted, it starts with its first piece or its last.
     """
-    cells = cells_of(tracks, job.layout.bearing_rad)
+    cells = cells_in(job.layout, tracks)
     from_last, direction = corner
     outer = -1 if from_last else 0
-    edge = (max if from_last else min)(cell[outer].line for cell in cells)
+    first = _first_cells(cells, job.layout)
+    edge = (max if from_last else min)(cell[outer].line for cell in first)
     start = (max if last_piece else min)(
-        (cell for cell in cells if cell[outer].line == edge), key=lambda cell: cell[outer].piece
+        (cell for cell in first if cell[outer].line == edge), key=lambda cell: cell[outer].piece
     )
     cells.remove(start)
     order = _through(start, jump, from_last, direction)
@@ -93,6 +104,19 @@ def order_tracks(
         cells.remove(cell)
         order += _through(cell, jump, *option)
     return order
+
+
+def _first_cells(cells: list[Cell], layout: Layout) -> list[Cell]:
+    """Those that an order may begin with: all, or with an entrance those of the layout's cell that is nearest to it."""
+    entrance = layout.field.entrance
+    if entrance is None or len(layout.cells) == 1:
+        return cells
+    ends = (
+        (round(math.dist(entrance, end), 6), track.cell)
+        for cell in cells for track in cell for end in (track.start, track.end)
+    )  # fmt: skip
+    home = min(ends)[1]
+    return [cell for cell in cells if cell[0].cell == home]
 
 
 def _through(cell: Cell, jump: int, from_last: bool, direction: int) -> Order:
@@ -149,11 +173,11 @@ class Searched:
     gap_pct: float
 
 
-def searched(share: list[Track], job: Job, table: TurnTable) -> Searched:
+def searched(share: list[Track], job: Job, table: TurnTable, *, roughly: bool = False) -> Searched:
     """The quickest order through some tracks by the ways that would be driven.
 
     `table` is that of all tracks of the layout. The search begins with the patterns in use and improves them
-    (strategies.tours).
+    (strategies.tours). `roughly` is for comparing layouts: long ways are estimated, and the search ends early.
     """
     place = {track: index for index, track in enumerate(job.layout.tracks)}
     starts = [
@@ -161,7 +185,7 @@ def searched(share: list[Track], job: Job, table: TurnTable) -> Searched:
         for jump, corner in product(jumps(job), CORNERS)
     ]
     distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]
-    best = table.best([place[track] for track in share], distinct)
+    best = table.best([place[track] for track in share], distinct, roughly=roughly)
     work = sum(track.length for track in share) / job.manner.work_speed_mps
     return Searched([table.passes[p] for p in best.passes.tolist()], work + best.seconds, best.gap_pct)
 

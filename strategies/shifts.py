@@ -209,7 +209,7 @@ def _clear(lap: Round, at: float) -> float:
 def _pieces(lap: Round, first: float, run: float) -> Iterator[Stretch]:
     """The sides of a round, or parts of them, from a place along it on for a length (m)."""
     count = len(lap.sides)
-    starts = np.cumsum([0.0, *(side.length_m for side in lap.sides)])
+    starts = np.cumsum([0.0, *(side.length_m for side in lap.sides)]).tolist()
     for turn, side in ((turn, side) for turn in (0, 1) for side in range(count)):
         low, high = starts[side] + turn * starts[-1], starts[side + 1] + turn * starts[-1]
         begin, end = max(low, first), min(high, first + run)
@@ -217,8 +217,8 @@ def _pieces(lap: Round, first: float, run: float) -> Iterator[Stretch]:
             yield Stretch(
                 lap,
                 side,
-                None if begin - low < 1e-3 else float(begin - low),
-                None if high - end < 1e-3 else float(end - low),
+                None if begin - low < 1e-3 else begin - low,
+                None if high - end < 1e-3 else end - low,
             )
 
 

@@ -26,10 +26,11 @@ SAME_S = 1e-3  # times are told apart to a millisecond, so that a choice does no
 class TurnTable:
     """Seconds from the end of every pass of `tracks` to the beginning of every other, shape (2 n, 2 n).
 
-    Pass 2 i is track i along the layout's bearing, 2 i + 1 against it. `known` marks what is worked out.
+    Pass 2 i is track i along the bearing of its cell, 2 i + 1 against it. `known` marks what is worked
+    out: first the turns over at most `near_lines`.
     """
 
-    def __init__(self, job: Job, tracks: list[Track]) -> None:
+    def __init__(self, job: Job, tracks: list[Track], near_lines: int = NEAR_LINES) -> None:
         self.job, self.passes = job, [Pass(track, way) for track in tracks for way in (1, -1)]
         count = len(self.passes)
         self.seconds: Floats = np.full((count, count), FAR_S)
@@ -38,7 +39,8 @@ class TurnTable:
             for q, b in enumerate(self.passes):
                 if p // 2 == q // 2:
                     continue
-                if a.direction != b.direction and abs(a.track.line - b.track.line) <= NEAR_LINES:
+                near = a.track.cell == b.track.cell and abs(a.track.line - b.track.line) <= near_lines
+                if near and a.direction != b.direction:
                     self._work_out(p, q, routes=False)
                 if not self.known[p, q]:
                     self.seconds[p, q] = _rounded(job.turn_time(a, b))
@@ -68,15 +70,19 @@ class TurnTable:
         return np.array([[_rounded(math.dist(entrance, end) / speed) for end in pair] for pair in places]).T
 
 
-    def best(self, members: list[int], starts: list[list[int]], seed: int = 1) -> Tour:
+    def best(self, members: list[int], starts: list[list[int]], seed: int = 1, *, roughly: bool = False) -> Tour:
         """The best order through some of the tracks, in passes of this table.
 
-        `members` are their places in the table; `starts` orders of these to search from.
+        `members` are their places in the table; `starts` orders of these to search from. `roughly` leaves estimates
+        as they are and the order where no move helps.
         """
         rows = np.array([2 * track + way for track in members for way in (0, 1)])
         place = {track: index for index, track in enumerate(members)}
         first, last = self.ends()[:, rows]
         inner = [[place[track] for track in start] for start in starts]
+        if roughly:
+            best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=False)
+            return Tour(rows[best.passes], best.seconds, best.bound_s)
         for kicked in (False, True):
             best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=kicked)
             for _ in range(MOST_ROUNDS):

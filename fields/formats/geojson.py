@@ -12,9 +12,10 @@ from fields.reading import parse_fault, read_text
 
 HEADER = "headland"
 """Foreign member (RFC 7946, section 6.1) with the frame of the file; written by ``write_field``."""
-BOUNDARY, ZONE, ENTRANCE, OBSTACLE = "boundary", "ground zone", "entrance", "obstacle"
+BOUNDARY, ZONE, ENTRANCE, OBSTACLE, EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
 NO_BOUNDARY = (OBSTACLE, ENTRANCE)
 """Roles of polygons that are certainly no field."""
+LINES = ("LineString", "MultiLineString")
 KINDS_SHOWN, ROLE_SHOWN = 6, 30
 GEOMETRIES = (
     "Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection",
@@ -56,7 +57,8 @@ def parse(text: str, label: str) -> Document:
         header=header,
         source=_text(root.get("source")),
         unused=_unused(features),
-        obstacles=_obstacles(features, label),
+        obstacles=_parts_of(features, OBSTACLE, label),
+        edges=_parts_of(features, EDGE, label),
     )
 
 
@@ -102,11 +104,11 @@ def _polygons(
     return tuple(polygons), tuple(zones)
 
 
-def _obstacles(features: list[dict[str, Any]], label: str) -> tuple[RawObstacle, ...]:
-    """Obstacles; the parts of a geometry in several parts stand one by one."""
+def _parts_of(features: list[dict[str, Any]], wanted: str, label: str) -> tuple[RawObstacle, ...]:
+    """Obstacles or edges; the parts of a geometry in several parts stand one by one."""
     obstacles: list[RawObstacle] = []
     for feature in features:
-        if _use(feature) != OBSTACLE:
+        if _use(feature) != wanted:
             continue
         geometry, properties = _member(feature, "geometry"), _member(feature, "properties")
         form, coordinates = str(geometry["type"]), geometry.get("coordinates")
@@ -115,7 +117,7 @@ def _obstacles(features: list[dict[str, Any]], label: str) -> tuple[RawObstacle,
         elif isinstance(coordinates, list):
             parts = coordinates
         else:
-            raise FieldError(f"An obstacle of {label}, a {form}, has no coordinates; give it a list of them.")
+            raise FieldError(f"An {wanted} of {label}, a {form}, has no coordinates; give it a list of them.")
         keys = _keys(feature, properties)
         obstacles += [RawObstacle(form.removeprefix("Multi"), part, keys, properties) for part in parts]
     return tuple(obstacles)
@@ -129,19 +131,21 @@ def _use(feature: dict[str, Any]) -> str:
         return ENTRANCE
     if role == OBSTACLE and kind in GEOMETRIES and kind != "GeometryCollection":
         return OBSTACLE
+    if kind in LINES and properties.get("edge") is not None:
+        return EDGE
     if kind not in ("Polygon", "MultiPolygon") or role in NO_BOUNDARY:
         return ""
     return ZONE if _text(properties.get("ground")) else BOUNDARY
 
 
 def _unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
-    """Features that are read as nothing, counted by geometry and role, and those that say what an edge is."""
+    """Features that are read as nothing, counted by geometry and role, and edges told of what has none."""
     counts: Counter[str] = Counter()
     for feature in features:
         kind = _member(feature, "geometry").get("type")
         role, edge = (_text(_member(feature, "properties").get(key))[:ROLE_SHOWN] for key in ("role", "edge"))
         shape = kind if kind in GEOMETRIES else "feature without a known geometry"
-        if edge:
+        if edge and _use(feature) not in (EDGE, BOUNDARY):
             counts[f"{shape} with edge '{edge}'"] += 1
         elif not _use(feature):
             counts[f"{shape} with role '{role}'" if role else f"{shape}"] += 1

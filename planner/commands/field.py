@@ -10,18 +10,21 @@ import typer
 from planner.commands.options import (
     AsJson,
     Bearing,
+    Corners,
     FarmOption,
     FieldArgument,
     Headland,
     ImplementOption,
     Local,
     Margin,
+    TracksOnly,
     TractorOption,
     Width,
     with_farm,
 )
 
 if TYPE_CHECKING:
+    from fields.field import Field
     from planner.site import Site
 
 
@@ -31,22 +34,25 @@ def field(
     width: Width = 3.0,
     headland: Headland = None,
     bearing: Bearing = None,
+    corners: Corners = "square",
+    tracks_only: TracksOnly = True,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
     farm: FarmOption = None,
     implement: ImplementOption = None,
     local: Local = False,
-    png: Annotated[Optional[Path], typer.Option(help="Write a map with the tracks.")] = None,  # noqa: UP045
+    png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, rounds and cells.")] = None,  # noqa: UP045
     listed: Annotated[bool, typer.Option("--list", help="List every field of the file, and stop.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Show area, headland and tracks of a field, and which turns fit; or list the fields of a file.
+    """Show area, obstacles, cells, rounds and tracks of a field, what stays open and why, and which turns fit.
 
     Example: headland field denmark --width 6 --png denmark.png
     """
+    from fields.read import read_field
     from planner.commands.outputs import check_outputs, inputs, written
     from planner.commands.show import remark, warm_up
-    from planner.errors import ScenarioError
+    from planner.errors import ScenarioError, about
     from planner.scenario import Scenario
     from planner.site import prepare
 
@@ -58,36 +64,38 @@ def field(
         return
     scenario = Scenario(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
-        margin_m=margin, tracks_only=True,
+        margin_m=margin, corners=corners, tracks_only=tracks_only,
     )  # fmt: skip
     asked = with_farm(scenario, farm, implement, context)
     warm_up()
-    site = prepare(asked.scenario, tractor=asked.tractor, implement=asked.implement)
+    with about("field"):
+        drawn = read_field(field, local=local)
+    site = prepare(asked.scenario, drawn, tractor=asked.tractor, implement=asked.implement)
     remark(site.layout.field.remarks)
-    with written([(png, _picture(site))] if png else []):
-        _print(site, json)
+    with written([(png, _picture(site, drawn))] if png else []):
+        _print(site, drawn, json)
 
 
-def _print(site: Site, json: bool) -> None:
+def _print(site: Site, drawn: Field, json: bool) -> None:
     from planner.describe import describe
 
-    facts = describe(site)
+    facts = describe(site, drawn)
     if json:
         from reports.export import facts_json
 
         typer.echo(facts_json(facts), nl=False)
         return
     from planner.commands.show import out
-    from reports.table import field_table
+    from reports.field_report import field_report
 
-    out(field_table(facts))
+    out(field_report(facts))
 
 
-def _picture(site: Site) -> bytes:
+def _picture(site: Site, drawn: Field) -> bytes:
     from planner.describe import outline_picture
     from reports.figures import map_figure, png_bytes
 
-    return png_bytes(map_figure(outline_picture(site)))
+    return png_bytes(map_figure(outline_picture(site, drawn)))
 
 
 def _list(field: str, local: bool, json: bool) -> None:

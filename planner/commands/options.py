@@ -28,7 +28,7 @@ Bearing = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--bearing", help="Direction of the tracks, degrees clockwise from north. By default the best one."),
 ]
-Margin = Annotated[float, typer.Option("--margin", help="Distance kept to obstacles and holes, metres.")]
+Margin = Annotated[float, typer.Option("--margin", help="Distance kept to obstacles, holes and fences, metres.")]
 TractorOption = Annotated[
     str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")
 ]

@@ -1,25 +1,55 @@
-"""Plan every parcel of the GeoJSON files given and print what came of it, a line per parcel.
+"""Plan every parcel of the GeoJSON files given, or big drawn fields, and print CPU seconds against hectares and tracks.
 
-    python -m tests.benchmarks.parcels file.geojson [...] [--tractors 1,2,3] [--width 3]
+    python -m tests.benchmarks.parcels file.geojson [...] [--tractors 1,2,3] [--every 5] [--from-ha 1 --to-ha 10]
+    python -m tests.benchmarks.parcels --big 24,60,200 --tractors 1-5 --width 12
 
-A plan counts as feasible (no contact, under 0.5 m outside the boundary) or as refused with a reason; anything else is
-a fault. The last lines sum up, also for parcels over one hectare.
+Everything is compiled before the clock starts. A row says where the seconds go: field and layout, search of the order,
+ways between tracks, simulation, measuring, and the rest. A plan counts as feasible or as refused with a reason;
+anything else is a fault. `--reasons` prints why plans are not feasible. The last lines sum up.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import time
+import resource
+import statistics
 from collections import Counter
-from multiprocessing import Pool
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from fields.field import Field
+from fields.read import read_field
 from planner.evaluate import Candidate, evaluate
 from planner.rank import candidates
 from planner.scenario import Scenario, parse_counts
 from planner.site import prepare
-from reports.results import PlanResult
+from reports.results import PlanResult, finish_s
+from tests.benchmarks.drawn import BIG, big_field
+from tests.benchmarks.ledger import PARTS, Ledger, opened
+
+
+@dataclass
+class Row:
+    """What came of one field."""
+
+    name: str
+    area_ha: float = 0.0
+    tracks: int = 0
+    plans: list[PlanResult] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+    refused: str = ""
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU seconds of all its plans."""
+        return sum(self.seconds.values())
+
+    @property
+    def driven(self) -> list[PlanResult]:
+        """Its feasible plans, the quickest to finish first."""
+        return sorted((plan for plan in self.plans if plan.feasible), key=finish_s)
 
 
 def parcels(path: Path) -> list[str]:
@@ -29,75 +59,131 @@ def parcels(path: Path) -> list[str]:
     return [f"{path}#{index}" for index in range(count)] if count > 1 else [str(path)]
 
 
-def work(task: tuple[str, tuple[int, ...], float]) -> dict[str, object]:
-    """All plans of one parcel."""
-    where, tractors, width = task
-    began = time.perf_counter()
-    row: dict[str, object] = {"where": where, "area_ha": None, "plans": [], "refused": None}
-    try:
-        scenario = Scenario(field=where, width_m=width, tractors=tractors)
-        site = prepare(scenario)
-        row["area_ha"] = site.layout.field.area_ha
-        row["plans"] = [evaluate(site, candidate) for candidate in candidates(scenario)]
-    except ValueError as refusal:
-        row["refused"] = f"{type(refusal).__name__}: {refusal}"
-    except Exception as fault:
-        row["refused"] = f"FAULT {type(fault).__name__}: {fault}"
-    row["seconds"] = time.perf_counter() - began
+def chosen(options: argparse.Namespace) -> Iterator[tuple[str, Field | None, str]]:
+    """Name, field and refusal of everything that is asked for."""
+    for name in options.big.split(",") if options.big else []:
+        yield f"drawn-{name}", big_field(name), ""
+    names = [where for path in options.files for where in parcels(path)]
+    for where in names[:: options.every]:
+        try:
+            found = read_field(where)
+        except ValueError as refusal:
+            yield Path(where).name, None, str(refusal)
+            continue
+        if options.from_ha <= found.area_ha <= options.to_ha:
+            yield Path(where).name, found, ""
+
+
+def work(name: str, where: Field, scenario: Scenario) -> Row:
+    """All plans of one field."""
+    row = Row(name, where.area_ha)
+    with opened() as ledger:
+        try:
+            _plans(row, where, scenario, ledger)
+        except ValueError as refusal:
+            row.refused = f"{type(refusal).__name__}: {refusal}"
+        except Exception as fault:
+            row.refused = f"FAULT {type(fault).__name__}: {fault}"
+        assert ledger.total_s >= 0.0
+        row.seconds = ledger.seconds
     return row
 
 
-def main() -> None:
-    """Run the sweep on all cores."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="+", type=Path)
-    parser.add_argument("--tractors", default="1,2,3")
-    parser.add_argument("--width", type=float, default=3.0)
-    options = parser.parse_args()
-    counts = parse_counts(options.tractors)
-    evaluate(prepare(Scenario(field="iwamizawa")), Candidate("split-field", 1))
-    tasks = [(where, counts, options.width) for path in options.files for where in parcels(path)]
-    with Pool() as pool:
-        rows = []
-        for row in pool.imap(work, tasks, chunksize=1):
-            print_row(row, counts)
-            rows.append(row)
-    summary(rows)
+def _plans(row: Row, where: Field, scenario: Scenario, ledger: Ledger) -> None:
+    with ledger.part("layout"):
+        site = prepare(scenario, where)
+    row.tracks = len(site.layout.tracks)
+    for candidate in candidates(scenario):
+        row.plans.append(evaluate(site, candidate))
 
 
-def print_row(row: dict[str, object], counts: tuple[int, ...]) -> None:
-    """One line: parcel, area, best time per count, what was not feasible."""
-    plans: list[PlanResult] = row["plans"]  # type: ignore[assignment]
+def print_row(row: Row, counts: tuple[int, ...]) -> None:
+    """One line: field, hectares, tracks, CPU seconds and their parts, feasible plans, best time per count."""
     best = []
-    for count in counts:
-        times = [plan.time_s for plan in plans if plan.tractors == count and plan.feasible and plan.time_s]
-        best.append(f"{min(times):7.0f}" if times else "      -")
-    bad = [f"{p.tractors} {p.strategy}: {p.reason}" for p in plans if not p.feasible]
-    area = row["area_ha"]
-    name = Path(str(row["where"])).name
-    print(f"{name:24} {area or 0:6.2f} ha {' '.join(best)}  {row['seconds']:5.1f} s", row["refused"] or "", flush=True)
-    for line in bad:
-        print("     ", line[:160])
+    for count in counts[:6]:
+        times = [finish_s(plan) for plan in row.driven if plan.tractors == count]
+        best.append(f"{min(times):6.0f}" if times else "     -")
+    parts = " ".join(f"{row.seconds.get(part, 0.0):7.2f}" for part in PARTS)
+    worked = f"{row.driven[0].worked_pct:5.1f}" if row.driven else "    -"
+    print(
+        f"{row.name:20} {row.area_ha:6.2f} {row.tracks:5} {row.cpu_s:8.2f} {parts}  "
+        f"{len(row.driven):3}/{len(row.plans):<3} {worked} {' '.join(best)} {row.refused[:120]}",
+        flush=True,
+    )
 
 
-def summary(rows: list[dict[str, object]]) -> None:
-    """Totals, and the reasons counted."""
-    large = [row for row in rows if (row["area_ha"] or 0) > 1]  # type: ignore[operator]
-    for name, group in (("all parcels", rows), ("over 1 ha", large)):
-        served = sum(any(plan.feasible for plan in row["plans"]) for row in group)  # type: ignore[attr-defined]
-        print(f"{name}: {served} of {len(group)} have a feasible plan ({100 * served / max(len(group), 1):.1f} %)")
-    plans = [plan for row in rows for plan in row["plans"]]  # type: ignore[attr-defined]
+def print_reasons(row: Row) -> None:
+    """Why plans of a field are not feasible."""
+    for plan in row.plans:
+        if not plan.feasible:
+            print(f"      {plan.tractors} {plan.strategy}: {(plan.reason or '')[:140]}")
+
+
+def summary(rows: list[Row]) -> None:
+    """Median and worst seconds, feasible and worked shares, reasons counted."""
+    planned = [row for row in rows if row.plans]
+    if planned:
+        times = sorted(row.cpu_s for row in planned)
+        served = sum(bool(row.driven) for row in planned)
+        print(f"CPU s: median {statistics.median(times):.2f}, worst {times[-1]:.2f}; {served} of {len(rows)} feasible")
+        total = sum(times)
+        shares = ((part, sum(row.seconds[part] for row in planned) / total) for part in PARTS)
+        print("where: " + ", ".join(f"{part} {100 * share:.0f} %" for part, share in shares))
+        worked = sorted(row.driven[0].worked_pct or 0.0 if row.driven else 0.0 for row in planned)
+        tenth = worked[len(worked) // 10]
+        print(f"worked by the quickest: median {statistics.median(worked):.1f} %, a tenth below {tenth:.1f} %")
+    plans = [plan for row in rows for plan in row.plans]
     print(f"plans: {sum(plan.feasible for plan in plans)} of {len(plans)} feasible")
-    reasons = Counter(kind(plan) for plan in plans if not plan.feasible)
-    for reason, count in reasons.most_common():
+    for reason, count in Counter(kind(plan) for plan in plans if not plan.feasible).most_common(12):
         print(f"  {count:4} {reason}")
-    faults = [row for row in rows if str(row["refused"] or "").startswith("FAULT")]
-    print(f"faults: {len(faults)}; slowest parcel {max(float(str(row['seconds'])) for row in rows):.1f} s")
+    faults = sum(row.refused.startswith("FAULT") for row in rows)
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    print(f"faults: {faults}; refused whole: {sum(bool(row.refused) for row in rows)}; memory {memory:.0f} MB at most")
 
 
 def kind(plan: PlanResult) -> str:
     """The reason without its numbers."""
     return " ".join(word for word in (plan.reason or "no reason").split() if not any(c.isdigit() for c in word))[:80]
+
+
+def parsed() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="*", type=Path)
+    parser.add_argument("--big", default="", help=f"drawn fields: some of {','.join(BIG)}")
+    parser.add_argument("--tractors", default="1,2,3")
+    parser.add_argument("--width", type=float, default=3.0)
+    parser.add_argument("--every", type=int, default=1, help="take every so many-th parcel of the files")
+    parser.add_argument("--from-ha", type=float, default=0.0)
+    parser.add_argument("--to-ha", type=float, default=1e9)
+    parser.add_argument("--strategies", default="", help="some of them only")
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument("--rounds", dest="tracks_only", action="store_false", default=False, help="headlands worked")
+    group.add_argument("--tracks-only", dest="tracks_only", action="store_true", help="headlands left")
+    parser.add_argument("--reasons", action="store_true")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Run the sweep in this process, a field after another."""
+    options = parsed()
+    if not options.files and not options.big:
+        options.big = "24"
+    counts = parse_counts(options.tractors)
+    more = {"strategies": tuple(options.strategies.split(","))} if options.strategies else {}
+    scenario = Scenario(width_m=options.width, tractors=counts, tracks_only=options.tracks_only, **more)
+    warm = prepare(Scenario(field="iwamizawa", tracks_only=options.tracks_only))
+    for name in ("split-field", "row-by-row-optimised"):
+        evaluate(warm, Candidate(name, 2))
+    heads = " ".join(f"{part[:7]:>7}" for part in PARTS)
+    print(f"{'field':20} {'ha':>6} lines    CPU s {heads}  feasible worked  quickest s per count")
+    rows = []
+    for name, where, refusal in chosen(options):
+        rows.append(Row(name, refused=refusal) if where is None else work(name, where, scenario))
+        print_row(rows[-1], counts)
+        if options.reasons:
+            print_reasons(rows[-1])
+    summary(rows)
 
 
 if __name__ == "__main__":

@@ -74,7 +74,10 @@ def test_where_no_turn_fits_the_estimate_stands_apart(headland: Callable[..., An
     assert found["turns"]["seconds_over_tracks"] == {}
     assert set(estimates) >= {"1", "2"}
     assert all(value == pytest.approx(2 * circle, abs=0.1) for value in estimates.values())
-    assert "Estimated seconds where no turn fits: 1: " in " ".join(headland(*words).out.split())
+    text = headland(*words).out
+    assert "Estimated are ways where no turn fits: two full circles." in text
+    row = next(line.split() for line in text.split("\nTurns\n")[1].splitlines() if line.split()[:1] == ["1"])
+    assert row[-1] == f"{estimates['1']:.6g}"
 
 
 def test_where_every_turn_fits_nothing_is_estimated(facts: dict[str, Any]) -> None:
@@ -103,11 +106,92 @@ def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: 
 
     # A circle is drawn with 64 corners: 32 r^2 sin(2 pi / 64) is 7.06 m2 for 1.5 m, 3.14 m2 for 1 m.
     told = json.loads(headland("field", saved(radius_m=1.5, name="mast"), "--local", "--json", "--margin", "0.5").out)
-    assert told["obstacles"] == ["mast: 7.06 m2"] and told["holes"] == 1 and told["interrupted_tracks"] >= 1
+    (mast,) = told["obstacles"]
+    assert (mast["name"], mast["area_m2"], mast["radius_m"], mast["margin_m"]) == ("mast", 7.06, 1.5, 0.5)
+    assert (mast["x_m"], mast["y_m"], mast["lon"]) == (30.0, 50.0, None)
+    assert told["holes"] == 1 and told["interrupted_tracks"] == 0
+    # What the margin takes of the field: circles of 2 m and 1.5 m, one less the other.
+    (taken,) = [one for one in told["not_worked"] if "margin" in one["why"]]
+    assert taken["area_m2"] == pytest.approx(math.pi * (2.0**2 - 1.5**2), abs=0.1) and taken["pieces"] == 1
     assert told["area_ha"] == pytest.approx(0.6 - 1e-4 * math.pi * 2.0**2, abs=1e-4)
     outcome = headland("field", saved(kind="tree"), "--local")
-    assert outcome.status == 0 and "tree: 3.14 m2" in outcome.out and outcome.err == ""
+    assert outcome.status == 0 and outcome.err == ""
+    assert "tree" in (row := next(line for line in outcome.out.splitlines() if " 3.14 " in line)) and "0.3" in row
     outcome = headland("plan", saved(radius_m=70), "--local")
     assert outcome.status == 2 and "Obstacles with a margin (--margin) of 0.3 m leave 0 m2" in outcome.sentences[0]
     outcome = headland("field", saved(), "--local")
     assert outcome.status == 2 and "has no 'radius_m'" in outcome.sentences[0]
+
+
+def left_open(told: dict[str, Any]) -> dict[str, float]:
+    return {one["why"].split(",")[0].split(" (")[0]: one["area_m2"] for one in told["not_worked"]}
+
+
+def test_rounds_are_told_with_their_lengths(headland: Callable[..., Any], small: Path) -> None:
+    told = json.loads(headland("field", small, "--local", "--json", "--rounds").out)
+    count = told["headland_m"] / 3
+    # Round k of a rectangle runs (k - 1/2) widths inside it: 2 (45 + 80) - 8 (3 k - 1.5).
+    lengths = [2 * (45 + 80) - 8 * 3 * (k - 0.5) for k in range(1, round(count) + 1)]
+    assert [one["length_m"] for one in told["rounds"]] == pytest.approx(lengths, abs=0.1)
+    assert {(one["rings"], one["lines"], one["corners"]) for one in told["rounds"]} == {(1, 0, 4)}
+    assert told["covered_pct"] == pytest.approx(100.0, abs=0.05) and told["not_worked"] == []
+    # A round corner leaves the square less the quarter circle that the outer end of the bar drives.
+    told = json.loads(headland("field", small, "--local", "--json", "--rounds", "--corners", "round").out)
+    tip = (1 - math.pi / 4) * (told["turning_radius_m"] + 1.5) ** 2
+    corners = 4 * len(told["rounds"])
+    (left,) = told["not_worked"]
+    assert left["why"] == "estimate: tips of corners that are driven round" and left["pieces"] is None
+    assert left["area_m2"] == pytest.approx(corners * tip, rel=0.01)
+
+
+def test_a_headland_for_turning_is_told_as_left(facts: dict[str, Any]) -> None:
+    assert facts["rounds"] == [] and facts["cells"][0]["tracks"] == 15
+    assert left_open(facts) == {"headland": pytest.approx(2 * 45 * facts["headland_m"], abs=1.0)}
+    assert facts["not_worked"][0]["pieces"] == 2
+    assert facts["covered_pct"] == pytest.approx(100 * (1 - 2 * facts["headland_m"] / 80), abs=0.05)
+
+
+def drawn(folder: Path, *corners: tuple[float, float]) -> Path:
+    place = folder / "drawn.geojson"
+    ring = [list(corner) for corner in (*corners, corners[0])]
+    place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    return place
+
+
+def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Callable[..., Any], tmp_path: Path) -> None:
+    # A block of 60 m by 100 m, a spur of 2 m by 30 m, and behind a neck of 2 m by 10 m a piece of 20 m by 20 m.
+    place = drawn(
+        tmp_path, (0, 0), (60, 0), (60, 10), (70, 10), (70, 0), (90, 0), (90, 20), (70, 20), (70, 12), (60, 12),
+        (60, 60), (90, 60), (90, 62), (60, 62), (60, 100), (0, 100),
+    )  # fmt: skip
+    told = left_open(json.loads(headland("field", place, "--local", "--json", "--rounds").out))
+    assert told["narrower than the implement"] == pytest.approx(2 * 30 + 2 * 10, abs=1.5)
+    assert told["cut off: no way there is as wide as the machines"] == pytest.approx(400.0, abs=1.0)
+    text = headland("field", place, "--local", "--rounds").out
+    assert "Not worked" in text and "narrower than the implement (3 m)" in " ".join(text.split())
+
+
+def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_path: Path) -> None:
+    square = {"type": "Polygon", "coordinates": [[[0, 0], [60, 0], [60, 100], [0, 100], [0, 0]]]}
+    ditch = {"type": "LineString", "coordinates": [[-5, 80], [65, 80]]}
+    features = [
+        {"type": "Feature", "properties": {}, "geometry": square},
+        {"type": "Feature", "properties": {"role": "obstacle", "width_m": 2.0}, "geometry": ditch},
+    ]
+    place = tmp_path / "ditch.geojson"
+    place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    told = json.loads(headland("field", place, "--local", "--json", "--rounds").out)
+    # North of the ditch are 60 m by 19 m; the margin takes 0.3 m on either side of it.
+    behind = {why: area for why, area in left_open(told).items() if "obstacles" in why}
+    assert behind["cut off by obstacles"] == pytest.approx(60 * 18.7, abs=25)
+    assert sum(behind.values()) == pytest.approx(60 * 19 + 60 * 0.3, abs=1.0)
+    assert (told["obstacles"][0]["width_m"], told["obstacles"][0]["radius_m"]) == (2.0, None)
+
+
+def test_turns_stand_in_a_table(headland: Callable[..., Any], small: Path, facts: dict[str, Any]) -> None:
+    lines = headland("field", small, "--local").out.splitlines()
+    assert max(map(len, lines)) <= 80
+    rows = [line.split() for line in lines[lines.index("Turns") + 2 :] if line[:1] == " " and line.strip()[0].isdigit()]
+    turns = facts["turns"]
+    assert [row[0] for row in rows] == list(turns["fits_percent_of_ends_over_tracks"])
+    assert [float(row[-1]) for row in rows] == pytest.approx(list(turns["seconds_over_tracks"].values()))

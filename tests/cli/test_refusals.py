@@ -113,6 +113,67 @@ def test_field_files(headland: Callable[..., Any], folder: Path, command: str, n
     assert_refused(headland(command, f"{name}.geojson", "--local"), words)
 
 
+def line(*points: tuple[float, float]) -> dict[str, Any]:
+    return {"type": "LineString", "coordinates": [list(point) for point in points]}
+
+
+OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [
+    ([feature(ring((-1, -1), (101, -1), (101, 61), (-1, 61)), role="obstacle")], ("(--margin) of 0.3 m", "leave 0 m2")),
+    ([feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="cow")], ("'cow'", "'radius_m'")),
+    ([feature(line((0, 0), (100, 0)), edge="wall")], ("'edge' of a line", "'wall'", "use 'fence' or 'open'")),
+    ([feature(line((0, 0), (100, 0)), edge=3)], ("'edge' of a line", "is 3", "use 'fence' or 'open'")),
+    ([feature(line((20, 30), (80, 30)), edge="fence")], ("nowhere along the boundary", "20.0 m away")),
+    ([feature(line((20, 5), (80, 5)), edge="open", id="gap")], ("line 'gap' with edge 'open'", "5.0 m away")),
+    ([feature(line((5, 5)), edge="fence")], ("fewer than 2 positions",)),
+    ([feature(line((0, 0), (0, "x")), edge="fence")], ("is not a number",)),
+]
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+@pytest.mark.parametrize(("features", "words"), OBSTACLES)
+def test_obstacles_and_edges(
+    headland: Callable[..., Any], folder: Path, command: str, features: list[Any], words: tuple[str, ...]
+) -> None:
+    assert_refused(_with(headland, folder, command, [feature(SQUARE), *features]), *words)
+
+
+def _with(headland: Callable[..., Any], folder: Path, command: str, features: list[Any], *options: str) -> Any:
+    """What a command says to a file of these features, which is gone afterwards."""
+    place = folder / "features.geojson"
+    place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    try:
+        return headland(command, place.name, "--local", *options)
+    finally:
+        place.unlink()
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command: str) -> None:
+    closed = [feature(SQUARE, edge="fence", name="pen")]
+    assert_refused(_with(headland, folder, command, closed), "fence round field 'pen' has no way in", "'entrance'")
+    gap = feature(line((40, 0), (42, 0)), edge="open")
+    assert_refused(_with(headland, folder, command, [*closed, gap]), "no way in", "3 m or more")
+    hedge = [feature(SQUARE, edge="hedge")]
+    assert_refused(_with(headland, folder, command, hedge), "'edge' of the boundary", "'hedge'")
+    gate = feature({"type": "Point", "coordinates": [50, 0]}, role="entrance")
+    margin = ("--margin", "40")
+    assert_refused(_with(headland, folder, command, [*closed, gate], *margin), "fences", "--margin) of 40 m", "smaller")
+    assert_refused(_with(headland, folder, command, [feature(SQUARE)], "--margin", "60"), "60 m", "60 m across")
+
+
+def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable[..., Any], folder: Path) -> None:
+    features = [
+        feature(SQUARE), feature(line((0, 0), (100, 0)), edge="fence"), feature(line((3, 3), (9, 9)), role="drain"),
+        feature({"type": "Point", "coordinates": [5, 5]}),
+        feature(line((100, 0), (100, 30), (160, 30)), edge="fence"),
+    ]  # fmt: skip
+    outcome = _with(headland, folder, "field", features, "--json")
+    assert outcome.status == 0 and json.loads(outcome.out)["fence_m"] == pytest.approx(130, abs=7)
+    told = " ".join(outcome.err.split())
+    assert "1 LineString with role 'drain', 1 Point;" in told
+    assert "Of 90 m of a line with edge 'fence'" in told and "the rest is not used" in told
+
+
 @pytest.mark.parametrize("command", ["plan", "field"])
 def test_metres_passed_as_degrees(headland: Callable[..., Any], folder: Path, command: str) -> None:
     assert_refused(headland(command, "good.geojson"), "add --local")

@@ -94,11 +94,9 @@ class TestReading:
         twice = [feature(polygon(SQUARE_M), name=name) for name in "ab"]
         assert read(tmp_path, *twice, key="#a").obstacles == ()
 
-    def test_a_side_with_a_fence_is_not_used_and_named(self, tmp_path: Path) -> None:
-        field = with_square(tmp_path, feature(line([0, 0], [200, 0]), edge="fence"))
-        assert field.remarks[0].startswith("Not used of the field file: 1 LineString with edge 'fence';")
-        field = read(tmp_path, feature(polygon(SQUARE_M), edge="fence"))
-        assert field.remarks[0].startswith("Not used of the field file: 1 Polygon with edge 'fence';")
+    def test_a_point_with_an_edge_is_not_used_and_named(self, tmp_path: Path) -> None:
+        field = with_square(tmp_path, feature(point(0, 0), edge="fence"))
+        assert field.remarks[0].startswith("Not used of the field file: 1 Point with edge 'fence';")
 
     @pytest.mark.parametrize(("one", "words"), [
         (feature(point(50, 50), role="obstacle"), "The Point of an obstacle of 'plot' has no 'radius_m'; give one, or"),
@@ -159,6 +157,26 @@ class TestGroundLeft:
         field = Field("f", BOX)
         assert field.clear_of_obstacles(5.0) is field
 
+    def test_what_is_small_stays_in_the_boundary_and_is_no_ground(self) -> None:
+        """12 m across is small under 12.1 m, margin or not; on the edge, or joined to something large, it is not."""
+        obstacles = (
+            Obstacle("pond", shapely.Point(50, 50).buffer(6.0)),
+            Obstacle("pole", shapely.Point(100, 0.5), 0.25),
+            Obstacle("pole", shapely.Point(150.6, 50), 0.5),
+            Obstacle("ditch", shapely.LineString([(152, 30), (152, 70)]), 0.5),
+        )
+        field = Field("f", BOX, obstacles=obstacles)
+        left = field.clear_of_obstacles(0.3, 12.1)
+        assert len(left.small) == 1 and left.small[0].symmetric_difference(obstacles[0].widened(0.3)).area < 1e-3
+        assert left.boundary.area - left.ground.area == pytest.approx(left.small[0].area)
+        assert left.ground.equals(field.clear_of_obstacles(0.3).boundary) and left.area_m2 == left.ground.area
+        assert field.clear_of_obstacles(0.3, 11.9).small == ()
+
+    def test_a_small_hole_of_the_boundary_is_driven_round_as_well(self) -> None:
+        donut = Field("f", shapely.Polygon(BOX.exterior, [shapely.box(50, 40, 52, 42).exterior.coords]))
+        left = donut.clear_of_obstacles(0.0, 12.0)
+        assert left.boundary.equals(BOX) and left.ground.equals(donut.boundary) and left.area_m2 == 20_000 - 4
+
     def test_obstacles_that_overlap_count_once(self) -> None:
         ponds = tuple(Obstacle("pond", shapely.box(100 + x, 40, 110 + x, 50)) for x in (0, 4))
         assert Field("f", BOX, obstacles=ponds).clear_of_obstacles(0.0).area_m2 == pytest.approx(20_000 - 140)
@@ -198,6 +216,8 @@ class TestGroundLeft:
         with pytest.raises(FieldError, match=r"\(margin_m\) of 120 m leave 0 m2 .* use a smaller margin") as caught:
             Field("f", BOX, obstacles=(pole,)).clear_of_obstacles(120.0)
         assert caught.value.parameter == "margin_m"
+        with pytest.raises(FieldError, match=r"\(margin_m\) is 100 m and field 'f' 100 m across; use a smaller margin"):
+            Field("f", BOX).clear_of_obstacles(100.0)
 
     @pytest.mark.parametrize("margin_m", [-0.1, math.nan, math.inf])
     def test_a_margin_that_is_none_is_refused(self, margin_m: float) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError, lay_tracks, read_field, sample_names
+from fields.lines import SPAN_TOLERANCE_M
 from fields.rounds import Round, inner_region, lay_rounds
 from fields.spines import spine
 
@@ -52,13 +53,15 @@ class TestRectangle:
     @given(a=st.floats(60, 300), b=st.floats(60, 300), width=st.floats(1.5, 6), count=st.integers(1, 4))
     @settings(max_examples=40, deadline=None)
     def test_nothing_is_left(self, a: float, b: float, width: float, count: int) -> None:
+        """But for a strip of the SPAN_TOLERANCE_M that gains no line of its own."""
         field = rectangle(a, b)
         layout = lay_tracks(field, width, 0.0, rounds=count)
         lines = [lap.line for lap in lay_rounds(field, width, count)]
         lines = [shapely.LinearRing(line) for line in lines]
         tracks = [shapely.LineString([track.start, track.end]) for track in layout.tracks]
         worked = shapely.union(swept(lines, width), swept(tracks, width), grid_size=1e-6)
-        assert shapely.difference(field.boundary, worked, grid_size=1e-6).area < 1e-4 * field.area_m2
+        missed = shapely.difference(field.boundary, worked, grid_size=1e-6).area
+        assert missed < 1e-4 * field.area_m2 + SPAN_TOLERANCE_M * max(a, b)
         assert shapely.difference(worked, field.boundary, grid_size=1e-6).area < 1e-4 * field.area_m2
 
 

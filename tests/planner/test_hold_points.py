@@ -8,7 +8,7 @@ from planner.deconflict import _past, _turned, hold_leg
 from planner.evaluate import Candidate, run_candidate
 from planner.scenario import Scenario
 from planner.site import prepare
-from planner.steady import _tracks_begun, _turn_start
+from planner.steady import _tracks_begun, turn_start
 from strategies.registry import STRATEGIES
 from vehicle.missions import Mission, Plan
 
@@ -90,7 +90,7 @@ class TestTasksSayWhatLegsShow:
             for mission in plan.missions:
                 guess = Guess(mission)
                 assert _tracks_begun(mission) == guess.begun()
-                assert [_turn_start(mission, leg) for leg in guess.begun()] == [
+                assert [turn_start(mission, leg) for leg in guess.begun()] == [
                     guess.turn_start(leg) for leg in guess.begun()
                 ]
 

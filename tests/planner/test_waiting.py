@@ -9,10 +9,11 @@ import pytest
 
 from planner.deconflict import without_conflicts
 from planner.evaluate import Candidate, evaluate, run_candidate
+from strategies.passages import outline_extents
 from strategies.record import Refined
 from strategies.registry import STRATEGIES
 from strategies.row_by_row import row_by_row
-from strategies.row_by_row_optimised import NOT_QUICKER, _outline_extents, optimised
+from strategies.row_by_row_optimised import NOT_QUICKER, optimised
 from vehicle.missions import DRIVE, TRACK, Gate, Leg, Mission, Plan, Task
 from vehicle.plan_file import plan_to_json
 from vehicle.run import CONFLICT, DONE, STALL, Run
@@ -31,7 +32,7 @@ def test_the_outline_on_the_headland_is_that_of_the_contact_shapes(small_site: A
     formation = row_by_row(job)
     slot = formation.rounds[1][0]
     poses = np.array([(4.0, 70.0, turned) for turned in np.radians(np.arange(0.0, 360.0, 2.0))])
-    along, across = _outline_extents(job, slot, poses, tractor, implement)
+    along, across = outline_extents(job, slot, poses, tractor, implement)
     body = World(formation.plan, tractor, implement).bodies[0]
     out, sign = job.heading(slot.this) + math.pi, 1 if slot.this.direction > 0 else -1
     for (x, y, turned), reach, sides in zip(poses, along, across, strict=True):

@@ -8,7 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.results import Claim, Drive, MissedPiece, PlanResult, Ranking, Study, StudyRow
+from reports.results import (
+    CellOutline,
+    Claim,
+    Drive,
+    MissedPiece,
+    PlanResult,
+    Ranking,
+    RoundLine,
+    Step,
+    Study,
+    StudyRow,
+)
 
 STEP_S = 0.5
 SPEED_MPS = 1.5
@@ -143,6 +154,30 @@ def open_drive(drive: Drive) -> Drive:
     island = np.array([[5.0, 30.0], [5.0, 35.0], [7.0, 35.0], [7.0, 30.0]])
     other = np.array([[250.0, 40.0], [255.0, 40.0], [255.0, 60.0], [250.0, 60.0]])
     return replace(drive, missed=(strip, island, other), largest_missed=MissedPiece(590.0, 8.0, 20.0))
+
+
+@pytest.fixture
+def listed_drive(drive: Drive) -> Drive:
+    """The drive with two rounds, two cells, an obstacle, names of tracks and what each tractor does."""
+    ring = np.array([[3.0, 2.0], [267.0, 2.0], [267.0, 66.0], [3.0, 66.0], [3.0, 2.0]])
+    west, east = (np.array([[x, 10.0], [x + 100.0, 10.0], [x + 100.0, 60.0], [x, 60.0]]) for x in (20.0, 140.0))
+    steps = tuple(
+        (
+            Step("wait", None, "", 0.0, 20.0, 0.0, 12.0, 0.5, for_tractors=(1,)) if tractor else
+            Step("round", 1, "1", 0.0, 20.0, 30.0, 12.0, 0.5, to_round=True, bearing_deg=90.0),
+            Step("track", 8 * tractor + 1, "", 20.0, 160.0, 240.0, 135.0, 0.5, bearing_deg=90.0),
+            Step("turn", 8 * tractor + 2, "", 180.0, finish - 180.0, 12.0, 258.0, 2.0, over=1, shape="omega"),
+        )
+        for tractor, finish in enumerate(drive.finish_s)
+    )
+    return replace(
+        drive,
+        rounds=(RoundLine(1, ring), RoundLine(2, ring * 0.97 + 1.0)),
+        cells=(CellOutline(1, 90.0, (west,), 70.0, 35.0), CellOutline(2, 12.4, (east,), 190.0, 35.0)),
+        obstacles=(np.array([[121.0, 28.5], [127.0, 28.5], [127.0, 29.5]]),),
+        track_names=tuple(f"{number}a" for number in range(1, len(drive.tracks) + 1)),
+        steps=steps,
+    )
 
 
 @pytest.fixture

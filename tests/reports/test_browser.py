@@ -134,6 +134,48 @@ class TestPlan:
         assert chosen["shown"] == "the other plan" and chosen["clock"] == "0:00:00"
         assert chosen["marks"] == chosen["rows"] == 1
 
+    def test_lists_of_legs_follow_the_plan_and_the_time(
+        self, ranking: Ranking, listed_drive: Drive, ask: Ask
+    ) -> None:
+        start = replace(ranking, start="08:00")
+        other = replace(listed_drive, title="the other plan", steps=tuple(own[1:] for own in listed_drive.steps))
+        page = plan_page(start, listed_drive, {("row-by-row", 5): other})
+        read = ask(page, 900, """
+            const tell = () => [...doc.querySelectorAll("#cards table")].map((one) =>
+              [...one.rows].map((row) => [...row.cells].map((cell) => cell.textContent).join("|")));
+            const said = [tell()];
+            const slider = doc.getElementById("time");
+            slider.value = 100;
+            slider.dispatchEvent(new view.Event("input"));
+            said.push([...doc.querySelectorAll("#cards .now")].map((row) => row.cells[1].textContent));
+            said.push(doc.getElementById("fleet").textContent);
+            doc.querySelector('.pick[data-plan="1"]').click();
+            said.push(tell());
+            return said;
+        """)  # fmt: skip
+        written = re.findall(r"<table>\s*<thead>(.*?)</table>", page, flags=re.S)
+        made, now, fleet, chosen = read
+        for table, source in zip(made, written, strict=True):
+            rows = re.findall(r"<tr>(.*?)</tr>", source, flags=re.S)
+            cells = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows]
+            plain = ["|".join(unescape(re.sub(r"<[^>]*>", "", cell)) for cell in row) for row in cells]
+            assert table == plain, "the script makes the lists that stand in the page"
+        assert now == [f"track {number}, eastwards" for number in (1, 9, 17)]
+        assert all(words in fleet for words in now)
+        assert [len(table) for table in chosen] == [4, 4, 4] and "the other plan" in chosen[0][0]
+
+    def test_a_table_of_plans_fits_letter_paper(self, usual: Ranking, drive: Drive, ask: Ask) -> None:
+        # Letter less margins of 12 mm is 725 points wide. A page that always looks as printed can be measured.
+        plans = tuple(replace(plan, cost=123456.78, turn="switch-back+omega") for plan in usual.plans)
+        page = plan_page(replace(usual, plans=plans), drive).replace("@media print", "@media all")
+        read = ask(page, 725, """
+            return [doc.documentElement.scrollWidth, doc.querySelector("#plans").scrollWidth];
+        """)  # fmt: skip
+        assert max(read) <= 725
+
+    def test_every_tractor_has_a_sheet_of_its_own(self, usual: Ranking, listed_drive: Drive, tmp_path: Path) -> None:
+        assert pages_on_paper(tmp_path, plan_page(usual, listed_drive)) == 2 + len(listed_drive.steps)
+
     def test_the_hatching_is_that_of_the_plan_shown(
         self, leaving: Ranking, open_drive: Drive, drive: Drive, ask: Ask
     ) -> None:

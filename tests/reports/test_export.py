@@ -43,6 +43,7 @@ CONTRACT = [
     "min_clearance_m",
     "collisions",
     "order_gap_pct",
+    "formation_pct",
     "reason",
     "on_pareto_front",
     "remark",

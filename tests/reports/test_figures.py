@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -62,7 +63,7 @@ def test_ground_that_is_not_worked_is_hatched_and_its_largest_piece_marked(drive
 def test_a_picture_says_field_plan_width_tracks_tractors_and_time(drive: Drive) -> None:
     figure = map_figure(replace(drive, title="split-field, 3 tractors, turns: omega"), "Long Acre")
     text = " ".join(figure.get_suptitle().split())
-    said = "Long Acre: split-field, 3 tractors, turns: omega width 3 m, 23 tracks, 3 tractors, done in "
+    said = "Long Acre: split-field, 3 tractors, turns: omega width 3 m, 23 tracks, done in "
     assert text.startswith(said)
     hours, minutes, seconds = text.split("done in ")[1].split(" ")[0].split(":")
     assert 3600 * int(hours) + 60 * int(minutes) + int(seconds) == pytest.approx(max(drive.finish_s), abs=0.51)
@@ -178,3 +179,46 @@ def test_places_without_a_value_stay_on_the_picture() -> None:
     assert low < edges[0] < edges[1] < 10.0 - 1.7
     legend = axes.get_legend()
     assert legend is not None and [text.get_text() for text in legend.get_texts()] == ["2 on", "6 on", "oversteer"]
+
+
+def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive: Drive) -> None:
+    def turned(points: np.ndarray) -> np.ndarray:
+        return points[..., ::-1]
+
+    tall = replace(
+        listed_drive, boundary=turned(listed_drive.boundary), holes=(), rounds=(), cells=(), obstacles=(),
+        xy=tuple(turned(xy) for xy in listed_drive.xy[:2]), tracks=turned(listed_drive.tracks), entrance=None,
+        status=listed_drive.status[:2], finish_s=listed_drive.finish_s[:2], steps=listed_drive.steps[:2],
+        seconds={name: values[:2] for name, values in listed_drive.seconds.items()},
+    )  # fmt: skip
+    for drive, beside in ((listed_drive, False), (tall, True)):
+        figure = map_figure(drive)
+        figure.canvas.draw()
+        area = figure.axes[0].get_window_extent()
+        lists = [text for text in figure.texts if text.get_text().startswith("Tractor ")]
+        told = "\n".join(text.get_text() for text in lists).splitlines()
+        names = [line.split(":")[0] for line in told if line.startswith("Tractor")]
+        assert names == [f"Tractor {number + 1}" for number in range(len(drive.steps))]
+        boxes = [text.get_window_extent() for text in lists]
+        for box in boxes:
+            assert box.x0 >= 0 and box.x1 <= figure.bbox.width and box.y0 >= 0 and box.y1 <= figure.bbox.height
+            assert box.x0 >= area.x1 if beside else box.y1 <= area.y0
+        assert all(a.x1 <= b.x0 for a, b in pairwise(boxes)), "they do not lie over each other"
+
+
+def test_a_list_without_room_is_left_to_the_numbers(listed_drive: Drive) -> None:
+    long = replace(listed_drive, steps=tuple(own * 60 for own in listed_drive.steps))
+    figure = map_figure(long)
+    assert not [text for text in figure.texts if "Tractor " in text.get_text()]
+    assert {text.get_text() for text in figure.axes[0].texts} >= {"R1", "R2", "cell 1: 90\N{DEGREE SIGN}", "2"}
+
+
+def test_a_map_wastes_no_paper(drive: Drive) -> None:
+    figure = map_figure(drive)
+    figure.canvas.draw()
+    title = figure._suptitle.get_window_extent()
+    north = figure.axes[0].transData.transform((0.0, 70.0))[1]
+    assert title.y0 - north < 0.6 * figure.dpi, "the field begins right below the title"
+    south = figure.axes[0].transData.transform((0.0, -1.0 - 0.1 * 273.0))[1]
+    legend = figure.legends[0].get_window_extent()
+    assert 0.0 <= south - legend.y1 < 0.3 * figure.dpi and legend.y0 < 0.5 * figure.dpi

@@ -350,3 +350,54 @@ def test_points_stay_nearest_their_own_count(ranking: Ranking) -> None:
         left = columns[columns <= point["x"]].max()
         assert point["text"].startswith(f"{int(np.searchsorted(columns, left)) + 1} x ")
         assert point["x"] - left < 0.6 * (columns[1] - columns[0])
+
+
+def test_rounds_cells_and_obstacles_are_on_the_map(listed_drive: Drive, drive: Drive) -> None:
+    picture = map_picture({"a": listed_drive})
+    assert [(one["tint"], one["width"]) for one in picture["rounds"]] == [(1, 300), (0, 300)]
+    assert [label["text"] for label in picture["round_labels"]] == ["R1", "R2"]
+    told_cells = [label["text"].replace("\N{DEGREE SIGN}", " degrees") for label in picture["cell_labels"]]
+    assert told_cells == ["cell 1: 90 degrees", "cell 2: 12 degrees"]
+    assert picture["cells"].count("z") == 2 and picture["obstacles"].count("z") == 1
+    assert {label["text"][-1] for label in picture["labels"]} == {"a"}
+    bare = map_picture({"a": drive})
+    assert (bare["rounds"], bare["cells"], bare["obstacles"], bare["cell_labels"]) == ([], "", "", [])
+
+
+def test_the_map_tells_what_is_on_it(ranking: Ranking, listed_drive: Drive, drive: Drive) -> None:
+    said, bare = Outline(plan_page(ranking, listed_drive)).text, Outline(plan_page(ranking, drive)).text
+    for words in ("rounds of the headland", "cells, with the direction", "obstacles", "rows of the lists of legs"):
+        assert words in said and words not in bare
+
+
+def test_every_tractor_has_a_list_of_its_legs(ranking: Ranking, listed_drive: Drive) -> None:
+    text = plan_page(replace(ranking, start="23:59"), listed_drive)
+    cards = re.findall(r'aria-label="Legs of tractor (\d)">\s*<table>(.*?)</table>', text, flags=re.S)
+    assert [number for number, _ in cards] == ["1", "2", "3"]
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr><td.*?</tr>", cards[1][1])]
+    assert rows[0] == ["1", "wait for tractor 1", "23:59:00", "", "0:20"]
+    assert rows[1] == ["2", "track 9, eastwards", "23:59:20", "240", "2:40"]
+    assert rows[2][:3] == ["3", "omega over 1 track to track 10", "0:02:00"]
+    assert cards[1][1].count("<thead>") == 1 and "<thead>" in cards[1][1], "headings that paper repeats"
+    assert told(text)[0]["lanes"][1]["legs"][1] == [20.0, 160.0, "240", "track 9, eastwards"]
+
+
+def test_numbers_beside_arrows_are_rows_of_the_lists(listed_drive: Drive) -> None:
+    lanes = map_picture({"a": listed_drive})["plans"][0]["lanes"]
+    assert [sorted({int(text) for _, _, text in lane["numbers"]}) for lane in lanes] == [[1, 2], [2], [2]]
+    for lane in lanes:
+        assert lane["arrows"].count("M") == len(lane["numbers"])
+
+
+def test_plans_beyond_what_a_page_holds_have_no_lists(
+    ranking: Ranking, listed_drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("reports.drawing.MOST_STEPS", 17)
+    plans = {("row-by-row", 5): replace(listed_drive, title="the other plan")}
+    listed = [bool(plan["lanes"][0]["legs"]) for plan in told(plan_page(ranking, listed_drive, plans))]
+    assert listed == [True, False], "nine steps each"
+
+
+def test_headings_may_be_broken_on_narrow_paper(ranking: Ranking, drive: Drive) -> None:
+    text = plan_page(ranking, drive)
+    assert "Colli\N{SOFT HYPHEN}sions" in text and "Rever\N{SOFT HYPHEN}sals" in text

@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
+from reports.field_report import field_table
 from reports.fitting import broken
 from reports.results import Ranking, Study
-from reports.table import field_table, ranking_table, study_tables
+from reports.table import ranking_table, study_tables
 
 
 def printed(what: RenderableType, width: int = 80) -> str:
@@ -32,7 +33,7 @@ def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: Ranki
     assert "Left is ground that no implement worked; ranks count the time to finish it too" in flat
     missing = re.search(r"No room for: (.*?); a wider", flat)
     dropped = missing is not None and "Left ha" in missing.group(1)
-    rows = [line for line in text.splitlines() if re.match(r" *[1-6][* ] ", line)]
+    rows = [line for line in text.splitlines() if re.match(r"[ >]*[1-6][* ] ", line)]
     told = [re.findall(r" (0\.\d\d)(?= )", row + " ") for row in rows]
     assert told == [[] if dropped else [ha] for ha in ("0.38", "0.38", "0.19", "0.19", "0.19", "0.19")]
     assert not dropped or width < 80
@@ -59,11 +60,11 @@ def test_no_line_is_wider_than_the_console(ranking: Ranking, study: Study, width
 
 def test_eighty_columns_show_every_figure_on_one_line(ranking: Ranking) -> None:
     lines = printed(ranking_table(ranking)).splitlines()
-    third = next(line for line in lines if line.startswith("3*"))
-    assert third.split() == ["3*", "3", "split-field", "0:28:32", "5.65", "0:03:03", "0:00:25", "98.7", "1.3", "2.35",
+    third = next(line for line in lines if line.startswith(">3*"))
+    assert third.split() == [">3*", "3", "split-field", "0:28:32", "5.65", "0:03:03", "0:00:25", "98.7", "1.3", "2.35",
                              "yes"], "the name goes on below"  # fmt: skip
     assert lines[lines.index(third) + 1].split() == ["switch-back"]
-    alone = next(line for line in lines if line.startswith("5*"))
+    alone = next(line for line in lines if line.lstrip().startswith("5*"))
     assert alone.split()[-2:] == ["-", "no"], "one tractor has no clearance"
 
 
@@ -84,7 +85,7 @@ def test_a_column_is_whole_or_named_as_missing(ranking: Ranking, width: int) -> 
     flat = " ".join(text.split())
     named = re.search(r"No room for: (.*?); a wider window or --json shows all\.", flat)
     missing = named.group(1).split(", ") if named else []
-    lines = [line for line in text.splitlines() if re.match(r" *[1-6][* ] ", line)]
+    lines = [line for line in text.splitlines() if re.match(r"[ >]*[1-6][* ] ", line)]
     assert len(lines) == 6
     figures = [re.findall(r"(?<= )(?:[\d.:]+|-|yes|no)(?= |$)", line.strip()) for line in lines]
     times = ["0:20:53", "0:21:30", "0:28:32", "1:02:05", "1:14:35", "1:23:32"]
@@ -126,7 +127,7 @@ def test_a_remark_stands_under_the_table_while_its_plan_is_shown(ranking: Rankin
 
 def test_only_the_best_are_shown_when_asked(ranking: Ranking) -> None:
     def ranks(most: int | None) -> list[str]:
-        return re.findall(r"^ ?(\d+)[* ] ", printed(ranking_table(ranking, most)), flags=re.M)
+        return re.findall(r"^[ >]*(\d+)[* ] ", printed(ranking_table(ranking, most)), flags=re.M)
 
     assert ranks(2) == ["1", "2", "3", "4", "5"], "the front has ranks 1, 3, 4 and 5"
     assert ranks(0) == ["1", "3", "4", "5"]
@@ -145,7 +146,7 @@ def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: Ranking) ->
     crowded = replace(ranking, plans=tuple(plans))
     assert crowded.best is plans[26]
     text = printed(ranking_table(crowded))
-    assert re.findall(r"^ *(\d+)[* ] ", text, flags=re.M) == [*map(str, range(1, 21)), "26", "27"]
+    assert re.findall(r"^[ >]*(\d+)[* ] ", text, flags=re.M) == [*map(str, range(1, 21)), "26", "27"]
     assert "6 slower plans are not shown; --all shows every plan." in " ".join(text.split())
 
 
@@ -241,3 +242,11 @@ def test_field_labels_carry_their_units() -> None:
         "Turns Omega fits: yes",
         "Over (s): 1: 9.5, 2: 8",
     ]
+
+
+def test_the_best_plan_is_marked_in_plain_text_where_it_is_not_the_first(ranking: Ranking) -> None:
+    text = printed(ranking_table(ranking))
+    assert [line.split()[0] for line in text.splitlines() if line.startswith(">")] == [">3*"]
+    assert "> the best plan." in " ".join(text.split())
+    free = replace(ranking, allowed_s=None, plans=tuple(replace(p, meets_deadline=None) for p in ranking.plans))
+    assert free.best is free.plans[0] and ">" not in printed(ranking_table(free))

@@ -1,0 +1,62 @@
+"""Unions and differences of swept ground: quick where GEOS keeps all of it, on a grid where it does not.
+
+Overlays on a grid never lose ground, and take five times as long. Without one GEOS may lose area where edges all but
+coincide; whether it did is looked at afterwards.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+GRID_M = 1e-6
+NEAR_M = 1e-3  # corners of what is united lie in the union or so near to it
+LOST = 1e-7  # of an area: so much may be rounding
+Areas = npt.NDArray[np.object_]
+
+
+def only_areas(shape: shapely.Geometry) -> shapely.Geometry:
+    """The polygons of a geometry, without lines and points that cleaning or cutting has left in it."""
+    parts = shapely.get_parts(shape)
+    if shape.geom_type == "GeometryCollection":
+        parts = shapely.get_parts(parts)
+    return shapely.multipolygons(parts[shapely.area(parts) > 0.0])
+
+
+def united(areas: Areas) -> shapely.Geometry:
+    """The union of areas (n,), as polygons."""
+    whole = only_areas(shapely.union_all(areas))
+    return whole if _holds(whole, areas) else only_areas(shapely.union_all(areas, grid_size=GRID_M))
+
+
+def _holds(whole: shapely.Geometry, areas: Areas) -> bool:
+    """Whether every corner of every area, and a place inside each, is in the whole."""
+    areas = areas[shapely.area(areas) > 0.0]
+    if not len(areas):
+        return True
+    shapely.prepare(whole)
+    places = (shapely.points(shapely.get_coordinates(areas)), shapely.point_on_surface(areas))
+    return bool(whole.is_valid and all(shapely.dwithin(whole, some, NEAR_M).all() for some in places))
+
+
+def left_of(whole: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
+    """What of a geometry does not lie in another one, as polygons."""
+    left = only_areas(shapely.difference(whole, part))
+    kept = abs(left.area + part.area - whole.area) <= LOST * whole.area  # where all of the part lies in the whole
+    return left if kept else _split(whole, part)[1]
+
+
+def within(whole: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
+    """What of a geometry lies in another one, as polygons."""
+    return _split(whole, part)[0]
+
+
+def _split(whole: shapely.Geometry, part: shapely.Geometry) -> tuple[shapely.Geometry, shapely.Geometry]:
+    """A geometry as what lies in another one and what does not: together they measure what it does."""
+    cut = shapely.intersection, shapely.difference
+    inside, outside = (only_areas(one(whole, part)) for one in cut)
+    if abs(inside.area + outside.area - whole.area) <= LOST * whole.area:
+        return inside, outside
+    inside, outside = (only_areas(one(whole, part, grid_size=GRID_M)) for one in cut)
+    return inside, outside

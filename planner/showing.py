@@ -1,0 +1,72 @@
+"""A saved plan driven again: what it answers, its run, and what each tractor does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from fields.reading import read_text
+from planner.errors import ScenarioError, about
+from planner.scenario import Scenario
+from planner.site import gnss_errors
+from planner.steps import steps_of
+from reports.results import Step
+from vehicle.errors import MissionError
+from vehicle.plan_file import SavedPlan, saved_from_json
+from vehicle.run import DONE, Run
+from vehicle.tractor import Implement, as_tractor
+from vehicle.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A plan from its file, the question it answers, its run, and the steps of every tractor."""
+
+    saved: SavedPlan
+    scenario: Scenario
+    run: Run
+    steps: tuple[tuple[Step, ...], ...]
+
+
+def show(path: str | Path) -> Shown:
+    """Read a plan of `headland plan --save` and drive it as it was driven when it was saved.
+
+    The tractor is the one its scenario names; the field is not needed, as the legs tell their ground. Raises
+    MissionError, ScenarioError or VehicleError: the file holds no plan, or one that this tractor does not finish.
+    """
+    saved = saved_from_json(read_text(path, "a plan of headland plan --save", MissionError))
+    scenario = scenario_of(saved)
+    run = driven_again(saved, scenario)
+    if run.outcome != DONE:
+        raise MissionError(
+            f"The plan is not driven to its end ({run.outcome}): it or the tractor {scenario.tractor!r} was changed "
+            "since; plan anew."
+        )
+    return Shown(saved, scenario, run, steps_of(run))
+
+
+def scenario_of(saved: SavedPlan) -> Scenario:
+    """The scenario that was saved with a plan; raises ScenarioError for none or a garbled one."""
+    if not saved.scenario:
+        raise ScenarioError("The plan has no scenario that names its tractor; save it with headland plan --save.")
+    known = {each.name for each in fields(Scenario)}
+    strange = sorted(saved.scenario.keys() - known)
+    if strange:
+        raise ScenarioError(f"The scenario of the plan has {strange[0]!r}, which is unknown; use a newer Headland.")
+    return Scenario(**{key: _tuple(value) for key, value in saved.scenario.items()})
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def driven_again(saved: SavedPlan, scenario: Scenario) -> Run:
+    """The run of a saved plan by the tractor, the implement and the errors of position of its scenario."""
+    with about("tractor"):
+        tractor = as_tractor(scenario.tractor)
+    world = World(
+        saved.plan, tractor, Implement(width_m=scenario.width_m), position_errors=gnss_errors(scenario),
+        seed=scenario.seed,
+    )  # fmt: skip
+    return world.run()

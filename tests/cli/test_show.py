@@ -1,0 +1,92 @@
+"""`headland show`: a saved plan driven again, told leg by leg."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+WORDS = ("--local", "--tractors", "2", "--strategies", "split-field", "--processes", "1", "--rounds", "--json")
+Run = Callable[..., Any]
+
+
+@pytest.fixture(scope="module")
+def saved(small: Path, tmp_path_factory: pytest.TempPathFactory, command: list[str]) -> tuple[Path, dict[str, Any]]:
+    """A saved plan, and what was said of it when it was made."""
+    import subprocess
+
+    place = tmp_path_factory.mktemp("show") / "plan.json"
+    words = [*command, "plan", str(small), *WORDS, "--save", str(place), "--start", "08:00"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
+    return place, json.loads(done.stdout)["best"]
+
+
+def test_a_saved_plan_driven_again_takes_as_long(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
+    place, best = saved
+    outcome = headland("show", place, "--json")
+    assert outcome.status == 0 and outcome.err == ""
+    told = json.loads(outcome.out)
+    assert (told["field"], told["strategy"], told["start"]) == (told["field"], "split-field", "08:00")
+    assert told["time_s"] == pytest.approx(best["time_s"], abs=1e-6)
+    ends = [own["legs"][-1]["from_s"] + own["legs"][-1]["seconds"] for own in told["tractors"]]
+    assert max(ends) == pytest.approx(best["time_s"], abs=0.11)
+    assert {leg["round"] for own in told["tractors"] for leg in own["legs"]} >= set(range(1, best["rounds"] + 1))
+
+
+def test_the_table_fits_and_tells_times_of_day(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
+    outcome = headland("show", saved[0])
+    lines = outcome.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert sum(line.startswith("Tractor ") for line in lines) == 2
+    first = next(line for line in lines if line.split()[:1] == ["1"])
+    assert "8:00:00" in first.split() and "round 1, side" in first
+
+
+def test_one_tractor_alone(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
+    assert "Tractor 2" in (out := headland("show", saved[0], "--tractor", "2").out) and "Tractor 1:" not in out
+    outcome = headland("show", saved[0], "--tractor", "3")
+    assert outcome.status == 2
+    assert outcome.sentences == ["Error: --tractor is 3; the plan has tractors 1 to 2."]
+
+
+def changed(place: Path, folder: Path, **values: Any) -> Path:
+    data = json.loads(place.read_text())
+    data.update(values)
+    other = folder / "changed.json"
+    other.write_text(json.dumps(data))
+    return other
+
+
+def test_what_cannot_be_shown_is_one_sentence(
+    headland: Run, saved: tuple[Path, dict[str, Any]], small: Path, tmp_path: Path
+) -> None:
+    place, _ = saved
+    scenario = json.loads(place.read_text())["scenario"]
+    for path, words in (
+        (tmp_path / "none.json", "There is no file"),
+        (small, "has no 'format_version'"),
+        (changed(place, tmp_path, scenario={}), "has no scenario"),
+    ):
+        outcome = headland("show", path)
+        assert outcome.status == 2 and len(outcome.sentences) == 1 and words in outcome.sentences[0], outcome.err
+    for entry, words in (
+        ({"strange": 1}, "'strange', which is unknown"),
+        ({"tractor": "gone.toml"}, "gone.toml"),
+        ({"width_m": -1.0}, "--width"),
+        ({"width_m": "wide"}, "--width is 'wide'"),
+    ):
+        outcome = headland("show", changed(place, tmp_path, scenario={**scenario, **entry}))
+        assert outcome.status == 2 and len(outcome.sentences) == 1 and words in outcome.sentences[0], outcome.err
+
+
+def test_a_plan_that_stops_on_its_way_is_refused(
+    headland: Run, saved: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    data = json.loads(saved[0].read_text())
+    # Both wait for the end of the other's last leg.
+    for me, other in ((0, 1), (1, 0)):
+        last = len(data["tractors"][other]) - 1
+        data["tractors"][me][0]["gates"] = [{"tractor": other, "leg": last, "after_m": 0.0}]
+    outcome = headland("show", changed(saved[0], tmp_path, tractors=data["tractors"]))
+    assert outcome.status == 2 and "is not driven to its end (stall)" in outcome.sentences[0]

@@ -1,0 +1,93 @@
+"""Fields with small obstacles, driven: nothing is touched, little is missed, and what is missed is told."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from shapely import affinity
+
+from fields import Field
+from fields.obstacles import Obstacle
+from planner.evaluate import Candidate, simulated
+from planner.measure import coverage, guided_point
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from vehicle.compile import outline
+from vehicle.run import Run
+
+BOX = shapely.box(0, 0, 120, 60)
+POLE = Obstacle("pole", shapely.Point(60, 31), 0.25)
+STONE = Obstacle("rock", shapely.box(40.0, 15.0, 43.0, 17.0))
+AT_END = Obstacle("pole", shapely.Point(13, 31), 0.25)
+
+
+def site_with(*obstacles: Obstacle, tracks_only: bool = True, **options: Any) -> Site:
+    scenario = Scenario(bearing_deg=90.0, tracks_only=tracks_only, tractors=(1,), **options)
+    return prepare(scenario, Field("posts", BOX, obstacles=obstacles))
+
+
+def nearest_m(run: Run, site: Site, shape: shapely.Geometry) -> float:
+    """How near a box of tractor or implement ever comes to a shape."""
+    boxes, near = outline(site.tractor, site.implement), np.inf
+    for low, high, half in (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width")):
+        box = shapely.box(boxes[low], -boxes[half], boxes[high], boxes[half])
+        for tractor in range(run.plan.tractors):
+            for x, y, angle in run.poses(tractor)[::3]:
+                placed = affinity.translate(affinity.rotate(box, angle, (0, 0), use_radians=True), x, y)
+                near = min(near, placed.distance(shape))
+    return near
+
+
+@pytest.mark.parametrize("tracks_only", [True, False])
+def test_no_track_is_interrupted_and_nothing_is_touched(tracks_only: bool) -> None:
+    plain, among = site_with(tracks_only=tracks_only), site_with(POLE, STONE, tracks_only=tracks_only)
+    assert [(t.start, t.end) for t in among.layout.tracks] == [(t.start, t.end) for t in plain.layout.tracks]
+    before, after = (simulated(site, Candidate("split-field", 1)) for site in (plain, among))
+    assert before.run is not None and after.run is not None and after.result.feasible
+    assert after.result.time_s == pytest.approx(before.result.time_s, rel=0.01)
+    for obstacle in (POLE, STONE):
+        assert nearest_m(after.run, among, obstacle.shape) >= among.scenario.margin_m
+    found = coverage(after.run, among)
+    assert found.worked_m2 + found.missed_m2 == pytest.approx(among.layout.field.area_m2, abs=0.1)
+    taken = sum(obstacle.widened(0.3).area for obstacle in (POLE, STONE))
+    assert found.field_m2 == pytest.approx(BOX.area - taken, abs=0.1)
+    assert 10.0 < found.missed_m2 - coverage(before.run, plain).missed_m2 < 80.0, "wedges before and behind each"
+
+
+def test_a_pole_where_no_bend_fits_cuts_the_track(place: Any) -> None:
+    """The pole stands 2 to 5 m inside the end of a track; with 11 m of headland the track begins 11 m behind it."""
+    site = site_with(AT_END, headland_m=11.0)
+    usual = {track.start[0] for track in site_with(headland_m=11.0).layout.tracks}
+    ends = sorted({round(x, 3) for track in site.layout.tracks for x in (track.start[0], track.end[0])})
+    assert len(usual) == 1 and len(ends) == 3
+    assert ends[1] == pytest.approx(13 + 0.25 + 0.3 + 11.0, abs=0.01)
+    driven = simulated(site, Candidate("split-field", 1))
+    assert driven.run is not None and driven.result.feasible
+    assert nearest_m(driven.run, site, AT_END.shape) > 0.0
+
+
+def test_the_pass_keeps_to_its_bend() -> None:
+    """Beside the pole the guided point is where planned, to two hands; where the heading changes it looks ahead."""
+    site = site_with(POLE)
+    run = simulated(site, Candidate("split-field", 1)).run
+    assert run is not None and len(site.around.bent) == 2
+    ways = [shapely.LineString(way.points) for way in site.around.bent.values()]
+    path = guided_point(run, site, 0)
+    for half_m, most_m in ((1.5, 0.25), (25.0, 0.5)):
+        middle = path[(np.abs(path[:, 0] - 60) < half_m) & (np.abs(path[:, 1] - 31) < 2.4)]
+        aside = np.min([shapely.distance(shapely.points(middle), way) for way in ways], axis=0)
+        assert len(middle) > 10 and aside.max() < most_m
+
+
+@pytest.mark.parametrize("obstacle", [POLE, STONE])
+def test_mirrored_it_takes_as_long(obstacle: Obstacle) -> None:
+    def time_s(flip: bool) -> float | None:
+        def at(shape: Any) -> Any:
+            return affinity.scale(shape, -1, 1, origin=(0, 0)) if flip else shape
+
+        field = Field("posts", at(BOX), obstacles=(Obstacle(obstacle.kind, at(obstacle.geometry), obstacle.half_m),))
+        site = prepare(Scenario(bearing_deg=90.0, tracks_only=True, tractors=(2,)), field)
+        return simulated(site, Candidate("split-field", 2)).result.time_s
+
+    assert time_s(True) == pytest.approx(time_s(False), rel=0.005)

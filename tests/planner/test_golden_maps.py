@@ -1,0 +1,130 @@
+"""Maps of ten awkward fields, worked by two tractors, beside stored ones: a change is seen, and can be reviewed.
+
+A stored map (tests/planner/golden) has the figures of a plan and a coarse picture of the field: R worked on a round
+alone, T on a track alone, B on both, a dot where ground is missed, a space outside. To renew them all, run
+
+    HEADLAND_GOLDEN=write python -m pytest -n 0 tests/planner/test_golden_maps.py
+
+and look at what git shows as changed before it is committed. What must hold whatever the maps show is tested apart.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from planner.evaluate import Candidate, Evaluation, simulated
+from planner.measure import coverage
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from planner.swept import swept_ground
+from tests.planner.shapes import SHAPES
+
+GOLDEN = Path(__file__).parent / "golden"
+WRITE = os.environ.get("HEADLAND_GOLDEN") == "write"
+ACROSS, UP = 60, 30
+TOLD_M2 = 5.0  # smaller pieces of missed ground are not listed
+OTHER_MARKS = 9  # of 1800: points at the very edge of a swath may fall either way on another machine
+ALONE = ("thin strip",)
+"""Fields on which two tractors have no room to pass each other; what must hold is tested with one."""
+
+
+@cache
+def planned(name: str, tractors: int = 2) -> tuple[Site, Evaluation]:
+    site = prepare(Scenario(field=name, tracks_only=False), SHAPES[name])
+    return site, simulated(site, Candidate("split-field", tractors))
+
+
+def summary(name: str) -> list[str]:
+    """The lines of a stored map."""
+    site, tried = planned(name)
+    rings = [str(sum(one.number == k for one in site.rounds)) for k in range(1, site.layout.rounds + 1)]
+    lines = [
+        f"field: {name}, {site.layout.field.area_m2:.0f} m2",
+        f"cells: {len(site.layout.cells)}",
+        f"tracks: {len(site.layout.tracks)}",
+        f"rounds: {site.layout.rounds} (lines {', '.join(rings)})",
+        f"feasible: {'yes' if tried.result.feasible else 'no'}",
+    ]
+    if not tried.result.feasible or tried.run is None:
+        return lines
+    missed = coverage(tried.run, site).missed
+    told = [f"{piece.area:.0f}" for piece in missed if piece.area >= TOLD_M2]
+    lines.append(f"worked_pct: {tried.result.worked_pct:.1f}")
+    lines.append(f"missed pieces of {TOLD_M2:g} m2 and more: {', '.join(told) or 'none'}")
+    return [*lines, *raster(site, tried)]
+
+
+def raster(site: Site, tried: Evaluation) -> Iterator[str]:
+    """The field as `UP` lines of `ACROSS` marks, north up."""
+    assert tried.run is not None
+    swept = swept_ground(tried.run, site)
+    on_round, on_track = (shapely.union_all(swept.ground[swept.on_round == flag], grid_size=1e-6) for flag in (1, 0))
+    boundary = site.layout.field.boundary
+    west, south, east, north = boundary.bounds
+    x = west + (np.arange(ACROSS) + 0.5) / ACROSS * (east - west)
+    y = north - (np.arange(UP) + 0.5) / UP * (north - south)
+    points = shapely.points(*np.meshgrid(x, y))
+    inside, rounds, tracks = (shapely.intersects(ground, points) for ground in (boundary, on_round, on_track))
+    marks = np.where(inside, np.array([".", "R", "T", "B"])[rounds + 2 * tracks], " ")
+    for row in marks:
+        yield "".join(row).rstrip()
+
+
+def place(name: str) -> Path:
+    return GOLDEN / f"{name.replace(' ', '-')}.txt"
+
+
+def other_marks(one: list[str], two: list[str]) -> int:
+    """Marks by which two pictures differ."""
+    return sum(
+        a != b
+        for first, second in zip(one, two, strict=True)
+        for a, b in zip(first.ljust(ACROSS), second.ljust(ACROSS), strict=True)
+    )
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_map_is_the_stored_one(name: str) -> None:
+    now = summary(name)
+    if WRITE:
+        place(name).write_text("\n".join(now) + "\n", encoding="utf-8")
+    stored = place(name).read_text(encoding="utf-8").removesuffix("\n").split("\n")
+    heads = [[line for line in lines if ": " in line] for lines in (stored, now)]
+    assert heads[1] == heads[0], "renew the map if that is meant: HEADLAND_GOLDEN=write"
+    count = len(heads[0])
+    assert other_marks(stored[count:], now[count:]) <= OTHER_MARKS, "\n".join(["now:", *now])
+
+
+def test_there_is_a_map_of_every_shape_and_no_other() -> None:
+    assert {path.name for path in GOLDEN.iterdir()} == {place(name).name for name in SHAPES}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_holds_whatever_the_map_shows(name: str) -> None:
+    site, tried = planned(name, 1 if name in ALONE else 2)
+    result = tried.result
+    assert result.feasible and tried.run is not None, result.reason
+    worked = coverage(tried.run, site)
+    # Union and difference of the same swaths: what is worked and what is missed are the field.
+    assert worked.worked_m2 + worked.missed_m2 == pytest.approx(worked.field_m2, rel=1e-3)
+    assert sum(piece.area for piece in worked.missed) <= worked.missed_m2 * (1 + 1e-9)
+    assert result.worked_pct is not None and result.worked_pct >= 95.0, "none is narrower than the implement"
+    assert result.collisions == 0 and tried.run.contacts == ()
+    assert result.excursion_m is not None and result.excursion_m < 0.5
+
+
+def test_shapes_are_of_one_to_two_hectares_and_all_different() -> None:
+    assert len(SHAPES) == 10
+    assert all(1.0 <= field.area_ha <= 2.0 for field in SHAPES.values())
+
+
+def test_a_difference_is_seen() -> None:
+    assert other_marks(["RR  TT", "B"], ["RR. TT", " "]) == 2
+    assert other_marks(["RR"], ["RR   "]) == 0

@@ -1,0 +1,103 @@
+"""Lists of legs: words, tables that fit a terminal, JSON with fixed keys."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import pytest
+from rich.console import Console
+
+from reports.leg_list import heading, leg_lists, leg_lists_json, text_rows
+from reports.results import Step
+from reports.step_words import step_words
+
+KEYS = ["number", "words", "kind", "from_s", "seconds", "length_m", "track", "round", "part", "bearing_deg",
+        "over_tracks", "shape", "for_tractors"]  # fmt: skip
+
+
+def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> Step:
+    return Step(kind, number, part, at, 90.0, 123.4, 1.0, 2.0, **more)  # type: ignore[arg-type]
+
+
+STEPS = (
+    step("round", 2, "3", to_round=True, bearing_deg=350.0),
+    step("corner", 2, "4", to_round=True, shape="switch-back", at=90.0),
+    step("round", 2, "4", to_round=True, at=180.0),
+    step("way", 14, at=270.0),
+    step("wait", for_tractors=(1, 3), at=360.0),
+    step("track", 14, "b", bearing_deg=46.0, at=450.0),
+    step("track", 14, "b", bearing_deg=46.0, again=True, at=540.0),
+    step("turn", 16, over=2, shape="u", at=630.0),
+    step("turn", 15, over=1, shape="omega", at=720.0),
+    step("turn", 3, "1", to_round=True, shape="switch-back", at=810.0),
+    step("turn", 3, "1", to_round=True, shape="u", again=True, at=900.0),
+    step("drive", at=990.0),
+    step("wait", at=1080.0),
+)
+WORDS = (
+    "round 2, side 3, northwards", "corner to side 4, backing up", "round 2, side 4, all round", "way to track 14",
+    "wait for tractors 1 and 3", "track 14b, north-eastwards", "track 14b, the rest", "U over 2 tracks to track 16",
+    "omega over 1 track to track 15", "switch-back to round 3, side 1", "on to round 3, side 1", "drive on", "wait",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("one", "words"), [*zip(STEPS, WORDS, strict=True)])
+def test_words(one: Step, words: str) -> None:
+    assert step_words(one) == words
+
+
+def test_many_that_are_waited_for_are_counted() -> None:
+    assert step_words(step("wait", for_tractors=(1, 2, 3, 4))) == "wait for tractors 1, 2, 3 and 4"
+    assert step_words(step("wait", for_tractors=(1, 2, 3, 4, 6))) == "wait for 5 tractors"
+
+
+def printed(width: int = 80, **options: object) -> str:
+    text = io.StringIO()
+    Console(file=text, width=width).print(leg_lists("Field", (STEPS, STEPS[:2]), **options))  # type: ignore[arg-type]
+    return text.getvalue()
+
+
+def test_a_table_per_tractor_fits_eighty_columns() -> None:
+    lines = printed().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "Tractor 1: 13 legs, 1.6 km, 0:19:30" in lines and "Tractor 2: 2 legs, 0.2 km, 0:03:00" in lines
+    row = next(line for line in lines if "U over 2" in line)
+    assert row.split() == ["8", "U", "over", "2", "tracks", "to", "track", "16", "0:10:30", "123", "1:30"]
+    wait = next(line for line in lines if "wait for" in line)
+    assert wait.split()[-2:] == ["0:06:00", "1:30"], "a wait has no metres"
+
+
+def test_one_tractor_alone_and_times_of_day() -> None:
+    text = printed(only=2, start="23:59")
+    assert "Tractor 1" not in text and "times of day" in text
+    assert [line.split()[-3] for line in text.splitlines() if " side" in line] == ["23:59:00", "0:00:30"]
+
+
+@pytest.mark.parametrize("width", [30, 44, 60])
+def test_no_figure_is_cut_where_it_is_narrow(width: int) -> None:
+    text = printed(width)
+    assert max(map(len, text.splitlines())) <= width
+    assert "0:10:30" in text and text.count("123") >= 11
+
+
+def test_keys_of_json_and_their_order() -> None:
+    text = leg_lists_json((STEPS, STEPS[:2]), {"field": "f"}, only=1)
+    told = json.loads(text)
+    assert text.endswith("}\n") and list(told) == ["field", "tractors"]
+    assert [own["tractor"] for own in told["tractors"]] == [1]
+    legs = told["tractors"][0]["legs"]
+    assert all(list(leg) == KEYS for leg in legs) and [leg["number"] for leg in legs] == list(range(1, 14))
+    assert (legs[0]["track"], legs[0]["round"], legs[0]["part"], legs[0]["bearing_deg"]) == (None, 2, "3", 350.0)
+    assert (legs[7]["track"], legs[7]["round"], legs[7]["over_tracks"], legs[7]["shape"]) == (16, None, 2, "u")
+    assert legs[4]["for_tractors"] == [1, 3] and legs[11]["shape"] is None
+
+
+def test_rows_of_fixed_pitch_stand_in_columns() -> None:
+    rows = text_rows(STEPS)
+    assert len({len(row) for row in rows}) == 1 and len(rows) == 14
+    assert rows[8].startswith("  8 U over 2 tracks") and rows[8].endswith(" 1:30")
+
+
+def test_a_tractor_without_legs_is_told() -> None:
+    assert heading(3, ()) == "Tractor 3: 0 legs, 0.0 km, 0:00:00"
