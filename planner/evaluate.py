@@ -19,6 +19,7 @@ from planner.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.swept import swept_ground
 from planner.touched import fence_crossed_m, obstacle_touched
 from planner.trampled import trampled_m2
+from planner.within_reach import built_within_reach
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.job import Job
@@ -30,7 +31,7 @@ from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
-ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 CROSSED_M = 0.01
@@ -120,9 +121,13 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
         return rehearsal.simulate(plan, _patience_s(plan))
 
-    give_way = _give_way(site, rehearsal)
-    refine = strategy.refine
-    refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+    def build(job: Job) -> Refined:
+        refine = strategy.refine
+        return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+
+    give_way = _give_way(site)
+    refined, reached = built_within_reach(job, build)
+    job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
@@ -134,15 +139,17 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _give_way(site: Site, rehearsal: Rehearsal) -> GiveWay:
+def _give_way(site: Site) -> GiveWay:
     """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
     known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
 
     def alone(mission: Mission) -> Run:
         key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
         if key not in known:
-            world = World(Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
-                          position_errors=site.position_errors)
+            world = World(
+                Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                position_errors=site.position_errors,
+            )  # fmt: skip
             known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
         return known[key][1]
 
@@ -158,16 +165,21 @@ def _run_plan(
     if reason is None:
         run, worst = _steadied(site, run, simulate, repairs, give_way)
         reason = _fault(site, run, worst)
-    told = [refined.remark, *([] if reason else _told(site, run, worst))]
-    return CandidateRun(run, reason, _turns(job), "; ".join(each for each in told if each) or None)
+    told = [] if reason else _told(site, run, worst)
+    return CandidateRun(run, reason, _turns(job), _joined(refined.remark, *told))
+
+
+def _joined(*remarks: str | None) -> str | None:
+    """Several remarks as one; None where there is none."""
+    return "; ".join(each for each in remarks if each) or None
 
 
 def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
     """What a reader would not expect of the run of a feasible plan."""
     told = []
     if loosened := run.plan.notes.get("loosened"):
-        told.append(f"{loosened} time{'s' if loosened > 1 else ''} a tractor goes on before its formation is in place, "
-                    "as the others could not get past it")
+        times = "once" if loosened == 1 else f"{loosened} times"
+        told.append(f"{times} tractors go on before one that could not get past them is in place")
     if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
         told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
     if touched := obstacle_touched(run, site):

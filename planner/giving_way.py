@@ -45,13 +45,14 @@ def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Plan | None:
 
 
 def _without_gates(plan: Plan, left_out: list[tuple[int, int, Gate]]) -> Plan:
-    """The plan without gates at (tractor, leg); how many there were is noted as `loosened`."""
-    missions = list(plan.missions)
+    """The plan without gates at (tractor, leg); how often a tractor is no longer waited for is noted as `loosened`."""
+    missions, places = list(plan.missions), {(gate.tractor, gate.leg) for _, _, gate in left_out}
     for tractor, leg, gate in left_out:
         legs = list(missions[tractor].legs)
-        legs[leg] = replace(legs[leg], gates=tuple(each for each in legs[leg].gates if each is not gate))
+        kept = tuple(each for each in legs[leg].gates if each is not gate)
+        legs[leg] = replace(legs[leg], gates=kept)
         missions[tractor] = Mission(tuple(legs))
-    return Plan(tuple(missions), plan.notes | {"loosened": len(left_out)}) if left_out else plan
+    return Plan(tuple(missions), plan.notes | {"loosened": len(places)}) if left_out else plan
 
 
 def _with_gates(plan: Plan, gates: list[tuple[int, int, Gate]]) -> Plan:

@@ -20,6 +20,7 @@ AHEAD_S = 6.0  # who goes before one that is on its way already keeps so much ah
 START_S = 1.5  # lost by a tractor that had to stand
 GUARDED_S = 120.0  # an order with less time between is guarded by a gate though none is predicted to be needed
 CHAIN = 4  # stretches entered in one go where there is no room to stand between
+STOOD_S = 0.5  # who has stood for less has passed by
 MOVED_S = 2.0  # a tractor that has been on a stretch for so long has left its hold point
 NEVER = math.inf
 
@@ -70,24 +71,21 @@ class RightOfWay:
         count = len(self.courses)
         if not self.homeward.safe((0,) * count) and not self.homeward.loosen():
             return None
-        table = Timetable([[] for _ in range(count)], [0.0] * count)
-        now, ready = 0.0, dict[int, Entry | None]()
+        table, ready = Timetable([[] for _ in range(count)], [0.0] * count), dict[int, Entry | None]()
         while any(at < course.stretches for at, course in zip(table.state, self.courses, strict=True)):
             for one, course in enumerate(self.courses):
-                late = (each := ready.get(one)) is not None and each.begins_s[0] < now
-                if (one not in ready or late) and table.state[one] < course.stretches:
-                    ready[one] = self._earliest(table, one, now)
+                if one not in ready and table.state[one] < course.stretches:
+                    ready[one] = self._earliest(table, one)
             entry = self._chosen(table, ready)
             if entry is None:
                 return None
-            now = max(now, entry.begins_s[0])
             self._enter(table, entry)
-            ready = {one: each for one, each in ready.items() if not self._concerned(one, entry.tractor)}
+            ready = {one: each for one, each in ready.items() if not self._concerned(table, one, entry.tractor)}
         return table
 
-    def _concerned(self, one: int, other: int) -> bool:
+    def _concerned(self, table: Timetable, one: int, other: int) -> bool:
         """Whether what one may do can depend on what another has just done."""
-        return one == other or other in self.crossings.near[one] or other in self.homeward.others[one]
+        return one == other or one in table.refused or other in self.crossings.near[one] or other in self.homeward.others[one]
 
     def _chosen(self, table: Timetable, ready: dict[int, Entry | None]) -> Entry | None:
         """The entry that can be first and leaves everybody a way home."""
@@ -105,10 +103,11 @@ class RightOfWay:
         course = self.courses[entry.tractor]
         return -round(float(course.time_s[-1]) - course.begins_s(entry.first), 1)
 
-    def _earliest(self, table: Timetable, one: int, now: float) -> Entry | None:
+    def _earliest(self, table: Timetable, one: int) -> Entry | None:
         """When a tractor can enter its next stretch, or the next few in one go if that is sooner."""
         best: Entry | None = None
-        soonest = max(now, table.free_s[one])
+        cleared = [table.begins_s[other][-1] + MOVED_S for other in table.refused.get(one, ())]
+        soonest = max(table.free_s[one], *cleared) if cleared else table.free_s[one]
         at = table.state[one]
         for length in range(1, min(CHAIN, self.courses[one].stretches - at) + 1):
             begin = self._begin(table, one, length, soonest)
@@ -148,18 +147,27 @@ class RightOfWay:
     def _taken(self, table: Timetable, mine: Stretch, other: int, soonest: float) -> list[tuple[float, float]]:
         """Spans of time in which a stretch must not be begun because of what another does, or where it stands."""
         spans: list[tuple[float, float]] = []
-        apart = self.crossings.apart.get(mine, {})
+        apart, blockers = self.crossings.apart.get(mine, {}), self.crossings.blockers.get(mine, {})
         begins = table.begins_s[other]
         for number in range(len(begins) - 1, -1, -1):
             if begins[number] + self.courses[other].lasts_s(number) + 2.0 * self.behind_s + START_S < soonest:
                 break
             for low, high in apart.get((other, number), ()):
                 spans.append((begins[number] + low - self.ahead_s, begins[number] + high + self.behind_s))
+            came = self._came_s(table, other, number)
+            if begins[number] - came > STOOD_S and (times := blockers.get((other, number))) is not None:
+                spans.append((came - times[1] - self.ahead_s, begins[number] - times[0] + self.behind_s))
         if len(begins) < len(self.courses[other].holds):
-            times = self.crossings.blockers.get(mine, {}).get((other, len(begins)))
+            times = blockers.get((other, len(begins)))
             if times is not None:
                 spans.append((table.free_s[other] - times[1] - self.ahead_s if begins else -NEVER, NEVER))
         return spans
+
+    def _came_s(self, table: Timetable, one: int, number: int) -> float:
+        """When a tractor came to the hold point before a stretch that it has begun."""
+        if number == 0:
+            return -NEVER
+        return table.begins_s[one][number - 1] + self.courses[one].lasts_s(number - 1)
 
     def _stood_in_way(
         self, table: Timetable, one: int, hold: int, stand_s: float, soonest: float
@@ -185,9 +193,21 @@ class RightOfWay:
             table.gates.append((one, self.courses[one].hold_legs[at], gate))
         table.begins_s[one] += entry.begins_s
         table.free_s[one] = entry.until_s
+        self._guard_later(table, entry)
         table.refused.pop(one, None)
         for others in table.refused.values():
             others.add(one)
+
+    def _guard_later(self, table: Timetable, entry: Entry) -> None:
+        """Keep others behind this one where what they do later has been decided before."""
+        for other in sorted(self.crossings.near[entry.tractor]):
+            begins = table.begins_s[other]
+            for number in range(len(begins) - 1, -1, -1):
+                if begins[number] <= entry.begins_s[0]:
+                    break
+                gate = self._guard(table, (other, number), entry.tractor, begins[number])
+                if gate is not None:
+                    table.gates.append((other, self.courses[other].hold_legs[number], gate))
 
     def _guard(self, table: Timetable, mine: Stretch, other: int, begin: float) -> Gate | None:
         """The gate that keeps a tractor behind another which it is predicted to follow closely."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from dataclasses import field as member
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import shapely
 
@@ -19,7 +21,7 @@ from planner.errors import ScenarioError, about, named
 from planner.laying import layouts, quickest
 from planner.outlook import Stakes, stakes_of
 from planner.price.cost import Terms
-from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
+from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
 from strategies.around import Around, lay_around
 from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
@@ -39,6 +41,7 @@ SMALL = 4.0  # working widths across: smaller obstacles are driven round in the 
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
+AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
 
@@ -71,7 +74,12 @@ class Site:
     stakes: Stakes | None = None
 
     def job(self, tractors: int) -> Job:
-        """A job for this many tractors, with an empty memory of ways."""
+        """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
+        return replace(self._first, tractors=tractors, used={})
+
+    @cached_property
+    def _first(self) -> Job:
+        """The job that others are copies of."""
         anywhere, beside, rim = (
             None if region.is_empty else Connector(region, self.manner.radius_m, self.costs, self.kinds)
             for region in (self.free, self.beside, self.rim)
@@ -83,10 +91,14 @@ class Site:
             )
         fence, careful = self._fence()
         return Job(
-            self.layout, self.manner, anywhere, tractors, beside, starting_corner(self.layout), rounds=self.rounds,
+            self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
             around=self.around, fence=fence, careful=careful,
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to another process: without what was worked out here."""
+        return {name: value for name, value in self.__dict__.items() if name != "_first"}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""
@@ -137,6 +149,7 @@ def prepare(
         radius_m=radius,
         tool_m=reach.tool_m,
         boxes=_boxes(tractor, implement),
+        ahead_m=AHEAD_M if scenario.clearance_m > LEAST_CLEARANCE_M else 0.0,
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
     costs, free = clock.costs(), free_space(field, reach.margin_m)
@@ -153,7 +166,8 @@ def prepare(
             position_errors, rounds, rim, around, stakes,
         )  # fmt: skip
 
-    return quickest([on(layout) for layout in layouts(scenario, field, headland)])
+    sites = [on(layout) for layout in layouts(scenario, field, headland)]
+    return sites[quickest([site.job(1) for site in sites])]
 
 
 def body_of(tractor: Tractor, implement: Implement) -> Body:

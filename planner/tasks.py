@@ -6,6 +6,8 @@ import pickle
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
+from functools import lru_cache
+from threading import get_ident
 
 from planner.drive import picture
 from planner.errors import WorkerError, named
@@ -32,18 +34,25 @@ class Outcome:
 
 
 def pack(site: Site) -> bytes:
-    """A site as every task takes it: each gets one of its own, so that tasks in threads share nothing."""
+    """A site as every task takes it; each thread unpacks one of its own, so that tasks in threads share nothing."""
     return pickle.dumps(site)
 
 
 def work_out(packed: bytes, candidate: Candidate, pictures: bool = False) -> Outcome:
     """Evaluate a candidate on a packed site."""
-    site: Site = pickle.loads(packed)
+    site = _unpacked(packed, get_ident())
     one = simulated(site, candidate)
     result, run = one.result, one.run
     if run is None or run.outcome != DONE:
         return Outcome(result)
     return Outcome(result, run if result.feasible else None, picture(site, run, result) if pictures else None)
+
+
+@lru_cache(maxsize=2)
+def _unpacked(packed: bytes, _thread: int) -> Site:
+    """A site unpacked, once for the tasks of a thread that follow each other: ways found for one serve the next."""
+    site: Site = pickle.loads(packed)
+    return site
 
 
 def outcomes(

@@ -4,6 +4,7 @@
     sizing, timing          the headland that turns need; the seconds they take, simulated
     words, search           the words that join two poses, and the best that fits, compiled
     connect, routes         the quickest drivable way between two poses inside the field
+    chains                  the quickest chain of poses of such a way, compiled
     bends, around           lines bent round small obstacles; tracks bent, or cut where no bend fits
     fence                   whether the whole machine stays inside a fence on a way
     job                     what a strategy is given: layout, manner of driving, ways

@@ -7,7 +7,6 @@ is joined by a Dubins word; where that does not fit, it follows rings laid insid
 """
 
 import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -17,6 +16,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from strategies.chains import UNKNOWN, Floats, Ints, all_close_by, layered, quickest_chain, round_rings
 from strategies.paths import (
     Path,
     Pose,
@@ -28,10 +28,10 @@ from strategies.paths import (
     require_radius,
     straight,
 )
-from strategies.routes import Corners, corner_poses, quickest_chain, ring_poses
+from strategies.routes import Corners, corner_poses, ring_poses
 from strategies.search import RULES, best_word, cost_s, shortest_forward, shortest_m
 from strategies.turns import TURN_KINDS
-from strategies.words import MOST_PIECES, driven_s
+from strategies.words import MOST_PIECES, driven_s, stays_inside
 
 _TOLERANCE_M = 0.010  # how far a path may leave the free region
 _SAGITTA_M = 0.003  # of that, what the polyline checked may differ from the arc
@@ -155,10 +155,7 @@ class Connector:
 
     def fits(self, path: Path) -> bool:
         """Whether the whole path stays inside the region (tolerance 1 cm)."""
-        points = path.outline(_SAGITTA_M)
-        if len(points) < 2:
-            points = np.repeat(points, 2, axis=0)
-        return bool(shapely.covers(self._guard, shapely.linestrings(points)))
+        return bool(stays_inside(np.array(path.start), path.rows(), self._edges))
 
     @property
     def reversing(self) -> bool:
@@ -227,57 +224,43 @@ class Connector:
         self, starts: list[Path], layers: list[list[Pose]], goals: list[Path], limit_s: float
     ) -> Path | None:
         """Quickest chain from a start through one pose of each layer to a goal, if quicker than limit_s."""
-        levels = [[s.end for s in starts], *layers, [g.start for g in goals]]
-        edges = np.cumsum([0, *(len(level) for level in levels)]).tolist()
-        follow = {
-            i: range(edges[k + 1], edges[k + 2]) for k in range(len(levels) - 1) for i in range(edges[k], edges[k + 1])
-        }
-        poses = [pose for level in levels for pose in level]
-        return self._chain(poses, starts, goals, edges[-2], lambda i: follow.get(i, ()), limit_s)
+        poses = [s.end for s in starts] + [pose for layer in layers for pose in layer] + [g.start for g in goals]
+        sizes = np.array([len(starts), *(len(layer) for layer in layers), len(goals)])
+        none = np.zeros(len(poses) + 1, np.int64), np.empty(0, np.int64), np.empty(0)
+        return self._chain(poses, starts, goals, layered(sizes), none, limit_s)
 
     def _by_rings(self, starts: list[Path], goals: list[Path]) -> Path | None:
         """Quickest chain from a start along ring poses to a goal, then made shorter where links can be left out."""
-        ring, spots = self._ring
+        if not starts or not goals:
+            return None
+        ring, kept = self._ring
         poses = [s.end for s in starts] + ring + [g.start for g in goals]
-        first, last = len(starts), len(starts) + len(ring)
         near = _RING_REACH * self.radius_m
-
-        def successors(node: int) -> Iterable[int]:
-            x, y, heading = poses[node]
-            offset = spots - (x, y)
-            forward = offset @ (math.cos(heading), math.sin(heading))
-            close = np.flatnonzero((np.hypot(*offset.T) <= near) & (forward > -self.radius_m))
-            return [*range(last, len(poses)), *(close + first).tolist()]
-
-        return self._chain(poses, starts, goals, last, successors)
+        graph = round_rings(np.array(poses), len(starts), len(starts) + len(ring), near, self.radius_m)
+        return self._chain(poses, starts, goals, graph, kept)
 
     def _chain(
         self,
         poses: list[Pose],
         starts: list[Path],
         goals: list[Path],
-        first_goal: int,
-        successors: Callable[[int], Iterable[int]],
+        graph: tuple[Ints, Ints],
+        kept: tuple[Ints, Ints, Floats],
         limit_s: float = math.inf,
     ) -> Path | None:
         """The route along the quickest chain of `poses`, which begin with the starts and end with the goals."""
         if not starts or not goals:
             return None
-        time_s = self.costs.time_s
+        before, after = (np.array([self.costs.time_s(move) for move in moves]) for moves in (starts, goals))
+        links = np.full(len(graph[1]), UNKNOWN)
         chain = quickest_chain(
-            poses,
-            {i: time_s(move) for i, move in enumerate(starts)},
-            {first_goal + i: time_s(move) for i, move in enumerate(goals)},
-            successors,
-            lambda i, j: self._link(poses[i], poses[j]),
-            time_s,
-            self.costs.speed_mps,
+            np.array(poses), before, after, (*graph, links), kept, self.radius_m, self.costs.speeds, self._edges,
             limit_s,
-        )
-        if chain is None:
+        ).tolist()  # fmt: skip
+        if not chain:
             return None
-        links = self._shortcut([poses[i] for i in chain])
-        return join((starts[chain[0]], *links, goals[chain[-1] - first_goal]), "route")
+        parts = self._shortcut([poses[i] for i in chain])
+        return join((starts[chain[0]], *parts, goals[chain[-1] - len(poses) + len(goals)]), "route")
 
     def _shortcut(self, poses: list[Pose]) -> list[Path]:
         """Links along the poses, leaving out those that a direct word passes by on a shorter way."""
@@ -316,9 +299,11 @@ class Connector:
         return Corners(self.free, self._guard)
 
     @cached_property
-    def _ring(self) -> tuple[list[Pose], NDArray[np.float64]]:
+    def _ring(self) -> tuple[list[Pose], tuple[Ints, Ints, Floats]]:
+        """Ring poses, and which may follow which, with what is known of their links."""
         poses = ring_poses(self.free, self.radius_m)
-        return poses, np.array([pose[:2] for pose in poses]).reshape(-1, 2)
+        near = all_close_by(np.array(poses).reshape(-1, 3), _RING_REACH * self.radius_m, self.radius_m)
+        return poses, (*near, np.full(len(near[1]), UNKNOWN))
 
 
 def _boundary(region: BaseGeometry) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +26,9 @@ class Manner:
 
     `tool_m` is how far the implement works behind the guided point; `turn_s[k]` the simulated seconds of the best
     turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across. A tractor
-    that must give way waits `hold_back_m` before the end of its track, clear of the headland. `boxes` are the outline
-    of tractor and implement: from and to so far ahead of the guided point, and half the width (m).
+    that must give way waits `hold_back_m` before the end of its track, clear of the headland. Two that would turn side
+    by side go `ahead_m` one after the other. `boxes` are the outline of tractor and implement: from and to so far ahead
+    of the guided point, and half the width (m).
     """
 
     work_speed_mps: float
@@ -37,6 +39,7 @@ class Manner:
     gap_m: float = 10.0
     stagger_m: float = 12.0
     hold_back_m: float = 8.0
+    ahead_m: float = 0.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
     boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
 
@@ -59,7 +62,9 @@ class Job:
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
     tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
     obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
-    Ways once worked out are kept in `ways`, as strategies ask for the same ones; `used` counts turns driven by kind.
+    Ways once worked out are kept in `ways`, as strategies ask for the same ones, and `tables` of turns
+    (strategies.table) by their tracks, `sharings` of the rounds (strategies.rounds) by how they are shared out; jobs of
+    one site have these three in common. `used` counts turns driven by kind.
     """
 
     layout: Layout
@@ -77,6 +82,8 @@ class Job:
     fence: Fence | None = None
     careful: tuple[Connector, ...] = ()
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
+    tables: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
+    sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:

@@ -97,8 +97,7 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
         begin = job.layout.field.entrance if first else ends[0][:2]
         whole = shared(replace(job, tractors=1), outside_in=first, begin=begin)
         return whole + [[] for _ in range(job.tractors - 1)]
-    begin = job.layout.field.entrance
-    options = [shared(job, outside_in=first, begin=begin, origin=place / ORIGINS) for place in range(ORIGINS)]
+    options = [_sharing(job, first, place / ORIGINS) for place in range(ORIGINS)]
     driven = [sum(stretch.length_m for share in shares for stretch in share) for shares in options]
     options = [shares for shares, metres in zip(options, driven, strict=True) if metres > max(driven) - SAME_M]
 
@@ -108,6 +107,15 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
         return round(max(math.dist(place, end[:2]) for share, end in pairs if (place := meet[share]) is not None), 2)
 
     return min(options, key=farthest)
+
+
+def _sharing(job: Job, outside_in: bool, origin: float) -> list[list[Stretch]]:
+    """The rounds shared out with borders counted from a place, worked out once."""
+    key = job.tractors, outside_in, origin
+    if key not in job.sharings:
+        begin = job.layout.field.entrance
+        job.sharings[key] = shared(job, outside_in=outside_in, begin=begin, origin=origin)
+    return job.sharings[key]  # type: ignore[no-any-return]
 
 
 def _end(mission: Mission) -> Pose:

@@ -1,13 +1,11 @@
-"""What a route through a region is found with: its corners, its rings, and the quickest chain of poses.
+"""What a route through a region is found with: its corners and its rings.
 
 A corner is a vertex the region bends round (a concave corner of the field or a corner of an obstacle); the
 shortest way between two points runs straight from corner to corner (visibility graph). A ring is a closed curve
 inside the region whose convex corners are rounded to the turning radius, cut into poses both ways round.
 """
 
-import heapq
 import math
-from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 import shapely
@@ -15,12 +13,11 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from strategies.paths import Path, Pose
+from strategies.paths import Pose
 
 Floats = NDArray[np.float64]
 
 _MOST_CORNERS = 90
-_MOST_LINKS = 2500
 _LEAST_BEND_RAD = 1e-6
 _RING_INSETS = (1.0, 0.5, 0.1)  # radii
 _RING_STEP = 1.5  # radii between poses
@@ -166,60 +163,3 @@ def _poses_along(ring: shapely.LinearRing, step_m: float) -> list[Pose]:
     headings = np.arctan2(front[:, 1] - behind[:, 1], front[:, 0] - behind[:, 0])
     forth = [(float(x), float(y), float(h)) for (x, y), h in zip(places, headings, strict=True)]
     return forth + [(x, y, math.remainder(h + math.pi, 2.0 * math.pi)) for x, y, h in forth]
-
-
-def quickest_chain(
-    poses: list[Pose],
-    sources: Mapping[int, float],
-    targets: Mapping[int, float],
-    successors: Callable[[int], Iterable[int]],
-    link: Callable[[int, int], Path | None],
-    time_s: Callable[[Path], float],
-    speed_mps: float,
-    limit_s: float = math.inf,
-) -> list[int] | None:
-    """Indices of the poses of the quickest chain from a source to a target, or None when there is none.
-
-    Sources and targets carry the seconds spent before and after them. This is A* in which a link is worked out
-    only when its straight-line bound comes up first; it gives up after a fixed number of links, or when nothing
-    quicker than limit_s is left.
-    """
-    spots = np.array([p[:2] for p in poses]).reshape(-1, 2)
-    ends = list(targets)
-    apart = np.hypot(*(spots[:, None, :] - spots[None, ends, :]).transpose(2, 0, 1)) / speed_mps
-    left = np.min(apart + np.array([targets[t] for t in ends]), axis=1)
-    heap = [(cost + left[i], i, -1, cost, True) for i, cost in sources.items()]
-    heapq.heapify(heap)
-    came: dict[int, int] = {}
-    links = 0
-    while heap and links < _MOST_LINKS:
-        bound, node, parent, cost, known = heapq.heappop(heap)
-        if bound >= limit_s:
-            return None
-        if node in came:
-            continue
-        if not known:
-            links += 1
-            path = link(parent, node)
-            if path is not None:
-                cost += time_s(path)
-                heapq.heappush(heap, (cost + left[node], node, parent, cost, True))
-            continue
-        came[node] = parent
-        if node == len(poses):
-            return _back_to_source(came, parent)
-        if node in targets:
-            left_none = cost + targets[node]
-            heapq.heappush(heap, (left_none, len(poses), node, left_none, True))
-        for after in successors(node):
-            if after not in came:
-                least = math.dist(poses[node][:2], poses[after][:2]) / speed_mps
-                heapq.heappush(heap, (cost + least + left[after], after, node, cost, False))
-    return None
-
-
-def _back_to_source(came: Mapping[int, int], node: int) -> list[int]:
-    chain = [node]
-    while came[chain[-1]] >= 0:
-        chain.append(came[chain[-1]])
-    return chain[::-1]

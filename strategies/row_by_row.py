@@ -20,7 +20,12 @@ def row_by_row(job: Job, *, move_up: bool = True, changes: Changes = AS_WRITTEN)
 
 
 def _row_before_in_place(draft: Draft, number: int, slot: Slot) -> list[Gate]:
-    return [draft.in_place(number, other.tractor) for other in draft.rounds[number] if other.row == slot.row - 1]
+    """The row before is in place; of two in a row the one on the side that the turn leads to goes a little ahead."""
+    row = [other for other in draft.rounds[number] if other.row == slot.row]
+    gates = [draft.in_place(number, other.tractor) for other in draft.rounds[number] if other.row == slot.row - 1]
+    if number and slot.row > 1 and slot is not row[-1] and draft.job.manner.ahead_m:
+        gates.append(draft.past_release(number, row[-1].tractor, draft.job.manner.ahead_m))
+    return gates
 
 
 def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:

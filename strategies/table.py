@@ -1,12 +1,13 @@
 """Seconds between the passes of some tracks, as orders of tracks are searched with: ways that would really be driven.
 
-Turns to near lines are worked out before the search; what leads farther, or on in the same direction, is estimated
-first and worked out when an order uses it, until an order uses nothing estimated.
+Turns to near lines are worked out before the search, once for all jobs of a site; what leads farther, or on in the same
+direction, is estimated first and worked out when an order uses it, until an order uses nothing estimated.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -32,18 +33,13 @@ class TurnTable:
 
     def __init__(self, job: Job, tracks: list[Track], near_lines: int = NEAR_LINES) -> None:
         self.job, self.passes = job, [Pass(track, way) for track in tracks for way in (1, -1)]
-        count = len(self.passes)
-        self.seconds: Floats = np.full((count, count), FAR_S)
-        self.known = np.zeros((count, count), dtype=bool)
-        for p, a in enumerate(self.passes):
-            for q, b in enumerate(self.passes):
-                if p // 2 == q // 2:
-                    continue
-                near = a.track.cell == b.track.cell and abs(a.track.line - b.track.line) <= near_lines
-                if near and a.direction != b.direction:
-                    self._work_out(p, q, routes=False)
-                if not self.known[p, q]:
-                    self.seconds[p, q] = _rounded(job.turn_time(a, b))
+        key = near_lines, tuple(tracks)
+        if key not in job.tables:
+            self.seconds, self.known = _estimates(job, self.passes), np.zeros((len(self.passes),) * 2, dtype=bool)
+            for p, q in _near_turns(self.passes, near_lines):
+                self._work_out(p, q, routes=False)
+            job.tables[key] = self.seconds, self.known
+        self.seconds, self.known = (each.copy() for each in job.tables[key])
 
     def _work_out(self, p: int, q: int, *, routes: bool) -> None:
         """The seconds of the way from pass p to pass q; without `routes` only where a turn leads there."""
@@ -92,6 +88,37 @@ class TurnTable:
                 best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=kicked)
             inner = [(best.passes // 2).tolist()]
         return Tour(rows[best.passes], best.seconds, best.bound_s)
+
+
+def _near_turns(passes: list[Pass], near_lines: int) -> Iterator[tuple[int, int]]:
+    """Pairs of passes that a turn may join: there and back on near lines of a cell."""
+    cells, lines, ways = (
+        np.array([part(one) for one in passes])
+        for part in (lambda one: one.track.cell, lambda one: one.track.line, lambda one: one.direction)
+    )
+    for p in range(len(passes)):
+        near = (np.abs(lines - lines[p]) <= near_lines) & (ways != ways[p]) & (cells == cells[p])
+        yield from ((p, q) for q in np.flatnonzero(near).tolist() if p // 2 != q // 2)
+
+
+def _estimates(job: Job, passes: list[Pass]) -> Floats:
+    """`Job.turn_time` between all passes, those of a cell at once, to the millisecond; FAR_S within a track."""
+    manner, table = job.manner, np.array(job.manner.turn_s)
+    exits, entries = (np.array([end(one) for one in passes]) for end in (job.exit, job.entry))
+    off = entries[None, :, :2] - exits[:, None, :2]
+    cosine, sine = np.cos(exits[:, 2, None]), np.sin(exits[:, 2, None])
+    along = np.abs(off[..., 0] * cosine + off[..., 1] * sine)
+    across = np.abs(off[..., 1] * cosine - off[..., 0] * sine)
+    lines = np.maximum(1, np.rint(across / job.layout.width_m).astype(np.int64))
+    extra = np.maximum(0, lines - len(table) + 1) * job.layout.width_m
+    turns = table[np.minimum(lines, len(table) - 1)] + (extra + along) / manner.turn_speed_mps
+    onward = (along + across + 2.0 * math.pi * manner.radius_m) / manner.turn_speed_mps
+    ways, tracks = np.array([one.direction for one in passes]), np.arange(len(passes)) // 2
+    seconds = np.where(ways[:, None] == ways[None, :], onward, turns)
+    cells = np.array([one.track.cell for one in passes])
+    for p, q in zip(*np.nonzero(cells[:, None] != cells[None, :]), strict=True):
+        seconds[p, q] = job.turn_time(passes[p], passes[q])
+    return np.where(tracks[:, None] == tracks[None, :], FAR_S, np.rint(seconds / SAME_S) * SAME_S)
 
 
 def _rounded(seconds: float) -> float:

@@ -281,3 +281,9 @@ def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
             return False
         x, y, heading = u, v, after
     return True
+
+
+@compiled
+def stays_inside(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a way of any number of segments from pose a stays in the region whose boundary the edges are."""
+    return inside(a[0], a[1], edges) and word_fits(a, word, edges)

@@ -109,7 +109,7 @@ def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: 
     (mast,) = told["obstacles"]
     assert (mast["name"], mast["area_m2"], mast["radius_m"], mast["margin_m"]) == ("mast", 7.06, 1.5, 0.5)
     assert (mast["x_m"], mast["y_m"], mast["lon"]) == (30.0, 50.0, None)
-    assert told["holes"] == 1 and told["interrupted_tracks"] == 0
+    assert told["holes"] == 1 and told["interrupted_tracks"] == 0 and mast["driven_round"]
     # What the margin takes of the field: circles of 2 m and 1.5 m, one less the other.
     (taken,) = [one for one in told["not_worked"] if "margin" in one["why"]]
     assert taken["area_m2"] == pytest.approx(math.pi * (2.0**2 - 1.5**2), abs=0.1) and taken["pieces"] == 1

@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon, box
 
+from strategies.chains import layered, quickest_chain
 from strategies.connect import Connector, TurnCosts
 from strategies.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
-from strategies.routes import Corners, corner_poses, quickest_chain, ring_poses
+from strategies.routes import Corners, corner_poses, ring_poses
 from strategies.turns import fishtail, omega_turn, switch_back, u_turn
 
 R = 4.0
@@ -302,15 +303,16 @@ def test_ring_poses_lie_inside_and_come_in_both_headings() -> None:
         assert abs(math.remainder(forth - back, 2 * math.pi)) == pytest.approx(math.pi)
 
 
-def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = math.inf) -> list[int] | None:
-    def link(i: int, j: int) -> Path | None:
-        way = Segment(math.dist(poses[i][:2], poses[j][:2]), 0.0, 1)
-        return None if (i, j) in blocked else Path(poses[i], (way,), "route")
-
-    last = len(poses) - 1
-    return quickest_chain(
-        poses, {0: 0.0}, {last: 0.0}, lambda i: range(len(poses)), link, lambda p: p.length_m / 2.0, 2.0, limit_s
-    )
+def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = math.inf) -> list[int]:
+    """The quickest chain over straight links at 2 m/s between all poses, from the first to the last."""
+    count = len(poses)
+    steps = [math.inf if (i, j) in blocked else math.dist(poses[i][:2], poses[j][:2]) / 2.0
+             for i in range(count) for j in range(count)]  # fmt: skip
+    graph = np.arange(0, count * count + 1, count), np.tile(np.arange(count), count), np.array(steps)
+    none = np.zeros(count + 1, np.int64), np.empty(0, np.int64), np.empty(0)
+    speeds, no_edges, nothing = np.array([2.0, 2.0, 0.0, 0.0]), np.empty((0, 4)), np.zeros(1)
+    found = quickest_chain(np.array(poses), nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
+    return [int(place) for place in found]
 
 
 def test_quickest_chain_on_a_graph_worked_by_hand() -> None:
@@ -318,14 +320,20 @@ def test_quickest_chain_on_a_graph_worked_by_hand() -> None:
     assert chain(poses, set()) == [0, 3]
     assert chain(poses, {(0, 3)}) == [0, 1, 3]
     assert chain(poses, {(0, 3), (1, 3)}) == [0, 2, 3]
-    assert chain(poses, {(0, 3), (1, 3), (2, 3)}) is None
+    assert chain(poses, {(0, 3), (1, 3), (2, 3)}) == []
 
 
 def test_quickest_chain_stops_at_its_limit() -> None:
     poses = [(0.0, 0.0, 0.0), (5.0, 3.0, 0.0), (10.0, 0.0, 0.0)]
     needed = 2 * math.hypot(5, 3) / 2.0
     assert chain(poses, {(0, 2)}, needed + 1e-6) == [0, 1, 2]
-    assert chain(poses, {(0, 2)}, needed - 1e-6) is None
+    assert chain(poses, {(0, 2)}, needed - 1e-6) == []
+
+
+def test_every_pose_of_a_layer_leads_to_every_pose_of_the_next() -> None:
+    indptr, after = layered(np.array([2, 3, 1]))
+    follow = [after[indptr[i] : indptr[i + 1]].tolist() for i in range(6)]
+    assert follow == [[2, 3, 4], [2, 3, 4], [5], [5], [5], []]
 
 
 def test_a_turn_with_room_is_found_quickly() -> None:
