@@ -90,7 +90,7 @@ def test_a_file_is_read_as_a_shipped_tractor_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "sentence"), [
-    ("mass_kg = 3850.0", "mass_kg = -1", r"mass_kg = -1: give a number from 0\.01 to 200000 \(kg, usually 500 to 16000\)"),
+    ("mass_kg = 3850.0", "mass_kg = -1", r"mass_kg = -1: give a number from 0\.01 to 200000 \(kg, usually 500 to"),
     ("mass_kg = 3850.0", "mass_kg = 0", r"mass_kg = 0: give a number from 0\.01"),
     ("mass_kg = 3850.0", "mass_kg = nan", "mass_kg = nan: give a number from"),
     ("mass_kg = 3850.0", "mass_kg = true", "mass_kg = True: give a number from"),
