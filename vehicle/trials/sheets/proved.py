@@ -130,7 +130,8 @@ def _circle_panels(rounds: Sequence[Round]) -> Iterator[Panel]:
     for ground in dict.fromkeys(each.ground for each in rounds):
         lines = []
         for number, each in enumerate(one for one in rounds if one.ground == ground):
-            label = f"{abs(each.steering_deg):.1f} degrees {'right' if each.steering_deg > 0 else 'left'}"
+            side = "right" if each.steering_deg > 0 else "left"
+            label = f"{abs(each.steering_deg):.1f} degrees {side}, {each.asked_m:.2f} m asked"
             track = each.circle.track
             lines.append(Line(label, track[:, 0] - track[0, 0], track[:, 1] - track[0, 1], number))
             lines.append(_asked(each))
@@ -145,7 +146,7 @@ def _asked(each: Round) -> Line:
     middle = track[-1] - track[0] + np.copysign(each.circle.radius_m, each.steering_deg) * aside
     turn = np.linspace(0.0, 2.0 * np.pi, 73)
     x, y = middle[0] + each.asked_m * np.cos(turn), middle[1] + each.asked_m * np.sin(turn)
-    return Line(f"asked: {each.asked_m:.2f} m", x, y, ASKED_COLOUR, dashed=True)
+    return Line("_asked", x, y, ASKED_COLOUR, dashed=True)  # in the legend the line that was driven names it
 
 
 def _lane_panel(lane: Lane) -> Panel:
