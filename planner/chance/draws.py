@@ -101,7 +101,7 @@ class _Walk:
     def factor(self, node: int) -> Array:
         """The factor of a leg; a pass or turn that begins takes its numbers whether they count or not."""
         if self.given is not None:
-            return self.given[node]
+            return np.asarray(self.given[node])
         own, kind = int(self.graph.tractor[node]), int(self.graph.kind[node])
         if self.group[own] != self.graph.group[node]:
             self.group[own] = int(self.graph.group[node])
