@@ -60,7 +60,7 @@ def test_ticks_are_few_and_inside(cost: float) -> None:
 
 def test_the_page_shows_advice_curve_and_columns() -> None:
     page = plan_page(RANKING, None)
-    assert "97\N{NO-BREAK SPACE}% before 17:00" in page
+    assert "97\N{NO-BREAK SPACE}% before\N{NO-BREAK SPACE}17:00" in page
     for words in ("Certainty and cost", "In time, %", "Expected cost", "At 95 %", "Checked."):
         assert words in page
     plain = replace(RANKING, plans=(PlanResult("a", 1, "u", True, time_s=1.0),), advice=None, chosen=None, checked=())
