@@ -85,7 +85,8 @@ class RightOfWay:
 
     def _concerned(self, table: Timetable, one: int, other: int) -> bool:
         """Whether what one may do can depend on what another has just done."""
-        return one == other or one in table.refused or other in self.crossings.near[one] or other in self.homeward.others[one]
+        near = other in self.crossings.near[one] or other in self.homeward.others[one]
+        return near or one == other or one in table.refused
 
     def _chosen(self, table: Timetable, ready: dict[int, Entry | None]) -> Entry | None:
         """The entry that can be first and leaves everybody a way home."""
