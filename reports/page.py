@@ -192,6 +192,8 @@ def _facts(best: PlanResult | None) -> list[tuple[str, str]]:
         ("Time", duration(best.time_s)),
         ("Fleet", tractors(best.tractors)),
         ("Cost", price(best.cost)),
+        ("In time", _with_unit(None if best.finish_probability is None else 100.0 * best.finish_probability, 0, "%")),
+        ("Expected cost", price(best.expected_cost)),
         ("Worked", _with_unit(best.worked_pct, 1, "%")),
         ("Left open", bound(left(best) or number(None, 0))),
         ("Overlap", _with_unit(best.overlap_pct, 1, "%")),

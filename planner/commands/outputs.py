@@ -30,7 +30,7 @@ class WriteError(HeadlandError):
 
 def inputs(
     *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = (),
-    farm: str | None = None,
+    farm: str | None = None, rain: str | None = None,
 ) -> dict[str | Path, str]:  # fmt: skip
     """The files that a command reads, by what was given on the command line, as `check_outputs` takes them."""
     files: dict[str | Path, str] = {}
@@ -38,6 +38,8 @@ def inputs(
         from vehicle.measured.logs.reading import log_files
 
         files |= {path: f"the log {path}" for path in log_files(logs)}
+    if rain is not None and rain.strip().lower().endswith(".csv"):
+        files[rain.strip()] = "the file of rain"
     if gnss_table is not None:
         files[gnss_table] = "the table of GNSS errors"
     if farm is not None:
