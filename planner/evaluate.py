@@ -13,6 +13,7 @@ from planner.deconflict import GiveWay, without_conflicts
 from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
+from planner.outlook import with_outlook
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.slowing import cures, promised_m, slowed
@@ -80,7 +81,10 @@ def simulated(site: Site, candidate: Candidate) -> Evaluation:
     except StrategyError as refusal:
         turn = site.scenario.turn
         return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
-    return Evaluation(_measured(site, candidate, tried), tried.run)
+    result, area_ha = _measured(site, candidate, tried), site.layout.field.area_ha
+    return Evaluation(
+        with_outlook(result, tried.run, site.tractor, site.implement, area_ha, site.stakes), tried.run
+    )
 
 
 def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:

@@ -11,13 +11,16 @@ from planner.commands.options import (
     AsJson,
     Bearing,
     Corners,
+    FarmOption,
     FieldArgument,
     Headland,
+    ImplementOption,
     Local,
     Margin,
     TracksOnly,
     TractorOption,
     Width,
+    with_farm,
 )
 
 if TYPE_CHECKING:
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
 
 
 def field(
+    context: typer.Context,
     field: FieldArgument = "iwamizawa",
     width: Width = 3.0,
     headland: Headland = None,
@@ -33,6 +37,8 @@ def field(
     tracks_only: TracksOnly = True,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
+    farm: FarmOption = None,
+    implement: ImplementOption = None,
     local: Local = False,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, rounds and cells.")] = None,  # noqa: UP045
     listed: Annotated[bool, typer.Option("--list", help="List every field of the file, and stop.")] = False,
@@ -48,7 +54,7 @@ def field(
     from planner.scenario import Scenario
     from planner.site import prepare
 
-    check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor))
+    check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor, farm=farm))
     if listed and png:
         raise ScenarioError("--png draws one field; leave it out with --list.")
     if listed:
@@ -58,8 +64,9 @@ def field(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
         margin_m=margin, corners=corners, tracks_only=tracks_only,
     )  # fmt: skip
+    asked = with_farm(scenario, farm, implement, context)
     warm_up()
-    site = prepare(scenario)
+    site = prepare(asked.scenario, tractor=asked.tractor, implement=asked.implement)
     remark(site.layout.field.remarks)
     with written([(png, _picture(site))] if png else []):
         _print(site, json)
