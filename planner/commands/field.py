@@ -46,6 +46,10 @@ def field(
 ) -> None:
     """Show area, obstacles, cells, rounds and tracks of a field, what stays open and why, and which turns fit.
 
+    In a GeoJSON file a feature with role "obstacle" is kept off, and a line along the boundary with edge "fence" (or
+    edge "fence" on the boundary itself) is not crossed; "open" lines are openings, and a point with role "entrance" is
+    the gate.
+
     Example: headland field denmark --width 6 --png denmark.png
     """
     from planner.commands.outputs import check_outputs, inputs, written
