@@ -24,6 +24,10 @@ Bearing = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--bearing", help="Direction of the tracks, degrees clockwise from north. By default the best one."),
 ]
+CellBearing = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option("--cell-bearing", help="Direction of the tracks in one cell: 2=45; for every such cell."),
+]
 Margin = Annotated[float, typer.Option("--margin", help="Distance kept to obstacles, holes and fences, metres.")]
 TractorOption = Annotated[
     str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")
@@ -56,7 +60,8 @@ def headland_order(first: bool, last: bool) -> str | None:
 
 _OPTIONS = {
     "field": "the field", "headland_order": "--headland-first or --headland-last",
-    "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
+    "cell_bearings": "--cell-bearing", "counts": "--tractors", "fixes": "--fix",
+    "list_fields": "headland field FILE --list"
 }  # fmt: skip
 _UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 
