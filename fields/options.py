@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ import shapely
 from fields.bearings import candidate_bearings
 from fields.cells import Cell
 from fields.cutting import CELL_M, Part, costs_m, divided
+from fields.errors import FieldError, named
 from fields.filling import filled
 from fields.layout import Layout, Track, counted_back, from_longer_side, half_turn, lay_tracks, tracks_of
 from fields.lines import TURN_M, CombRules, axes
@@ -58,9 +59,10 @@ def _compass(bearing_rad: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Laid:
-    """A part with its tracks, lines counted from 0."""
+    """A region with the direction of its tracks (radians) and these, lines counted from 0."""
 
-    part: Part
+    region: shapely.Geometry
+    bearing_rad: float
     tracks: tuple[Track, ...]
 
 
@@ -69,26 +71,55 @@ def lay_cells(plain: Layout, parts: Sequence[Part]) -> Layout:
 
     Cells are numbered so that each is near the one before, and so are its lines.
     """
+    return _laid_in_order(plain, _in_a_row(_covered(plain, [(part.region, part.bearing_rad) for part in parts])))
+
+
+def _covered(plain: Layout, cells: Iterable[tuple[shapely.Geometry, float]]) -> list[_Laid]:
+    """Tracks over regions in their directions; what is not worth a track is left out."""
     rules = CombRules(plain.width_m, 0.0, SHORTEST_M, 0.5 * plain.width_m, plain.inner.area)
-    laid = [
-        _Laid(part, from_longer_side(tracks_of(teeth, axes(part.bearing_rad))))
-        for part in parts
-        if (teeth := filled(part.region, part.bearing_rad, rules)) is not None
+    return [
+        _Laid(region, bearing, from_longer_side(tracks_of(teeth, axes(bearing))))
+        for region, bearing in cells
+        if (teeth := filled(region, bearing, rules)) is not None
     ]
+
+
+def _laid_in_order(plain: Layout, laid: Sequence[_Laid]) -> Layout:
+    """The layout whose cells are these in their order."""
     cells: list[Cell] = []
     tracks: list[Track] = []
-    for number, one in enumerate(_in_a_row(laid), start=1):
-        cells.append(Cell(number, one.part.bearing_rad, one.part.region))
+    for number, one in enumerate(laid, start=1):
+        cells.append(Cell(number, one.bearing_rad, one.region))
         first = tracks[-1].line + 1 if tracks else 0
         tracks += [replace(track, line=first + track.line, cell=number) for track in one.tracks]
     largest = max(cells, key=lambda cell: round(cell.area_m2, 3))
     return replace(plain, bearing_rad=largest.bearing_rad, tracks=tuple(tracks), cells=tuple(cells))
 
 
+def with_bearings(layout: Layout, bearings_deg: Mapping[int, float]) -> Layout:
+    """The layout with other bearings, degrees clockwise from north, by numbers of cells; raises FieldError."""
+    count = len(layout.cells)
+    for number in sorted(bearings_deg):
+        if not 1 <= number <= count:
+            raise FieldError(
+                f"Cell {number} ({named('cell_bearings')}) does not exist: field '{layout.field.name}' has {count} "
+                f"cell{'s' if count > 1 else ''}; use {'1' if count == 1 else f'1 to {count}'}.",
+                parameter="cell_bearings",
+            )
+    if count == 1:
+        return lay_tracks(layout.field, layout.width_m, layout.headland_m, *bearings_deg.values(), rounds=layout.rounds)
+    turned = (
+        half_turn(math.radians(90.0 - bearings_deg[cell.number]) % math.pi)
+        if cell.number in bearings_deg else cell.bearing_rad for cell in layout.cells
+    )  # fmt: skip
+    pairs = zip(layout.cells, turned, strict=True)
+    return _laid_in_order(layout, _covered(layout, [(cell.region, bearing) for cell, bearing in pairs]))
+
+
 def _in_a_row(laid: list[_Laid]) -> list[_Laid]:
     """Cells one near the other, an outer one first, the lines of each from where the one before ends."""
-    distance = np.array([[shapely.distance(a.part.region, b.part.region) for b in laid] for a in laid])
-    beyond = distance.sum(axis=1) + np.array([shapely.distance(a.part.region.centroid, _middle(laid)) for a in laid])
+    distance = np.array([[shapely.distance(a.region, b.region) for b in laid] for a in laid])
+    beyond = distance.sum(axis=1) + np.array([shapely.distance(a.region.centroid, _middle(laid)) for a in laid])
     place = int(np.round(beyond, 3).argmax())
     row, left = [], list(range(len(laid)))
     end: shapely.Point | None = None
@@ -99,7 +130,7 @@ def _in_a_row(laid: list[_Laid]) -> list[_Laid]:
         if end is not None:
             one = _from(one, end)
         elif ahead >= 0:
-            one = _turned(_from(one, laid[ahead].part.region.centroid))
+            one = _turned(_from(one, laid[ahead].region.centroid))
         row.append(one)
         end = _line(one.tracks[-1]).centroid
         place = ahead
@@ -107,7 +138,7 @@ def _in_a_row(laid: list[_Laid]) -> list[_Laid]:
 
 
 def _middle(laid: list[_Laid]) -> shapely.Point:
-    return shapely.union_all([one.part.region.centroid for one in laid]).centroid
+    return shapely.union_all([one.region.centroid for one in laid]).centroid
 
 
 def _line(track: Track) -> shapely.LineString:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
 from pathlib import Path
@@ -42,6 +43,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "float": ((Real,), "a number"),
     "tuple[int, ...]": ((tuple, list, range), "whole numbers in a tuple"),
     "tuple[str, ...]": ((tuple, list), "names in a tuple"),
+    "tuple[tuple[int, float], ...]": ((tuple, list), "pairs of a cell's number and degrees in a tuple"),
 }
 
 
@@ -55,7 +57,7 @@ class Scenario:
     implements; beside each other on neighbouring tracks they have what the tracks leave. `margin_m` is kept to
     obstacles and holes of the field. The headland is worked in rounds, "first" or "last" by `headland_order` (None: as
     the `operation` allows and is quicker), with square or round `corners`; with `tracks_only` it is left as room for
-    turning.
+    turning. `cell_bearings` are pairs of a cell's number and its bearing in degrees clockwise from north.
 
     `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain or a
     preference, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
@@ -90,6 +92,7 @@ class Scenario:
     draws: int | None = None
     rain: str | None = None
     prefer: str | None = None
+    cell_bearings: tuple[tuple[int, float], ...] = ()
 
     def __post_init__(self) -> None:
         _check_types(self)
@@ -97,6 +100,7 @@ class Scenario:
         _check_names(self)
         _check_rounds(self)
         _check_lengths(self)
+        _check_cells(self)
         _check_speeds(self)
         _check_prices(self)
         _check_times(self)
@@ -204,6 +208,21 @@ def _check_lengths(scenario: Scenario) -> None:
         )
 
 
+def _check_cells(scenario: Scenario) -> None:
+    for pair in scenario.cell_bearings:
+        if not (isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[0], int) and isinstance(pair[1], Real)):
+            raise ScenarioError(f"{named('cell_bearings')} holds {brief(pair)}; give pairs of a cell and degrees.")
+        if not abs(pair[1]) <= WHOLE_TURN_DEG:
+            raise ScenarioError(
+                f"The bearing of cell {pair[0]} ({named('cell_bearings')}) is {pair[1]:g}; give degrees clockwise from "
+                f"north, at most {WHOLE_TURN_DEG:g} either way."
+            )
+    if scenario.cell_bearings and scenario.bearing_deg is not None:
+        raise ScenarioError(
+            f"{named('bearing_deg')} is that of every cell, {named('cell_bearings')} of one; leave out one of them."
+        )
+
+
 def _check_speeds(scenario: Scenario) -> None:
     speeds = {
         f"speed ({named('speed_mps')})": scenario.speed_mps,
@@ -291,6 +310,19 @@ def parse_counts(text: str) -> tuple[int, ...]:
             raise ScenarioError(f"{high} tractors cannot be planned; use 1 to {MOST_TRACTORS}.", parameter="tractors")
         counts.update(range(low, high + 1))
     return tuple(sorted(counts))
+
+
+def parse_cell_bearings(texts: Iterable[str]) -> tuple[tuple[int, float], ...]:
+    """ "2=45" and more as cells and degrees, the last of a cell counts; raises ScenarioError."""
+    bearings: dict[int, float] = {}
+    for text in texts:
+        match = re.fullmatch(rf"\s*(\d{{1,{MOST_DIGITS}}})\s*=\s*([-+]?\d{{1,{MOST_DIGITS}}}(?:\.\d*)?)\s*", text)
+        if not match:
+            raise ScenarioError(
+                f"{named('cell_bearings')} {brief(text)} is not a cell with its bearing; write for instance 2=45."
+            )
+        bearings[int(match[1])] = float(match[2])
+    return tuple(sorted(bearings.items()))
 
 
 def parse_strategies(text: str) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ import shapely
 from fields.field import Field
 from fields.free import beside_tracks, free_space, rim_of
 from fields.layout import Layout
+from fields.options import with_bearings
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.chance.settings import Chances
@@ -168,7 +169,8 @@ def prepare(
         )  # fmt: skip
 
     sites = [on(layout) for layout in layouts(scenario, field, headland)]
-    return sites[quickest([site.job(1) for site in sites])]
+    best = sites[quickest([site.job(1) for site in sites])]
+    return on(with_bearings(best.layout, dict(scenario.cell_bearings))) if scenario.cell_bearings else best
 
 
 def body_of(tractor: Tractor, implement: Implement) -> Body:

@@ -10,6 +10,7 @@ import typer
 from planner.commands.options import (
     AsJson,
     Bearing,
+    CellBearing,
     Corners,
     FarmOption,
     FieldArgument,
@@ -33,6 +34,7 @@ def field(
     width: Width = 3.0,
     headland: Headland = None,
     bearing: Bearing = None,
+    cell_bearing: CellBearing = None,
     corners: Corners = "square",
     tracks_only: TracksOnly = True,
     margin: Margin = 0.3,
@@ -55,7 +57,7 @@ def field(
     from planner.commands.outputs import check_outputs, inputs, written
     from planner.commands.show import remark, warm_up
     from planner.errors import ScenarioError
-    from planner.scenario import Scenario
+    from planner.scenario import Scenario, parse_cell_bearings
     from planner.site import prepare
 
     check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor, farm=farm))
@@ -67,6 +69,7 @@ def field(
     scenario = Scenario(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
         margin_m=margin, corners=corners, tracks_only=tracks_only,
+        cell_bearings=parse_cell_bearings(cell_bearing or []),
     )  # fmt: skip
     asked = with_farm(scenario, farm, implement, context)
     warm_up()

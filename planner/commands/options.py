@@ -28,6 +28,10 @@ Bearing = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--bearing", help="Direction of the tracks, degrees clockwise from north. By default the best one."),
 ]
+CellBearing = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option("--cell-bearing", help="Direction of the tracks in one cell: 2=45; for every such cell."),
+]
 Margin = Annotated[float, typer.Option("--margin", help="Distance kept to obstacles, holes and fences, metres.")]
 TractorOption = Annotated[
     str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")
@@ -69,7 +73,8 @@ def headland_order(first: bool, last: bool) -> str | None:
 _OPTIONS = {
     "field": "the field", "headland_order": "--headland-first or --headland-last",
     "mass_kg": "--mass", "steering_rate_deg_per_s": "--steering-rate",
-    "counts": "--tractors", "fixes": "--fix", "list_fields": "headland field FILE --list"
+    "cell_bearings": "--cell-bearing", "counts": "--tractors", "fixes": "--fix",
+    "list_fields": "headland field FILE --list"
 }  # fmt: skip
 _SCENARIO = {
     "width": "width_m", "speed_kmh": "speed_mps", "turn_speed_kmh": "turn_speed_mps", "tractors": "tractors",

@@ -10,6 +10,7 @@ import typer
 from planner.commands.options import (
     AsJson,
     Bearing,
+    CellBearing,
     Corners,
     FarmOption,
     FieldArgument,
@@ -64,6 +65,7 @@ def plan(
     corners: Corners = "square",
     tracks_only: TracksOnly = False,
     bearing: Bearing = None,
+    cell_bearing: CellBearing = None,
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.5,
     margin: Margin = 0.3,
@@ -103,7 +105,7 @@ def plan(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
         operation, headland_order(headland_first, headland_last), corners,
-        tracks_only, draws, rain, prefer,
+        tracks_only, cell_bearing or [], draws, rain, prefer,
     )  # fmt: skip
     planned = _planned(with_farm(scenario, farm, implement, context), processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
@@ -118,9 +120,10 @@ def _scenario(
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
-    order: str | None, corners: str, tracks_only: bool, draws: int | None, rain: str | None, prefer: str | None,
+    order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
+    rain: str | None, prefer: str | None,
 ) -> Scenario:  # fmt: skip
-    from planner.scenario import KMH, Scenario, parse_clock, parse_counts, parse_strategies
+    from planner.scenario import KMH, Scenario, parse_cell_bearings, parse_clock, parse_counts, parse_strategies
 
     return Scenario(
         field=field,
@@ -128,6 +131,7 @@ def _scenario(
         width_m=width,
         headland_m=headland,
         bearing_deg=bearing,
+        cell_bearings=parse_cell_bearings(cell_bearings),
         radius_m=radius,
         clearance_m=clearance,
         margin_m=margin,
