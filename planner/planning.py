@@ -11,6 +11,7 @@ from fields.field import Field
 from planner.drive import picture
 from planner.pool import local_pool
 from planner.rank import candidates, rank
+from planner.rivals import rivals, waves
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from planner.tasks import Outcome, Progress, outcomes, pack
@@ -47,7 +48,7 @@ def plan(
     `field` and `tractor` (objects, names or files) take the place of those the scenario names. `executor` simulates
     the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
     with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
-    cannot is in the ranking with its reason.
+    cannot is in the ranking with its reason, and on a big field a formation that cannot win with its bound.
     """
     todo = candidates(scenario)
     if executor is None:
@@ -61,12 +62,15 @@ def plan(
     drives: dict[int, Drive] = {}
     best: Outcome | None = None
     allowed = scenario.allowed_s
-    for index, one in outcomes(executor, [(packed, candidate, pictures) for candidate in todo], progress):
-        results[index] = one.result
-        if one.drive is not None:
-            drives[index] = one.drive
-        if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
-            best = one
+    for wave in waves(site, todo):
+        known = rivals(results)
+        work = [(packed, todo[index], pictures, known.get(todo[index].tractors)) for index in wave]
+        for place, one in outcomes(executor, work, progress, len(results), len(todo)):
+            results[wave[place]] = one.result
+            if one.drive is not None:
+                drives[wave[place]] = one.drive
+            if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
+                best = one
     ranking = rank(site, [results[index] for index in range(len(todo))])
     shown = {(todo[index].strategy, todo[index].tractors): drives[index] for index in sorted(drives)}
     if best is None or best.run is None:

@@ -43,6 +43,7 @@ PLAN_KEYS = (
     "remark",
     "rounds",
     "headland_s",
+    "bound_s",
 )
 PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
 CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")

@@ -42,6 +42,7 @@ class PlanResult:
     `formation_pct` is the share of the length of all tracks that tractors drive abreast; None where the strategy forms
     none.
     `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
+    `bound_s` is the time that a plan takes at least which was not simulated, as another one is quicker than that.
     """
 
     strategy: str
@@ -75,6 +76,7 @@ class PlanResult:
     remark: str | None = None
     rounds: int | None = None
     headland_s: float | None = None
+    bound_s: float | None = None
 
 
 def finish_s(plan: PlanResult) -> float:

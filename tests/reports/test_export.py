@@ -49,6 +49,7 @@ CONTRACT = [
     "remark",
     "rounds",
     "headland_s",
+    "bound_s",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 COLUMNS = [column for key in CONTRACT for column in (PIECE if key == "largest_missed" else [key])]
