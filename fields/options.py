@@ -14,12 +14,12 @@ from fields.bearings import candidate_bearings
 from fields.cells import Cell
 from fields.cutting import CELL_M, Part, costs_m, divided
 from fields.filling import filled
-from fields.layout import Layout, Track, half_turn, lay_tracks, tracks_of
+from fields.layout import Layout, Track, counted_back, from_longer_side, half_turn, lay_tracks, tracks_of
 from fields.lines import TURN_M, CombRules, axes
 
 FloatArray = npt.NDArray[np.float64]
 
-PROMISING = 1.05  # directions this much dearer than the cheapest may still be quicker
+PROMISING = 1.02  # directions this much dearer than the cheapest may still be quicker
 MOST_BEARINGS = 3
 APART_RAD = math.radians(5.0)  # directions that are nearer give much the same tracks
 SHORTEST_M = 5.0
@@ -71,7 +71,7 @@ def lay_cells(plain: Layout, parts: Sequence[Part]) -> Layout:
     """
     rules = CombRules(plain.width_m, 0.0, SHORTEST_M, 0.5 * plain.width_m, plain.inner.area)
     laid = [
-        _Laid(part, tracks_of(teeth, axes(part.bearing_rad)))
+        _Laid(part, from_longer_side(tracks_of(teeth, axes(part.bearing_rad))))
         for part in parts
         if (teeth := filled(part.region, part.bearing_rad, rules)) is not None
     ]
@@ -91,19 +91,18 @@ def _in_a_row(laid: list[_Laid]) -> list[_Laid]:
     beyond = distance.sum(axis=1) + np.array([shapely.distance(a.part.region.centroid, _middle(laid)) for a in laid])
     place = int(np.round(beyond, 3).argmax())
     row, left = [], list(range(len(laid)))
-    end: tuple[float, float] | None = None
+    end: shapely.Point | None = None
     while left:
         left.remove(place)
         one = laid[place]
-        ahead = min(left, key=lambda other: (round(distance[place, other], 3), other), default=None)
-        near = end or None
-        if near is not None:
-            one = _from(one, shapely.Point(near))
-        elif ahead is not None:
-            one = _turned(_from(one, laid[ahead].part.region))
+        ahead = min(left, key=lambda other: (round(distance[place, other], 3), other), default=-1)
+        if end is not None:
+            one = _from(one, end)
+        elif ahead >= 0:
+            one = _turned(_from(one, laid[ahead].part.region.centroid))
         row.append(one)
-        end = one.tracks[-1].start
-        place = -1 if ahead is None else ahead
+        end = _line(one.tracks[-1]).centroid
+        place = ahead
     return row
 
 
@@ -111,15 +110,16 @@ def _middle(laid: list[_Laid]) -> shapely.Point:
     return shapely.union_all([one.part.region.centroid for one in laid]).centroid
 
 
+def _line(track: Track) -> shapely.LineString:
+    return shapely.LineString([track.start, track.end])
+
+
 def _from(one: _Laid, near: shapely.Geometry) -> _Laid:
     """The cell with its lines counted from the side that is nearer to something."""
-    ends = (shapely.LineString([track.start, track.end]) for track in (one.tracks[0], one.tracks[-1]))
-    first, last = (shapely.distance(end, near) for end in ends)
+    first, last = (shapely.distance(_line(track), near) for track in (one.tracks[0], one.tracks[-1]))
     return _turned(one) if last < first - 1e-6 else one
 
 
 def _turned(one: _Laid) -> _Laid:
     """The cell with its lines counted from the other side."""
-    last = one.tracks[-1].line
-    turned = (replace(track, line=last - track.line) for track in one.tracks)
-    return replace(one, tracks=tuple(sorted(turned, key=lambda track: (track.line, track.piece))))
+    return replace(one, tracks=counted_back(one.tracks))

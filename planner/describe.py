@@ -8,7 +8,6 @@ from typing import Any
 
 import shapely
 
-from fields.field import Field
 from fields.layout import Layout
 from fields.obstacles import LINE, POINT, Obstacle
 from planner.drive import rings_of, still
@@ -23,11 +22,10 @@ from strategies.paths import Pose
 MOST_ENDS = 60
 
 
-def describe(site: Site, drawn: Field | None = None) -> dict[str, Any]:
+def describe(site: Site) -> dict[str, Any]:
     """Facts in the order a person would ask for them, units in the keys.
 
-    `drawn` is the field as it was read, before a margin was kept to its obstacles; without it what these take is not
-    told. Lists hold mappings with the same keys: ``obstacles``, ``cells``, ``rounds`` and ``not_worked``.
+    Lists hold mappings with the same keys: ``obstacles``, ``cells``, ``rounds`` and ``not_worked``.
     """
     layout, field, manner = site.layout, site.layout.field, site.manner
     lengths = [track.length for track in layout.tracks]
@@ -52,7 +50,7 @@ def describe(site: Site, drawn: Field | None = None) -> dict[str, Any]:
         "turning_radius_m": round(manner.radius_m, 2),
         "most_tractors": min(50, len({track.line for track in layout.tracks})),
         "covered_pct": round(100.0 * _covered(site), 2),
-        "not_worked": [_not_worked(site, one) for one in unworked(site, drawn)],
+        "not_worked": [_not_worked(site, one) for one in unworked(site)],
         "turns": _turns(site),
     }
 
@@ -81,6 +79,7 @@ def _obstacle(one: Obstacle, site: Site) -> dict[str, Any]:
         "width_m": round(2.0 * one.half_m, 3) if form == LINE else None,
         "area_m2": round(one.shape.area, 2),
         "margin_m": site.scenario.margin_m,
+        "driven_round": any(shapely.intersects(place, small) for small in site.layout.field.small),
         **_place(site, place.x, place.y),
     }
 
@@ -174,10 +173,10 @@ def _seconds(site: Site, *, fits: bool) -> dict[str, float]:
     }
 
 
-def outline_picture(site: Site, drawn: Field | None = None) -> Drive:
+def outline_picture(site: Site) -> Drive:
     """The field with its rounds, cells and tracks and no tractor; what they leave open is missed ground."""
     layout = site.layout
-    open_ground = [piece for one in unworked(site, drawn) for piece in one.pieces if piece.area >= LEAST_M2]
+    open_ground = [piece for one in unworked(site) for piece in one.pieces if piece.area >= LEAST_M2]
     open_ground.sort(key=lambda piece: -round(piece.area, 3))
     place = shapely.point_on_surface(open_ground[0]) if open_ground else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"

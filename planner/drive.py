@@ -39,6 +39,7 @@ def still(site: Site, title: str) -> Drive:
         rounds=tuple(_round_line(one) for one in site.rounds),
         cells=tuple(_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
         obstacles=_obstacles(layout.field),
+        fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
     )
 
 
@@ -55,7 +56,7 @@ def picture(site: Site, run: Run, result: PlanResult) -> Drive:
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         missed=rings_of(coverage(run, site).missed),
         largest_missed=result.largest_missed,
-        steps=steps_of(run),
+        steps=steps_of(run, site.layout.width_m),
     )
 
 

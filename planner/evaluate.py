@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from fields.layout import Layout
 from planner.choosing import promising
 from planner.deconflict import GiveWay, without_conflicts
 from planner.giving_way import Rules, giving_way
@@ -18,6 +20,7 @@ from planner.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.swept import swept_ground
 from planner.touched import fence_crossed_m, obstacle_touched
 from planner.trampled import trampled_m2
+from planner.within_reach import built_within_reach
 from reports.results import PlanResult
 from strategies.errors import StrategyError
 from strategies.job import Job
@@ -29,12 +32,13 @@ from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
-ROOM_KEPT = 0.5  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-CROSSED_M = 0.01
+CROSSED_M = 0.02  # a width of wire
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
+SAME_LINE_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -92,8 +96,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    promising = corners_by_promise(job)
-    for corner in sorted(promising, key=lambda corner: corner != job.corner):
+    for corner in sorted(corners_by_promise(job), key=lambda corner: corner != job.corner):
         try:
             latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
@@ -116,9 +119,13 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     def simulate(plan: Plan) -> Run:
         return rehearsal.simulate(plan, _patience_s(plan))
 
-    give_way = _give_way(site, rehearsal)
-    refine = strategy.refine
-    refined = refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+    def build(job: Job) -> Refined:
+        refine = strategy.refine
+        return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+
+    give_way = _give_way(site)
+    refined, reached = built_within_reach(job, build)
+    job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
@@ -130,15 +137,17 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _give_way(site: Site, rehearsal: Rehearsal) -> GiveWay:
+def _give_way(site: Site) -> GiveWay:
     """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
     known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
 
     def alone(mission: Mission) -> Run:
         key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
         if key not in known:
-            world = World(Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
-                          position_errors=site.position_errors)
+            world = World(
+                Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                position_errors=site.position_errors,
+            )  # fmt: skip
             known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
         return known[key][1]
 
@@ -154,16 +163,21 @@ def _run_plan(
     if reason is None:
         run, worst = _steadied(site, run, simulate, repairs, give_way)
         reason = _fault(site, run, worst)
-    told = [refined.remark, *([] if reason else _told(site, run, worst))]
-    return CandidateRun(run, reason, _turns(job), "; ".join(each for each in told if each) or None)
+    told = [] if reason else _told(site, run, worst)
+    return CandidateRun(run, reason, _turns(job), _joined(refined.remark, *told))
+
+
+def _joined(*remarks: str | None) -> str | None:
+    """Several remarks as one; None where there is none."""
+    return "; ".join(each for each in remarks if each) or None
 
 
 def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
     """What a reader would not expect of the run of a feasible plan."""
     told = []
     if loosened := run.plan.notes.get("loosened"):
-        told.append(f"{loosened} time{'s' if loosened > 1 else ''} a tractor goes on before its formation is in place, "
-                    "as the others could not get past it")
+        times = "once" if loosened == 1 else f"{loosened} times"
+        told.append(f"{times} tractors go on before one that could not get past them is in place")
     if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
         told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
     if touched := obstacle_touched(run, site):
@@ -179,8 +193,20 @@ def _begun(run: Run, slip: Slip) -> str:
 def beside_clearance_m(site: Site) -> float:
     """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
     machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
-    room = ROOM_KEPT * (site.implement.width_m - machine_m)
+    room = ROOM_KEPT * (_spacing_m(site.layout) - machine_m)
     return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
+
+
+def _spacing_m(layout: Layout) -> float:
+    """How far apart neighbouring tracks are at the least: where lines are shared out evenly, less than their width."""
+    spacing = layout.width_m
+    for before, track in pairwise(layout.tracks):
+        ends = np.array([track.start, track.end]) - before.start
+        along = (np.array(before.end) - before.start) / before.length
+        apart = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
+        if track.line == before.line + 1 and np.ptp(apart) < SAME_LINE_M and apart[0] > 0.5 * layout.width_m:
+            spacing = min(spacing, float(apart[0]))
+    return spacing
 
 
 def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: GiveWay) -> tuple[Run, str | None]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING
+from itertools import accumulate, pairwise
 
 import numpy as np
 import shapely
@@ -14,23 +13,20 @@ from fields.errors import FieldError
 from fields.field import Field
 from fields.layout import Layout, lay_tracks
 from fields.options import effort_m, lay_options
-from planner.scenario import Scenario
+from planner.scenario import SOW, Scenario
 from strategies.job import Job
 from strategies.laps import shift_of
 from strategies.sequence import searched
 from strategies.shifts import shared
 from strategies.table import TurnTable
 
-if TYPE_CHECKING:
-    from planner.site import Site
-
 MOST_ROUNDS = 50
-MOST_TRACKS = 200  # orders of more are not searched to compare layouts: the estimate decides
-BESIDES = 2  # layouts compared with the plain one in as many rounds as turns need
-NEAR_LINES = 5  # turns over more are estimated for the comparison
+MOST_TRACKS = 125  # orders of more are not searched to compare layouts: the estimate decides
+MOST_TOGETHER = 250  # tracks of all layouts compared: what comes last is left out
+NEAR_LINES = 4  # turns over more are estimated for the comparison
 LEAST_GAIN = 0.01  # of the time: what gains less may as well lose, and is not worth a second bearing or another round
 DEEPER = 0.01  # of the time: what one round more is charged, as corners take longer than the comparison sees
-WORSE = 1.02  # layouts this much dearer than the cheapest by estimate are not compared
+WORSE = 1.005  # layouts this much dearer than the plain one by estimate are not compared
 GRID_M = 1e-6
 
 
@@ -46,12 +42,14 @@ def layouts(scenario: Scenario, field: Field, headland_m: float) -> list[Layout]
     plain = _plain(scenario, field, headland_m)
     found = [plain]
     if bearing is None:
-        options = lay_options(plain)
-        most = WORSE * effort_m(options[0])
-        found += [option for option in options if option is not plain and effort_m(option) <= most][:BESIDES]
+        options = (option for option in _options(scenario, plain) if option is not plain)
+        found += [option for option in options if effort_m(option) <= WORSE * effort_m(plain)][:1]
+    if len(plain.tracks) > MOST_TRACKS:
+        return [found[_cheapest([effort_m(layout) for layout in found])]]
     if scenario.headland_m is None and plain.rounds < MOST_ROUNDS:
         found += _deeper(scenario, field, plain.rounds + 1)
-    return found
+    together = accumulate(len(layout.tracks) for layout in found)
+    return [layout for layout, tracks in zip(found, together, strict=True) if tracks <= MOST_TOGETHER]
 
 
 def _plain(scenario: Scenario, field: Field, headland_m: float) -> Layout:
@@ -75,35 +73,35 @@ def _deeper(scenario: Scenario, field: Field, rounds: int) -> list[Layout]:
         plain = lay_tracks(field, width, rounds * width, scenario.bearing_deg, rounds=rounds)
     except FieldError:
         return []
-    return (lay_options(plain) if scenario.bearing_deg is None else [plain])[:1]
+    return _options(scenario, plain)[:1] if scenario.bearing_deg is None else [plain]
 
 
-def quickest(sites: Sequence[Site]) -> Site:
-    """The site whose field one tractor would finish soonest; the first where others gain little.
-
-    Where there are many tracks, sites with as many rounds as the first are compared by the estimated driving alone.
-    """
-    plain = sites[0]
-    if len(sites) == 1:
-        return plain
-    if max(len(site.layout.tracks) for site in sites) > MOST_TRACKS:
-        known = [site for site in sites if site.layout.rounds == plain.layout.rounds]
-        cost = [effort_m(site.layout) for site in known]
-    else:
-        known = list(sites)
-        cost = [finish_s(site) * (1.0 + DEEPER * (site.layout.rounds > plain.layout.rounds)) for site in known]
-    best = min(range(len(known)), key=lambda place: (round(cost[place], 1), place))
-    return known[best] if cost[best] < (1.0 - LEAST_GAIN) * cost[0] else plain
+def _options(scenario: Scenario, plain: Layout) -> list[Layout]:
+    """The layouts beside a plain one; cells are none where tracks are spared, as turns in one lead over the next."""
+    return [one for one in lay_options(plain) if scenario.operation != SOW or len(one.cells) == 1]
 
 
-def finish_s(site: Site) -> float:
+def quickest(jobs: Sequence[Job]) -> int:
+    """Which of several jobs for one tractor on a field is done soonest; the first where others gain little."""
+    if len(jobs) == 1:
+        return 0
+    deeper = [job.layout.rounds > jobs[0].layout.rounds for job in jobs]
+    return _cheapest([finish_s(job) * (1.0 + DEEPER * more) for job, more in zip(jobs, deeper, strict=True)])
+
+
+def _cheapest(costs: list[float]) -> int:
+    """The place of the least of some costs, 0 where it is hardly less than the first."""
+    best = min(range(len(costs)), key=lambda place: (round(costs[place], 1), place))
+    return best if costs[best] < (1.0 - LEAST_GAIN) * costs[0] else 0
+
+
+def finish_s(job: Job) -> float:
     """Seconds in which one tractor would finish the field: its best order, the rounds, missed ground at their rate."""
-    job = site.job(1)
-    tracks = list(site.layout.tracks)
+    tracks = list(job.layout.tracks)
     order = searched(tracks, job, TurnTable(job, tracks, NEAR_LINES), roughly=True)
     rounds_s, left_m = _rounds_s(job)
-    worked = _worked_m2(site) - left_m * site.layout.width_m
-    return (order.seconds + rounds_s) * site.layout.field.area_m2 / worked
+    worked = _worked_m2(job) - left_m * job.layout.width_m
+    return (order.seconds + rounds_s) * job.layout.field.area_m2 / worked
 
 
 def _rounds_s(job: Job) -> tuple[float, float]:
@@ -116,10 +114,10 @@ def _rounds_s(job: Job) -> tuple[float, float]:
     return driven + shifts * job.connector.costs.cusp_s, shift.left_m
 
 
-def _worked_m2(site: Site) -> float:
+def _worked_m2(job: Job) -> float:
     """Ground that the implement passes over where everything is driven as planned, corners whole."""
-    layout, half = site.layout, 0.5 * site.layout.width_m
-    lines = [shapely.LinearRing(lap.line) if lap.closed else lap.line for lap in site.rounds]
+    layout, half = job.layout, 0.5 * job.layout.width_m
+    lines = [shapely.LinearRing(lap.line) if lap.closed else lap.line for lap in job.rounds]
     around = shapely.buffer(lines, half, cap_style="flat", join_style="mitre")
     along = shapely.buffer([shapely.LineString([t.start, t.end]) for t in layout.tracks], half, cap_style="flat")
     worked = shapely.union_all(np.concatenate([around, along]), grid_size=GRID_M)

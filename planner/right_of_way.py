@@ -9,6 +9,7 @@ not, becomes a gate; other gates of the plan are heeded.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from planner.crossings import Crossings, Stretch
@@ -20,8 +21,23 @@ AHEAD_S = 6.0  # who goes before one that is on its way already keeps so much ah
 START_S = 1.5  # lost by a tractor that had to stand
 GUARDED_S = 120.0  # an order with less time between is guarded by a gate though none is predicted to be needed
 CHAIN = 4  # stretches entered in one go where there is no room to stand between
+STOOD_S = 0.5  # who has stood for less has passed by
 MOVED_S = 2.0  # a tractor that has been on a stretch for so long has left its hold point
 NEVER = math.inf
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How turns are taken: by when one can go on or, the more `eager`, by when it has come to its hold point.
+
+    With `on` one that must not stop at the next hold point may go on beyond it in one go.
+    """
+
+    eager: float
+    on: bool
+
+
+MANNERS = (Manner(0.0, False), Manner(0.0, True), Manner(0.5, False), Manner(0.5, True), Manner(1.0, True))
 
 
 @dataclass(frozen=True)
@@ -58,57 +74,78 @@ class RightOfWay:
     """Finds a timetable for the courses of a plan."""
 
     def __init__(self, plan: Plan, crossings: Crossings, slack: float = 1.0) -> None:
+        """For a plan whose tractors keep `slack` times the usual time between each other."""
         self.plan, self.crossings, self.courses = plan, crossings, crossings.courses
         self.behind_s, self.ahead_s = BEHIND_S * slack, AHEAD_S * slack
         self.homeward = Homeward(plan, crossings)
 
     def timetable(self) -> Timetable | None:
-        """The timetable; None where tractors stand so that they could not even get home one after another.
+        """The quickest timetable; None where tractors stand so that they could not even get home one after another.
 
         Gates of the plan that would keep them from that are left out (`homeward.loosened`).
         """
-        count = len(self.courses)
-        if not self.homeward.safe((0,) * count) and not self.homeward.loosen():
+        if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
             return None
-        table = Timetable([[] for _ in range(count)], [0.0] * count)
-        now, ready = 0.0, dict[int, Entry | None]()
+        tables = [self._filled(manner) for manner in MANNERS]
+        found = [table for table in tables if table is not None]
+        return min(found, key=lambda table: (round(table.duration_s), round(sum(table.free_s)))) if found else None
+
+    def _filled(self, manner: Manner) -> Timetable | None:
+        """A timetable in which the entry comes next that can be soonest."""
+        count = len(self.courses)
+        table, ready = Timetable([[] for _ in range(count)], [0.0] * count), dict[int, Entry | None]()
         while any(at < course.stretches for at, course in zip(table.state, self.courses, strict=True)):
             for one, course in enumerate(self.courses):
-                late = (each := ready.get(one)) is not None and each.begins_s[0] < now
-                if (one not in ready or late) and table.state[one] < course.stretches:
-                    ready[one] = self._earliest(table, one, now)
-            entry = self._chosen(table, ready)
+                if one not in ready and table.state[one] < course.stretches:
+                    ready[one] = self._earliest(table, one)
+            entry = self._chosen(table, ready, manner)
             if entry is None:
                 return None
-            now = max(now, entry.begins_s[0])
             self._enter(table, entry)
-            ready = {one: each for one, each in ready.items() if not self._concerned(one, entry.tractor)}
+            ready = {one: each for one, each in ready.items() if not self._concerned(table, one, entry.tractor)}
         return table
 
-    def _concerned(self, one: int, other: int) -> bool:
+    def _concerned(self, table: Timetable, one: int, other: int) -> bool:
         """Whether what one may do can depend on what another has just done."""
-        return one == other or other in self.crossings.near[one] or other in self.homeward.others[one]
+        if one == other or one in table.refused:
+            return True
+        return other in self.crossings.near[one] or other in self.homeward.others[one]
 
-    def _chosen(self, table: Timetable, ready: dict[int, Entry | None]) -> Entry | None:
+    def _chosen(self, table: Timetable, ready: dict[int, Entry | None], manner: Manner) -> Entry | None:
         """The entry that can be first and leaves everybody a way home."""
         entries = [entry for entry in ready.values() if entry is not None]
-        for entry in sorted(entries, key=lambda each: (round(each.begins_s[0], 1), self._to_go_s(each), each.tractor)):
-            state = list(table.state)
-            state[entry.tractor] += len(entry.begins_s)
-            if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):
-                return entry
-            table.refused.setdefault(entry.tractor, set())
+
+        def turn(entry: Entry) -> tuple[float, float, int]:
+            ahead_s = manner.eager * (entry.begins_s[0] - table.free_s[entry.tractor])
+            return round(entry.begins_s[0] - ahead_s, 1), self._to_go_s(entry), entry.tractor
+
+        for first in sorted(entries, key=turn):
+            for entry in (first, *(self._longer(table, first) if manner.on else ())):
+                state = list(table.state)
+                state[entry.tractor] += len(entry.begins_s)
+                if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):
+                    return entry
+            table.refused.setdefault(first.tractor, set())
         return None
+
+    def _longer(self, table: Timetable, entry: Entry) -> Iterator[Entry]:
+        """The same entry with more stretches in one go, where that need not begin much later."""
+        one, at = entry.tractor, table.state[entry.tractor]
+        for length in range(len(entry.begins_s) + 1, min(CHAIN, self.courses[one].stretches - at) + 1):
+            begin = self._begin(table, one, length, entry.begins_s[0])
+            if begin <= entry.begins_s[0] + START_S:
+                yield self._entry(table, one, length, begin)
 
     def _to_go_s(self, entry: Entry) -> float:
         """Minus the time to go: among equals the one with most to do goes first."""
         course = self.courses[entry.tractor]
         return -round(float(course.time_s[-1]) - course.begins_s(entry.first), 1)
 
-    def _earliest(self, table: Timetable, one: int, now: float) -> Entry | None:
+    def _earliest(self, table: Timetable, one: int) -> Entry | None:
         """When a tractor can enter its next stretch, or the next few in one go if that is sooner."""
         best: Entry | None = None
-        soonest = max(now, table.free_s[one])
+        cleared = [table.begins_s[other][-1] + MOVED_S for other in table.refused.get(one, ())]
+        soonest = max(table.free_s[one], *cleared) if cleared else table.free_s[one]
         at = table.state[one]
         for length in range(1, min(CHAIN, self.courses[one].stretches - at) + 1):
             begin = self._begin(table, one, length, soonest)
@@ -148,18 +185,28 @@ class RightOfWay:
     def _taken(self, table: Timetable, mine: Stretch, other: int, soonest: float) -> list[tuple[float, float]]:
         """Spans of time in which a stretch must not be begun because of what another does, or where it stands."""
         spans: list[tuple[float, float]] = []
-        apart = self.crossings.apart.get(mine, {})
+        apart, blockers = self.crossings.apart.get(mine, {}), self.crossings.blockers.get(mine, {})
         begins = table.begins_s[other]
         for number in range(len(begins) - 1, -1, -1):
             if begins[number] + self.courses[other].lasts_s(number) + 2.0 * self.behind_s + START_S < soonest:
                 break
             for low, high in apart.get((other, number), ()):
                 spans.append((begins[number] + low - self.ahead_s, begins[number] + high + self.behind_s))
+            came = self._came_s(table, other, number)
+            if begins[number] - came > STOOD_S and (times := blockers.get((other, number))) is not None:
+                left_s = begins[number] + max(MOVED_S, self.behind_s - times[0])
+                spans.append((came - times[1] - self.ahead_s, left_s))
         if len(begins) < len(self.courses[other].holds):
-            times = self.crossings.blockers.get(mine, {}).get((other, len(begins)))
+            times = blockers.get((other, len(begins)))
             if times is not None:
                 spans.append((table.free_s[other] - times[1] - self.ahead_s if begins else -NEVER, NEVER))
         return spans
+
+    def _came_s(self, table: Timetable, one: int, number: int) -> float:
+        """When a tractor came to the hold point before a stretch that it has begun."""
+        if number == 0:
+            return -NEVER
+        return table.begins_s[one][number - 1] + self.courses[one].lasts_s(number - 1)
 
     def _stood_in_way(
         self, table: Timetable, one: int, hold: int, stand_s: float, soonest: float
@@ -185,9 +232,21 @@ class RightOfWay:
             table.gates.append((one, self.courses[one].hold_legs[at], gate))
         table.begins_s[one] += entry.begins_s
         table.free_s[one] = entry.until_s
+        self._guard_later(table, entry)
         table.refused.pop(one, None)
         for others in table.refused.values():
             others.add(one)
+
+    def _guard_later(self, table: Timetable, entry: Entry) -> None:
+        """Keep others behind this one where what they do later has been decided before."""
+        for other in sorted(self.crossings.near[entry.tractor]):
+            begins = table.begins_s[other]
+            for number in range(len(begins) - 1, -1, -1):
+                if begins[number] <= entry.begins_s[0]:
+                    break
+                gate = self._guard(table, (other, number), entry.tractor, begins[number])
+                if gate is not None:
+                    table.gates.append((other, self.courses[other].hold_legs[number], gate))
 
     def _guard(self, table: Timetable, mine: Stretch, other: int, begin: float) -> Gate | None:
         """The gate that keeps a tractor behind another which it is predicted to follow closely."""
@@ -197,8 +256,9 @@ class RightOfWay:
                 break
             highs = [high + self.behind_s for _, high in apart.get((other, number), ())]
             passed = [high for high in highs if begin - GUARDED_S < begins[number] + high <= begin + 0.05]
-            if passed:
-                return self.courses[other].gate(other, number, max(*passed, MOVED_S), self.plan.missions[other])
+            after_s = max(*passed, MOVED_S) if passed else NEVER
+            if begins[number] + after_s <= begin + 0.05:
+                return self.courses[other].gate(other, number, after_s, self.plan.missions[other])
         return None
 
     def _cleared(self, table: Timetable, entry: Entry) -> list[Gate]:
@@ -213,7 +273,7 @@ class RightOfWay:
         for (other, number), (_, last) in sorted(self.crossings.stands.get((one, hold), {}).items()):
             if number < len(table.begins_s[other]):
                 after = last + self.behind_s - stand_s
-                due = table.begins_s[other][number] + after
-                if after > 0.0 and due > entry.begins_s[0] - GUARDED_S:
+                due = table.begins_s[other][number] + max(after, MOVED_S)
+                if after > 0.0 and entry.begins_s[0] - GUARDED_S < due <= entry.begins_s[0] + 0.05:
                     gates.append(self.courses[other].gate(other, number, after, self.plan.missions[other]))
         return gates

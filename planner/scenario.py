@@ -61,7 +61,7 @@ class Scenario:
     headland_m: float | None = None
     bearing_deg: float | None = None
     radius_m: float | None = None
-    clearance_m: float = 0.05
+    clearance_m: float = 0.5
     margin_m: float = 0.3
     tractor: str = "eg105"
     tractors: tuple[int, ...] = (1, 2, 3, 4, 5, 6)

@@ -43,7 +43,7 @@ def show(path: str | Path) -> Shown:
             f"The plan is not driven to its end ({run.outcome}): it or the tractor {scenario.tractor!r} was changed "
             "since; plan anew."
         )
-    return Shown(saved, scenario, run, steps_of(run))
+    return Shown(saved, scenario, run, steps_of(run, scenario.width_m))
 
 
 def scenario_of(saved: SavedPlan) -> Scenario:

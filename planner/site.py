@@ -18,7 +18,7 @@ from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.errors import ScenarioError, about, named
 from planner.laying import layouts, quickest
-from planner.scenario import KMH, SOW, TURNING_MPS, Scenario
+from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
 from strategies.around import Around, lay_around
 from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
@@ -36,8 +36,10 @@ RADIUS_MARGIN = 1.08
 BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
 SMALL = 4.0  # working widths across: smaller obstacles are driven round in the pass
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
+SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
+AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
 
@@ -129,7 +131,7 @@ def prepare(
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     with about("field"):
-        swing = max(0.0, body_of(tractor, implement).swing_m(radius) - reach.margin_m)
+        swing = max(0.0, body_of(tractor, implement).swing_m(radius) + SWING_SPARE_M - reach.margin_m)
         field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m, swing)
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
@@ -140,6 +142,7 @@ def prepare(
         radius_m=radius,
         tool_m=reach.tool_m,
         boxes=_boxes(tractor, implement),
+        ahead_m=AHEAD_M if scenario.clearance_m > LEAST_CLEARANCE_M else 0.0,
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
     costs, free = clock.costs(), free_space(field, reach.margin_m)
@@ -156,7 +159,8 @@ def prepare(
             position_errors, rounds, rim, around,
         )  # fmt: skip
 
-    return quickest([on(layout) for layout in layouts(scenario, field, headland)])
+    sites = [on(layout) for layout in layouts(scenario, field, headland)]
+    return sites[quickest([site.job(1) for site in sites])]
 
 
 def body_of(tractor: Tractor, implement: Implement) -> Body:

@@ -22,11 +22,21 @@ CORNER, WAIT = "corner", "wait"  # steps that no task is called like
 LEAST_WAIT_S = 3.0  # a shorter stop is part of what it interrupts
 ROUND_TRIP = 0.5  # ends so near each other, as a share of the length between them, give no direction
 SWING_RAD = math.radians(20.0)  # a turn that first swings out by more is an omega
+PARALLEL = 0.02  # tracks of one cell lead aside from each other by no larger share of their length
+LEAST_SPACING = 0.5  # of the width: lines of one cell are never nearer
 LONGEST_TURN_M = 60.0  # a longer one is a way, whatever it looks like
 U_RAD, BULB_RAD = math.radians(135.0), math.radians(225.0)  # a turn by less is no U; one by more is a bulb
 FOUND_M = 1e-3
 
 Rows = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Names:
+    """What it takes to name a step: lines with several pieces, and how far lines are apart."""
+
+    lettered: frozenset[int]
+    width_m: float
 
 
 @dataclass(frozen=True)
@@ -39,10 +49,10 @@ class _Stretch:
     last: int
 
 
-def steps_of(run: Run) -> tuple[tuple[Step, ...], ...]:
-    """The steps of every tractor, in order."""
-    lettered = _lettered(run.plan)
-    return tuple(tuple(_steps(run, tractor, lettered)) for tractor in range(run.plan.tractors))
+def steps_of(run: Run, width_m: float) -> tuple[tuple[Step, ...], ...]:
+    """The steps of every tractor, in order; `width_m` is that of the implement."""
+    names = _Names(_lettered(run.plan), width_m)
+    return tuple(tuple(_steps(run, tractor, names)) for tractor in range(run.plan.tractors))
 
 
 def track_names(places: Iterable[tuple[int, int]]) -> tuple[str, ...]:
@@ -67,7 +77,7 @@ def _round(task: Task) -> bool:
     return task.kind == ROUND
 
 
-def _steps(run: Run, tractor: int, lettered: frozenset[int]) -> Iterator[Step]:
+def _steps(run: Run, tractor: int, names: _Names) -> Iterator[Step]:
     legs = run.plan.missions[tractor].legs
     groups = _groups(legs)
     begun: set[int] = set()
@@ -77,7 +87,7 @@ def _steps(run: Run, tractor: int, lettered: frozenset[int]) -> Iterator[Step]:
             yield replace(step, for_tractors=_waited_for(run, tractor, stretch))
             continue
         members = np.flatnonzero(groups == stretch.group)
-        named = _named(legs, int(members[0]), int(members[-1]), lettered)
+        named = _named(legs, int(members[0]), int(members[-1]), names)
         yield replace(
             named, from_s=step.from_s, seconds=step.seconds, length_m=step.length_m, x_m=step.x_m, y_m=step.y_m,
             again=stretch.group in begun,
@@ -143,7 +153,7 @@ def _waited_for(run: Run, tractor: int, stretch: _Stretch) -> tuple[int, ...]:
     return tuple(sorted(shut)) or (() if follow is None else (follow.tractor + 1,))
 
 
-def _named(legs: Sequence[Leg], first: int, last: int, lettered: frozenset[int]) -> Step:
+def _named(legs: Sequence[Leg], first: int, last: int, names: _Names) -> Step:
     """What the legs from `first` to `last` are, without time and place."""
     task, manner = legs[first].task, _manner(legs[first].task)
     goal = _next_work(legs, first)
@@ -152,18 +162,31 @@ def _named(legs: Sequence[Leg], first: int, last: int, lettered: frozenset[int])
     if manner == DRIVE or task.number is None:
         return replace(step, kind=DRIVE)
     led = replace(step, number=task.number + (not on_round), to_round=on_round)
-    led = replace(led, part=str(task.piece + 1) if on_round else _part(task, lettered))
+    led = replace(led, part=str(task.piece + 1) if on_round else _part(task, names.lettered))
     driven = legs[first : last + 1]
     if manner in (ROUND, TRACK):
         return replace(led, bearing_deg=_bearing_deg(driven))
     before = legs[first - 1].task if first else None
     way = any(leg.task.kind == WAY for leg in driven) or sum(leg.length_m for leg in driven) > LONGEST_TURN_M
     corner = not way and on_round and before is not None and _round(before) and before.number == task.number
-    over = None
-    if not way and not on_round and before is not None and before.number is not None and not _round(before):
-        over = abs(before.number - task.number) or None
+    over = _over(legs, first - 1, goal, names.width_m) if first and goal is not None and not way else None
     kind = CORNER if corner else WAY if way else TURN
     return replace(led, kind=kind, over=over, shape="" if way else _shape(driven))
+
+
+def _over(legs: Sequence[Leg], before: int, after: int, width_m: float) -> int | None:
+    """How many tracks a turn leads over; None where that is not from one track of a cell to another."""
+    a, b = legs[before], legs[after]
+    if a.task.kind != TRACK or b.task.kind != TRACK or a.task.number is None or b.task.number is None:
+        return None
+    tracks = abs(a.task.number - b.task.number)
+    along = a.points[-1] - a.points[-2]
+    along = along / float(np.hypot(*along))
+    ahead, off = b.points[-1] - b.points[0], b.points[0] - a.points[-1]
+    aside_m, apart_m = (abs(float(along[0] * step[1] - along[1] * step[0])) for step in (ahead, off))
+    parallel = aside_m <= PARALLEL * b.length_m
+    spaced = LEAST_SPACING * tracks * width_m <= apart_m <= (tracks + 1.0 - LEAST_SPACING) * width_m
+    return tracks if tracks and parallel and spaced else None
 
 
 def _next_work(legs: Sequence[Leg], first: int) -> int | None:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
 import shapely
 
-from fields.field import Field
 from planner.overlays import GRID_M, only_areas
 from planner.site import Site
+from strategies.around import clear_parts
 from strategies.corners import missed_m2, tangent_m
 
 LEAST_M2 = 1.0  # less ground open for one reason is not told
 SLIVER_M = 0.1  # open ground narrower than this is rounding of outlines
 EDGE_M = 0.05  # ground so near the outline lies on it
+BESIDE = 2.0  # widths round a small obstacle in which swaths bend
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
 
 
@@ -27,16 +29,11 @@ class Unworked:
     pieces: tuple[shapely.Polygon, ...]
 
 
-def unworked(site: Site, drawn: Field | None = None) -> tuple[Unworked, ...]:
-    """The ground that stays open, by reason.
-
-    `drawn` is the field as it was read, before a margin was kept to its obstacles; without it what these take is not
-    told. What guidance misses is not known before a plan is driven.
-    """
-    boundary, kept = site.layout.field.ground, []
+def unworked(site: Site) -> tuple[Unworked, ...]:
+    """The ground that stays open, by reason. What guidance misses is not known before a plan is driven."""
+    boundary = site.layout.field.ground
+    kept = [] if site.layout.field.outline is None else list(_around_obstacles(site, site.layout.field.outline))
     rest = only_areas(shapely.difference(boundary, laid(site), grid_size=GRID_M))
-    if drawn is not None:
-        kept += list(_around_obstacles(site, drawn))
     cut = _cut_off(site)
     kept.append((f"cut off: no way there is as wide as the machines ({_wide_m(site):g} m)", cut))
     rest = only_areas(shapely.difference(rest, cut, grid_size=GRID_M))
@@ -53,26 +50,41 @@ def unworked(site: Site, drawn: Field | None = None) -> tuple[Unworked, ...]:
 def laid(site: Site) -> shapely.Geometry:
     """The ground under the tracks and rounds of a site."""
     half = 0.5 * site.layout.width_m
-    tracks = shapely.linestrings([[track.start, track.end] for track in site.layout.tracks])
-    rounds = [one.line for one in site.rounds]
-    swaths = [*shapely.buffer(tracks, half, cap_style="flat")]
-    swaths += [line.buffer(half, cap_style="flat", join_style="mitre", mitre_limit=SHARP_LIMIT) for line in rounds]
+    swaths = [
+        line.buffer(half, cap_style="flat", join_style="mitre", mitre_limit=SHARP_LIMIT)
+        for line in (*_tracks(site), *_rounds(site))
+    ]
     return only_areas(shapely.union_all(swaths, grid_size=GRID_M))
+
+
+def _tracks(site: Site) -> Iterator[shapely.LineString]:
+    """Centre lines of the tracks, bent where small obstacles are driven round."""
+    for track in site.layout.tracks:
+        bent = site.around.bent.get(track.start)
+        yield shapely.LineString([track.start, track.end] if bent is None else bent.between(0.0, track.length))
+
+
+def _rounds(site: Site) -> Iterator[shapely.LineString]:
+    for one in site.rounds:
+        points = np.asarray(one.line.coords)
+        parts = None if site.around.bender is None else clear_parts(points, site.around.bender)
+        yield from [one.line] if parts is None else [shapely.LineString(part) for part, _ in parts]
 
 
 def _wide_m(site: Site) -> float:
     return max(site.implement.width_m, site.tractor.width_m)
 
 
-def _around_obstacles(site: Site, drawn: Field) -> Iterator[tuple[str, shapely.Geometry]]:
-    """What the margin takes, and what lies behind obstacles."""
-    margin_m = site.scenario.margin_m
-    bare = shapely.union_all([one.shape for one in drawn.obstacles], grid_size=GRID_M)
-    lost = shapely.difference(shapely.difference(drawn.boundary, bare, grid_size=GRID_M), site.layout.field.ground)
-    solid = shapely.union_all([bare, *map(shapely.Polygon, drawn.boundary.interiors)], grid_size=GRID_M)
+def _around_obstacles(site: Site, drawn: shapely.Polygon) -> Iterator[tuple[str, shapely.Geometry]]:
+    """What the margin takes of the field as it was drawn, and what lies behind obstacles."""
+    margin_m, field = site.scenario.margin_m, site.layout.field
+    bare = shapely.union_all([one.shape for one in field.obstacles], grid_size=GRID_M)
+    lost = shapely.difference(shapely.difference(drawn, bare, grid_size=GRID_M), field.ground, grid_size=GRID_M)
+    solid = shapely.union_all([bare, *map(shapely.Polygon, drawn.interiors), *field.fences], grid_size=GRID_M)
     near = solid.buffer(2.0 * margin_m + EDGE_M)
-    yield "cut off by obstacles", only_areas(shapely.difference(lost, near, grid_size=GRID_M))
-    yield f"margin of {margin_m:g} m to obstacles", only_areas(shapely.intersection(lost, near, grid_size=GRID_M))
+    what = "obstacles and fences" if field.fences else "obstacles"
+    yield f"cut off by {what}", only_areas(shapely.difference(lost, near, grid_size=GRID_M))
+    yield f"margin of {margin_m:g} m to {what}", only_areas(shapely.intersection(lost, near, grid_size=GRID_M))
 
 
 def _cut_off(site: Site) -> shapely.Geometry:
@@ -90,6 +102,8 @@ def _zones(site: Site) -> Iterator[tuple[str, shapely.Geometry]]:
     wide = boundary.buffer(-half + EDGE_M, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = wide.buffer(half - EDGE_M, join_style="mitre", mitre_limit=SHARP_LIMIT)
     yield f"narrower than the implement ({layout.width_m:g} m)", only_areas(shapely.difference(boundary, wide))
+    small = shapely.union_all(layout.field.small).buffer(BESIDE * layout.width_m)
+    yield "beside obstacles that are driven round", small
     if not layout.rounds:
         lines = shapely.linestrings([[track.start, track.end] for track in layout.tracks])
         near = shapely.union_all(shapely.buffer(lines, layout.headland_m + layout.width_m), grid_size=GRID_M)

@@ -96,6 +96,7 @@ def map_picture(drives: Mapping[str, Drive]) -> dict[str, Any]:
         ],
         "cells": "".join(frame.line(ring, closed=True) for cell in first.cells for ring in cell.rings),
         "obstacles": "".join(frame.line(ring, closed=True) for ring in first.obstacles),
+        "fences": "".join(frame.line(line) for line in first.fences),
         "labels": _texts(track_labels(first, size), frame),
         "round_labels": _texts(round_labels(first, size), frame),
         "cell_labels": _texts(cell_labels(first), frame),

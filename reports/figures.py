@@ -231,6 +231,8 @@ def _marks(drive: Drive) -> list[Artist]:
         handles.append(Line2D([], [], color=INK, linewidth=1.0, linestyle="dashed", label="cells"))
     if drive.obstacles:
         handles.append(Patch(facecolor=palette.OBSTACLE, edgecolor="none", label="obstacles"))
+    if drive.fences:
+        handles.append(Line2D([], [], color=INK, linewidth=2.2, linestyle=(0, (2, 1)), label="fences"))
     if drive.missed:
         handles.append(Patch(facecolor="none", edgecolor=palette.MISSED, hatch="/////", label="not worked"))
     return handles

@@ -16,7 +16,7 @@ WORK_KINDS = ("track", "round")
 # In hundredths of the larger side of a map: distances between two, how far beyond a track its number stands.
 _LABELS, _ARROWS, _BESIDE, _HEAD = 2.3, 4.0, 1.2, 1.1
 _HALF_TOLD = 5.0  # what is told of missed ground reaches so far to either side
-_FROM_LABELS = 2.8  # between an arrow and the number of a track or round
+_FROM_LABELS, _FROM_CELLS = 2.8, 6.5  # between an arrow and the number of a track or round, or the name of a cell
 _ALONG = (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82)  # shares of a stretch where its arrow may stand
 _ROUND_AT, _ROUND_STEP, _ROUND_PLACES = 0.25, 0.07, 4  # likewise of the longest edge of a round: its number
 
@@ -82,16 +82,22 @@ def work_marks(drive: Drive, size: float) -> list[list[WorkMark]]:
     Where the middle of a stretch has none, another place along it is tried.
     """
     taken = np.empty((0, 2))
-    labels = [label.place for label in (*track_labels(drive, size), *round_labels(drive, size))]
-    named = np.array(labels).reshape(-1, 2)
+    named = [
+        (np.array([label.place for label in labels]).reshape(-1, 2), apart)
+        for labels, apart in (
+            ([*track_labels(drive, size), *round_labels(drive, size)], _FROM_LABELS), (cell_labels(drive), _FROM_CELLS)
+        )
+    ]  # fmt: skip
     marks: list[list[WorkMark]] = [[] for _ in drive.xy]
     for tractor, own in enumerate(marks):
         for text, line in _worked(drive, tractor):
             for head in _heads(line, _HEAD * size / 100):
-                if _apart(head[0], taken, _ARROWS * size / 100) and _apart(head[0], named, _FROM_LABELS * size / 100):
+                back = 0.5 * (head[1] + head[2])
+                place = back + 1.1 * (back - head[0])
+                clear = (_apart(one, others, apart * size / 100) for others, apart in named for one in (head[0], place))
+                if _apart(head[0], taken, _ARROWS * size / 100) and all(clear):
                     taken = np.concatenate([taken, head[:1]])
-                    back = 0.5 * (head[1] + head[2])
-                    own.append(WorkMark(head, Label(text, back + 1.1 * (back - head[0])) if text else None))
+                    own.append(WorkMark(head, Label(text, place) if text else None))
                     break
     return marks
 

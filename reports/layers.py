@@ -57,6 +57,8 @@ def draw_ground(axes: Axes, drive: Drive) -> None:
     axes.add_patch(
         _patch([drive.boundary, *drive.holes], facecolor="none", edgecolor=palette.EDGE, linewidth=1.2, zorder=3)
     )
+    for line in drive.fences:
+        axes.plot(*line.T, color=INK, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
 
 
 def _patch(rings: Sequence[Points], **look: object) -> PathPatch:

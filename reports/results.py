@@ -202,7 +202,7 @@ class Drive:
     around ground that is left open, counter-clockwise, and clockwise round what is worked inside it; `largest_missed`
     is the largest piece of it. `track_names` are what tracks are called, by default their places from 1; `rounds` are
     those of the headland that are worked, `cells` the parts of a field that has several, `obstacles` rings (n, 2)
-    around what stands in it, and `steps` what each tractor does, in order.
+    around what stands in it, `fences` lines (n, 2) along its outline, and `steps` what each tractor does, in order.
     """
 
     title: str
@@ -222,6 +222,7 @@ class Drive:
     rounds: tuple[RoundLine, ...] = ()
     cells: tuple[CellOutline, ...] = ()
     obstacles: tuple[Points, ...] = ()
+    fences: tuple[Points, ...] = ()
     steps: tuple[tuple[Step, ...], ...] = ()
 
 

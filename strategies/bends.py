@@ -177,7 +177,7 @@ class Bender:
 
     def _best(self, line: Line, group: _Group) -> tuple[_Group, Bend | None]:
         """The bend with the least deviation that has room; it may take in what stands where the line is left for."""
-        options = []
+        options: list[tuple[float, int, _Group, Bend]] = []
         for bend in self._bends(group):
             grown = group
             while bend.first_m >= 0.0 and bend.last_m <= line.length_m:

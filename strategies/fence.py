@@ -46,7 +46,7 @@ class Body:
         ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
         turned = corners[None, ..., :1] * ahead[:, None, None] + corners[None, ..., 1:] * left[:, None, None]
-        return shapely.polygons((turned + poses[:, None, None, :2]).reshape(-1, 4, 2))
+        return np.asarray(shapely.polygons((turned + poses[:, None, None, :2]).reshape(-1, 4, 2)))
 
 
 class Fence:

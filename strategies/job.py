@@ -26,8 +26,9 @@ class Manner:
 
     `tool_m` is how far the implement works behind the guided point; `turn_s[k]` the simulated seconds of the best
     turn over k lines (index 0 unused), beyond its end the last entry grows by driving straight across. A tractor
-    that must give way waits `hold_back_m` before the end of its track, clear of the headland. `boxes` are the outline
-    of tractor and implement: from and to so far ahead of the guided point, and half the width (m).
+    that must give way waits `hold_back_m` before the end of its track, clear of the headland. Two that would turn side
+    by side go `ahead_m` one after the other. `boxes` are the outline of tractor and implement: from and to so far ahead
+    of the guided point, and half the width (m).
     """
 
     work_speed_mps: float
@@ -38,6 +39,7 @@ class Manner:
     gap_m: float = 10.0
     stagger_m: float = 12.0
     hold_back_m: float = 8.0
+    ahead_m: float = 0.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
     boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
 

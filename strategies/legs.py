@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from fields.layout import Track
-from strategies.errors import StrategyError
+from strategies.errors import NoWayError
 from strategies.job import Job, Pass
 from strategies.paths import Path, Pose
 from vehicle.missions import DRIVE_IN, TRACK, TURN, WAY, Leg, Mission, Task
@@ -106,9 +106,10 @@ def turn_legs(job: Job, a: Pass, b: Pass) -> list[Leg]:
     path = job.way(job.exit(a), job.entry(b))
     if path is None:
         x, y, _ = job.exit(a)
-        raise StrategyError(
+        raise NoWayError(
             f"No way of turning radius {job.manner.radius_m:.1f} m leads from track {a.track.line} to track "
-            f"{b.track.line} (at {x:.0f}, {y:.0f} m) inside the field; a wider headland or another turn may."
+            f"{b.track.line} (at {x:.0f}, {y:.0f} m) inside the field; a wider headland or another turn may.",
+            (a.track, b.track),
         )
     job.used[path.kind] = job.used.get(path.kind, 0) + 1
     return way_legs(job, path, b.track)

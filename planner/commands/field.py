@@ -21,7 +21,6 @@ from planner.commands.options import (
 )
 
 if TYPE_CHECKING:
-    from fields.field import Field
     from planner.site import Site
 
 
@@ -43,10 +42,9 @@ def field(
 
     Example: headland field denmark --width 6 --png denmark.png
     """
-    from fields.read import read_field
     from planner.commands.outputs import check_outputs, inputs, written
     from planner.commands.show import remark, warm_up
-    from planner.errors import ScenarioError, about
+    from planner.errors import ScenarioError
     from planner.scenario import Scenario
     from planner.site import prepare
 
@@ -61,18 +59,16 @@ def field(
         margin_m=margin, corners=corners, tracks_only=tracks_only,
     )  # fmt: skip
     warm_up()
-    with about("field"):
-        drawn = read_field(field, local=local)
-    site = prepare(scenario, drawn)
+    site = prepare(scenario)
     remark(site.layout.field.remarks)
-    with written([(png, _picture(site, drawn))] if png else []):
-        _print(site, drawn, json)
+    with written([(png, _picture(site))] if png else []):
+        _print(site, json)
 
 
-def _print(site: Site, drawn: Field, json: bool) -> None:
+def _print(site: Site, json: bool) -> None:
     from planner.describe import describe
 
-    facts = describe(site, drawn)
+    facts = describe(site)
     if json:
         from reports.export import facts_json
 
@@ -84,11 +80,11 @@ def _print(site: Site, drawn: Field, json: bool) -> None:
     out(field_report(facts))
 
 
-def _picture(site: Site, drawn: Field) -> bytes:
+def _picture(site: Site) -> bytes:
     from planner.describe import outline_picture
     from reports.figures import map_figure, png_bytes
 
-    return png_bytes(map_figure(outline_picture(site, drawn)))
+    return png_bytes(map_figure(outline_picture(site)))
 
 
 def _list(field: str, local: bool, json: bool) -> None:

@@ -59,7 +59,7 @@ def plan(
     tracks_only: TracksOnly = False,
     bearing: Bearing = None,
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
-    clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.05,
+    clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.5,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
     local: Local = False,

@@ -173,5 +173,5 @@ class TestRefusals:
             lay_rounds(rectangle(100, 50), width, count, bend)
 
     def test_no_room_inside_the_rounds(self) -> None:
-        with pytest.raises(FieldError, match="use a smaller headland_m"):
+        with pytest.raises(FieldError, match="use a smaller headland"):
             lay_tracks(rectangle(100, 20), 3.0, 12.0, rounds=4)

@@ -28,7 +28,7 @@ def worked(place: Any) -> tuple[Site, Run]:
 
 def test_steps_are_the_whole_run_without_gaps(worked: tuple[Site, Run]) -> None:
     _, run = worked
-    for tractor, steps in enumerate(steps_of(run)):
+    for tractor, steps in enumerate(steps_of(run, 3.0)):
         assert steps[0].from_s == 0.0
         for before, after in pairwise(steps):
             assert before.from_s + before.seconds == pytest.approx(after.from_s, abs=1e-9)
@@ -39,7 +39,7 @@ def test_steps_are_the_whole_run_without_gaps(worked: tuple[Site, Run]) -> None:
 
 def test_every_track_and_side_is_a_step_once(worked: tuple[Site, Run]) -> None:
     site, run = worked
-    steps = [step for own in steps_of(run) for step in own]
+    steps = [step for own in steps_of(run, 3.0) for step in own]
     tracks = [step.number for step in steps if step.kind == "track" and not step.again]
     assert sorted(tracks) == [track.line + 1 for track in site.layout.tracks]
     sides = {(step.number, step.part) for step in steps if step.kind == "round"}
@@ -50,7 +50,7 @@ def test_every_track_and_side_is_a_step_once(worked: tuple[Site, Run]) -> None:
 def test_sides_are_called_the_same_whichever_way_they_are_driven(worked: tuple[Site, Run]) -> None:
     _, run = worked
     ways: dict[str, set[int]] = {}
-    for step in (step for own in steps_of(run) for step in own if step.kind == "round"):
+    for step in (step for own in steps_of(run, 3.0) for step in own if step.kind == "round"):
         assert step.bearing_deg is not None
         ways.setdefault(step.part, set()).add(round(step.bearing_deg) % 180)
     assert all(len(bearings) == 1 for bearings in ways.values()), "a side is one line of the rectangle"
@@ -59,7 +59,7 @@ def test_sides_are_called_the_same_whichever_way_they_are_driven(worked: tuple[S
 
 def test_tracks_have_their_direction_and_turns_count_the_tracks_they_lead_over(worked: tuple[Site, Run]) -> None:
     _, run = worked
-    for steps in steps_of(run):
+    for steps in steps_of(run, 3.0):
         for before, turn, after in zip(steps, steps[1:], steps[2:], strict=False):
             if turn.kind == "turn" and before.kind == after.kind == "track":
                 assert before.number is not None and after.number is not None
@@ -80,7 +80,7 @@ def test_a_wait_names_who_is_waited_for() -> None:
     first = Mission((straight(0, 100, 0, 0),))
     second = Mission((straight(0, 30, 20, 4), straight(30, 60, 20, 6, (Gate(0, 0, 90.0),))))
     run = simulate(Plan((first, second)), load_tractor("eg105"), Implement(width_m=3.0))
-    one, two = steps_of(run)
+    one, two = steps_of(run, 3.0)
     assert [step.kind for step in one] == ["track"]
     assert [(step.kind, step.number, step.for_tractors) for step in two] == [
         ("track", 5, ()), ("wait", None, (1,)), ("track", 7, ())
@@ -93,7 +93,7 @@ def test_a_stop_in_a_track_parts_it() -> None:
     first = Mission((straight(0, 100, 0, 0),))
     second = Mission((straight(0, 30, 20, 4), straight(30, 60, 20, 4, (Gate(0, 0, 90.0),))))
     run = simulate(Plan((first, second)), load_tractor("eg105"), Implement(width_m=3.0))
-    assert [(step.kind, step.again) for step in steps_of(run)[1]] == [
+    assert [(step.kind, step.again) for step in steps_of(run, 3.0)[1]] == [
         ("track", False), ("wait", False), ("track", True)
     ]  # fmt: skip
 
@@ -119,3 +119,20 @@ def test_a_way_that_hardly_bends_has_no_shape() -> None:
 def test_names_of_tracks() -> None:
     assert track_names([(0, 0), (1, 0), (1, 1), (2, 0)]) == ("1", "2a", "2b", "3")
     assert track_names((7, piece) for piece in range(28))[-3:] == ("8z", "8aa", "8ab")
+
+
+def test_a_turn_into_another_cell_counts_no_tracks(place: Any) -> None:
+    site = place(shapely.Polygon([(0, 0), (130, 0), (130, 50), (50, 50), (50, 130), (0, 130)]), tracks_only=False)
+    assert len(site.layout.cells) > 1
+    cells = {track.line + 1: track.cell for track in site.layout.tracks}
+    (steps,) = steps_of(run_candidate(site, Candidate("split-field", 1)).run, 3.0)
+    last, across = None, 0
+    for step in steps:
+        if step.kind in ("turn", "way") and last is not None and not step.to_round:
+            if cells[last] == cells[step.number or 0]:
+                assert step.kind == "way" or step.over == abs(last - (step.number or 0))
+            else:
+                across += 1
+                assert step.over is None
+        last = step.number if step.kind == "track" else None
+    assert across

@@ -1,0 +1,57 @@
+"""Half a metre between machines with implements: measured on the record, and what it costs."""
+
+import math
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from planner.evaluate import Candidate, simulated
+from planner.scenario import Scenario
+from planner.site import body_of
+
+FIELD = shapely.box(0, 0, 150, 60)
+PARALLEL = math.radians(10.0)
+
+
+@pytest.mark.parametrize("strategy", ["row-by-row", "col-by-col", "interleaved"])
+def test_it_is_kept_where_tractors_are_not_beside_each_other(strategy: str, place: Any) -> None:
+    site = place(FIELD, (0.0, 0.0), tractors=(3,))
+    run = simulated(site, Candidate(strategy, 3)).run
+    assert site.scenario.clearance_m == 0.5 and run is not None and run.contacts == ()
+    body, axle_m = body_of(site.tractor, site.implement), site.tractor.rear_axle_m
+    nearest = {True: math.inf, False: math.inf}
+    for first, second in combinations(range(3), 2):
+        poses = [run.poses(each)[:, :3] for each in (first, second)]
+        near = np.hypot(*(poses[0] - poses[1])[:, :2].T) < 12.0
+        angle = np.sin(poses[0][near, 2] - poses[1][near, 2])
+        boxes = []
+        for x, y, heading in (pose[near].T for pose in poses):
+            axle = np.column_stack([x - axle_m * np.cos(heading), y - axle_m * np.sin(heading), heading])
+            boxes.append(shapely.multipolygons(body.placed(axle).reshape(-1, 2)))
+        apart = shapely.distance(*boxes)
+        for beside in (True, False):
+            nearest[beside] = min(nearest[beside], *apart[(np.abs(angle) < PARALLEL) == beside], math.inf)
+    assert nearest[False] > 0.5 - 0.05, "looked at ten times a second"
+    assert nearest[True] > 0.1 - 0.02, "a third of the 0.3 m that neighbouring tracks leave"
+
+
+def test_of_two_in_a_row_one_turns_a_little_ahead(place: Any) -> None:
+    """The last of three, on the side that the turn leads to, goes first; the first of them 3 m of its way later."""
+    site = place(FIELD, (0.0, 0.0), tractors=(3,))
+    run = simulated(site, Candidate("row-by-row", 3)).run
+    assert run is not None and site.manner.ahead_m == 3.0
+    gates = [gate for leg in run.plan.missions[0].legs for gate in leg.gates if gate.tractor == 2]
+    assert any(gate.after_m == 3.0 for gate in gates)
+    assert not any(gate.after_m == 3.0 for leg in run.plan.missions[2].legs for gate in leg.gates)
+
+
+def test_it_costs_a_formation_little(place: Any) -> None:
+    def time_s(clearance_m: float) -> float | None:
+        site = place(FIELD, (0.0, 0.0), tractors=(3,), clearance_m=clearance_m)
+        return simulated(site, Candidate("row-by-row", 3)).result.time_s
+
+    assert time_s(0.5) == pytest.approx(time_s(0.05), rel=0.03)
+    assert Scenario().clearance_m == 0.5
