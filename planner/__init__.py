@@ -11,6 +11,7 @@ giving_way     who waits for whom: courses driven alone, crossings of them, righ
 slowing        turns that are better driven slowly, tried alone
 choosing, bounds   which plans of the same work are simulated; the least time a plan can take
 overlays       unions and differences of swept ground
+rivals         formations that cannot win are told so with their bound
 within_reach   tracks and rounds that no way leads to are left out
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order

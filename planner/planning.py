@@ -15,6 +15,7 @@ from planner.outlook import bearing_out, check_words
 from planner.pool import local_pool
 from planner.price.cost import Terms
 from planner.rank import candidates, rank
+from planner.rivals import rivals, waves
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from planner.tasks import Outcome, Progress, outcomes, pack, work_out
@@ -56,7 +57,7 @@ def plan(
     `terms` (prices) are those of a farm. `executor` simulates
     the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
     with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
-    cannot is in the ranking with its reason.
+    cannot is in the ranking with its reason, and on a big field a formation that cannot win with its bound.
     """
     todo = candidates(scenario)
     if executor is None:
@@ -71,12 +72,15 @@ def plan(
     drives: dict[int, Drive] = {}
     best: Outcome | None = None
     allowed = scenario.allowed_s
-    for index, one in outcomes(executor, [(packed, candidate, pictures) for candidate in todo], progress):
-        results[index] = one.result
-        if one.drive is not None:
-            drives[index] = one.drive
-        if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
-            best = one
+    for wave in waves(site, todo):
+        known = rivals(results)
+        work = [(packed, todo[index], pictures, known.get(todo[index].tractors)) for index in wave]
+        for place, one in outcomes(executor, work, progress, len(results), len(todo)):
+            results[wave[place]] = one.result
+            if one.drive is not None:
+                drives[wave[place]] = one.drive
+            if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
+                best = one
     ranking = rank(site, [results[index] for index in range(len(todo))])
     shown = {(todo[index].strategy, todo[index].tractors): drives[index] for index in sorted(drives)}
     best = _chosen(ranking, todo, packed, best)

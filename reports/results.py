@@ -45,6 +45,7 @@ class PlanResult:
     Draws of what varies from day to day give `finish_probability` (of being done by the deadline and before the rain)
     with its 95 % interval, quantiles of the time (`p50_s`, `p80_s`, `p95_s`) and money in the mean: `paid_cost`, and
     `expected_cost` with ground that is late on top, with its standard error.
+    `bound_s` is the time that a plan takes at least which was not simulated, as another one is quicker than that.
     """
 
     strategy: str
@@ -78,6 +79,7 @@ class PlanResult:
     remark: str | None = None
     rounds: int | None = None
     headland_s: float | None = None
+<<<<<<< HEAD
     finish_probability: float | None = None
     finish_probability_interval: tuple[float, float] | None = None
     p50_s: float | None = None
@@ -86,6 +88,9 @@ class PlanResult:
     expected_cost: float | None = None
     expected_cost_error: float | None = None
     paid_cost: float | None = None
+=======
+    bound_s: float | None = None
+>>>>>>> speed
 
 
 def finish_s(plan: PlanResult) -> float:

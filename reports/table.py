@@ -142,9 +142,15 @@ def _columns(wide: bool, deadline: bool, left: bool, chances: bool) -> list[_Pla
 
 
 def _refused_part(plans: list[PlanResult]) -> list[RenderableType]:
+    beaten = [plan for plan in plans if plan.bound_s is not None]
+    driven = [plan for plan in plans if plan.bound_s is None]
+    return [*_reasons("Refused", driven), *_reasons("Not simulated", beaten)]
+
+
+def _reasons(what: str, plans: list[PlanResult]) -> list[RenderableType]:
     if not plans:
         return []
-    parts: list[RenderableType] = [Text(""), _title(f"Refused: {len(plans)} plan{'s' if len(plans) > 1 else ''}")]
+    parts: list[RenderableType] = [Text(""), _title(f"{what}: {len(plans)} plan{'s' if len(plans) > 1 else ''}")]
     for refusal in refusals(plans):
         alike = " (first of several that differ in the figures)" if refusal.alike else ""
         parts.append(_bullet(f"{len(refusal.plans)} x  {refusal.reason}{alike}"))
