@@ -9,7 +9,7 @@ not, becomes a gate; other gates of the plan are heeded.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from planner.crossings import Crossings, Stretch
@@ -120,7 +120,8 @@ class RightOfWay:
             return round(entry.begins_s[0] - ahead_s, 1), self._to_go_s(entry), entry.tractor
 
         for first in sorted(entries, key=turn):
-            for entry in (first, *(self._longer(table, first) if manner.on else ())):
+            longer: Iterable[Entry] = self._longer(table, first) if manner.on else ()
+            for entry in (first, *longer):
                 state = list(table.state)
                 state[entry.tractor] += len(entry.begins_s)
                 if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):

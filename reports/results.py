@@ -79,7 +79,6 @@ class PlanResult:
     remark: str | None = None
     rounds: int | None = None
     headland_s: float | None = None
-<<<<<<< HEAD
     finish_probability: float | None = None
     finish_probability_interval: tuple[float, float] | None = None
     p50_s: float | None = None
@@ -88,9 +87,7 @@ class PlanResult:
     expected_cost: float | None = None
     expected_cost_error: float | None = None
     paid_cost: float | None = None
-=======
     bound_s: float | None = None
->>>>>>> speed
 
 
 def finish_s(plan: PlanResult) -> float:
