@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
 from planner.crossings import Crossings, Stretch
 from planner.homeward import Homeward, State
@@ -120,7 +121,7 @@ class RightOfWay:
             return round(entry.begins_s[0] - ahead_s, 1), self._to_go_s(entry), entry.tractor
 
         for first in sorted(entries, key=turn):
-            for entry in (first, *(self._longer(table, first) if manner.on else ())):
+            for entry in chain((first,), self._longer(table, first) if manner.on else ()):
                 state = list(table.state)
                 state[entry.tractor] += len(entry.begins_s)
                 if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):
