@@ -38,6 +38,7 @@ class Manner:
     on: bool
 
 
+SMALL_FLEET = 4  # tractors; larger ones are scheduled in one manner, as that takes long enough
 MANNERS = (Manner(0.0, False), Manner(0.0, True), Manner(0.5, False), Manner(0.5, True), Manner(1.0, True))
 
 
@@ -87,7 +88,8 @@ class RightOfWay:
         """
         if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
             return None
-        tables = [self._filled(manner) for manner in MANNERS]
+        manners = MANNERS if len(self.courses) <= SMALL_FLEET else MANNERS[:1]
+        tables = [self._filled(manner) for manner in manners]
         found = [table for table in tables if table is not None]
         return min(found, key=lambda table: (round(table.duration_s), round(sum(table.free_s)))) if found else None
 
