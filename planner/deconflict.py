@@ -112,7 +112,7 @@ def _why(run: Run, clash: Conflict | None) -> str:
     if clash is not None:
         return (
             f"tractors {clash.first + 1} and {clash.second + 1} meet after {clash.time_s:.0f} s, "
-            "and no way of giving way that was tried avoids it"
+            "and no way of giving way that was tried avoids it; fewer tractors, or another headland, may"
         )
     if run.outcome == STALL:
         return "tractors wait for each other and none moves any more"

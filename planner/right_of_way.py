@@ -9,8 +9,9 @@ not, becomes a gate; other gates of the plan are heeded.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
 from planner.crossings import Crossings, Stretch
 from planner.homeward import Homeward, State
@@ -37,6 +38,7 @@ class Manner:
     on: bool
 
 
+SMALL_FLEET = 4  # tractors; larger ones are scheduled in one manner, as that takes long enough
 MANNERS = (Manner(0.0, False), Manner(0.0, True), Manner(0.5, False), Manner(0.5, True), Manner(1.0, True))
 
 
@@ -86,7 +88,8 @@ class RightOfWay:
         """
         if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
             return None
-        tables = [self._filled(manner) for manner in MANNERS]
+        manners = MANNERS if len(self.courses) <= SMALL_FLEET else MANNERS[:1]
+        tables = [self._filled(manner) for manner in manners]
         found = [table for table in tables if table is not None]
         return min(found, key=lambda table: (round(table.duration_s), round(sum(table.free_s)))) if found else None
 
@@ -120,8 +123,7 @@ class RightOfWay:
             return round(entry.begins_s[0] - ahead_s, 1), self._to_go_s(entry), entry.tractor
 
         for first in sorted(entries, key=turn):
-            longer: Iterable[Entry] = self._longer(table, first) if manner.on else ()
-            for entry in (first, *longer):
+            for entry in chain((first,), self._longer(table, first) if manner.on else ()):
                 state = list(table.state)
                 state[entry.tractor] += len(entry.begins_s)
                 if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):

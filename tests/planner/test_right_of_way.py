@@ -37,10 +37,11 @@ APART_M = 0.05
 def course(places: Sequence[tuple[float, float, float]], holds: Sequence[int], every_s: float) -> Course:
     """A course over poses (x, y, angle), one after another in so many seconds and metres, with hold points at some."""
     numbers = np.arange(len(places))
+    seconds = np.array([every_s * number for number in range(len(places))])
     leg = np.clip(np.searchsorted(holds, numbers, "right") - 1, 0, len(holds) - 2)
     begins = np.asarray(holds)[leg]
     return Course(
-        poses_of(np.array(places, dtype=float)), every_s * numbers, leg, every_s * (numbers - begins), tuple(holds),
+        poses_of(np.array(places, dtype=float)), seconds, leg, seconds - seconds[begins], tuple(holds),
         tuple(range(len(holds))),
     )  # fmt: skip
 
@@ -195,7 +196,7 @@ def traffic(draw: Any) -> Cells:
     for one in range(draw(st.integers(2, 4))):
         way = [starts[one]]
         for _ in range(draw(st.integers(2, 6))):
-            way.append(draw(st.integers(0, 15).filter(lambda cell, last=way[-1]: cell != last)))
+            way.append(draw(st.sampled_from([cell for cell in range(16) if cell != way[-1]])))
         inner = draw(st.sets(st.integers(1, len(way) - 2))) if len(way) > 2 else set()
         cells.append(way)
         holds.append([0, *sorted(inner), len(way) - 1])

@@ -31,9 +31,11 @@ def ground(stretch: Stretch) -> shapely.LineString:
 
 
 DONUT = shapely.box(0, 0, 220, 120).difference(shapely.box(90, 50, 120, 75))
+# The second round of outline and hole is one ring: borders that run square through a nest do not meet it.
+NEAR = shapely.box(0, 0, 220, 120).difference(shapely.box(60, 11, 160, 60))
 
 
-@pytest.mark.parametrize("outline", [shapely.box(0, 0, 200, 80), DONUT], ids=["rectangle", "donut"])
+@pytest.mark.parametrize("outline", [shapely.box(0, 0, 200, 80), DONUT, NEAR], ids=["rectangle", "donut", "near"])
 @pytest.mark.parametrize("tractors", [1, 2, 3, 5])
 @pytest.mark.parametrize("outside_in", [True, False])
 def test_every_metre_once(jobs, outline: shapely.Polygon, tractors: int, outside_in: bool) -> None:  # type: ignore[no-untyped-def]
