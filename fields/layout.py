@@ -193,7 +193,8 @@ def _inside_rounds(
             f"m, worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller headland "
             f"({named('headland_m')}).",
         )
-    return Layout(field, choice[0], width_m, depth, tracks_of(teeth, axes(choice[0])), region, rounds)
+    tracks = from_longer_side(tracks_of(teeth, axes(choice[0])))
+    return Layout(field, choice[0], width_m, depth, tracks, region, rounds)
 
 
 def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
@@ -255,6 +256,22 @@ def tracks_of(teeth: Comb, frame: FloatArray) -> tuple[Track, ...]:
         piece = tracks[-1].piece + 1 if tracks and tracks[-1].line == line else 0
         tracks.append(Track(line, piece, (a[0], a[1]), (b[0], b[1])))
     return tuple(tracks)
+
+
+def from_longer_side(tracks: tuple[Track, ...]) -> tuple[Track, ...]:
+    """Tracks with lines counted from the side where they are longer, whichever way the field lies."""
+    metres: dict[int, float] = {}
+    for track in tracks:
+        metres[track.line] = metres.get(track.line, 0.0) + track.length
+    rounded = [round(metres[line], 2) for line in sorted(metres)]
+    return counted_back(tracks) if rounded[::-1] > rounded else tracks
+
+
+def counted_back(tracks: tuple[Track, ...]) -> tuple[Track, ...]:
+    """Tracks with lines counted from the other side."""
+    last = tracks[-1].line
+    turned = (replace(track, line=last - track.line) for track in tracks)
+    return tuple(sorted(turned, key=lambda track: (track.line, track.piece)))
 
 
 def _inner(region: shapely.Geometry, edges: FloatArray, frame: FloatArray, trim: float) -> shapely.Geometry:

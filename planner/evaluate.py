@@ -13,6 +13,7 @@ from planner.deconflict import GiveWay, without_conflicts
 from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
+from planner.outlook import with_outlook
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.slowing import cures, promised_m, slowed
@@ -35,7 +36,7 @@ from vehicle.world import World
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-CROSSED_M = 0.01
+CROSSED_M = 0.02  # a width of wire
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
 SAME_LINE_M = 1e-3
@@ -80,7 +81,10 @@ def simulated(site: Site, candidate: Candidate) -> Evaluation:
     except StrategyError as refusal:
         turn = site.scenario.turn
         return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
-    return Evaluation(_measured(site, candidate, tried), tried.run)
+    result, area_ha = _measured(site, candidate, tried), site.layout.field.area_ha
+    return Evaluation(
+        with_outlook(result, tried.run, site.tractor, site.implement, area_ha, site.stakes), tried.run
+    )
 
 
 def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:

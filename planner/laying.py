@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 import shapely
@@ -21,12 +21,12 @@ from strategies.shifts import shared
 from strategies.table import TurnTable
 
 MOST_ROUNDS = 50
-MOST_TRACKS = 200  # orders of more are not searched to compare layouts: the estimate decides
-BESIDES = 2  # layouts compared with the plain one in as many rounds as turns need
-NEAR_LINES = 5  # turns over more are estimated for the comparison
+MOST_TRACKS = 125  # orders of more are not searched to compare layouts: the estimate decides
+MOST_TOGETHER = 250  # tracks of all layouts compared: what comes last is left out
+NEAR_LINES = 4  # turns over more are estimated for the comparison
 LEAST_GAIN = 0.01  # of the time: what gains less may as well lose, and is not worth a second bearing or another round
 DEEPER = 0.01  # of the time: what one round more is charged, as corners take longer than the comparison sees
-WORSE = 1.02  # layouts this much dearer than the cheapest by estimate are not compared
+WORSE = 1.005  # layouts this much dearer than the plain one by estimate are not compared
 GRID_M = 1e-6
 
 
@@ -42,12 +42,14 @@ def layouts(scenario: Scenario, field: Field, headland_m: float) -> list[Layout]
     plain = _plain(scenario, field, headland_m)
     found = [plain]
     if bearing is None:
-        options = _options(scenario, plain)
-        most = WORSE * effort_m(options[0])
-        found += [option for option in options if option is not plain and effort_m(option) <= most][:BESIDES]
+        options = (option for option in _options(scenario, plain) if option is not plain)
+        found += [option for option in options if effort_m(option) <= WORSE * effort_m(plain)][:1]
+    if len(plain.tracks) > MOST_TRACKS:
+        return [found[_cheapest([effort_m(layout) for layout in found])]]
     if scenario.headland_m is None and plain.rounds < MOST_ROUNDS:
         found += _deeper(scenario, field, plain.rounds + 1)
-    return found
+    together = accumulate(len(layout.tracks) for layout in found)
+    return [layout for layout, tracks in zip(found, together, strict=True) if tracks <= MOST_TOGETHER]
 
 
 def _plain(scenario: Scenario, field: Field, headland_m: float) -> Layout:
@@ -80,19 +82,17 @@ def _options(scenario: Scenario, plain: Layout) -> list[Layout]:
 
 
 def quickest(jobs: Sequence[Job]) -> int:
-    """Which of several jobs for one tractor on a field is done soonest; the first where others gain little.
-
-    Where there are many tracks, jobs with as many rounds as the first are compared by the estimated driving alone.
-    """
+    """Which of several jobs for one tractor on a field is done soonest; the first where others gain little."""
     if len(jobs) == 1:
         return 0
     deeper = [job.layout.rounds > jobs[0].layout.rounds for job in jobs]
-    if max(len(job.layout.tracks) for job in jobs) > MOST_TRACKS:
-        cost = [math.inf if more else effort_m(job.layout) for job, more in zip(jobs, deeper, strict=True)]
-    else:
-        cost = [finish_s(job) * (1.0 + DEEPER * more) for job, more in zip(jobs, deeper, strict=True)]
-    best = min(range(len(jobs)), key=lambda place: (round(cost[place], 1), place))
-    return best if cost[best] < (1.0 - LEAST_GAIN) * cost[0] else 0
+    return _cheapest([finish_s(job) * (1.0 + DEEPER * more) for job, more in zip(jobs, deeper, strict=True)])
+
+
+def _cheapest(costs: list[float]) -> int:
+    """The place of the least of some costs, 0 where it is hardly less than the first."""
+    best = min(range(len(costs)), key=lambda place: (round(costs[place], 1), place))
+    return best if costs[best] < (1.0 - LEAST_GAIN) * costs[0] else 0
 
 
 def finish_s(job: Job) -> float:

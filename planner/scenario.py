@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
 from pathlib import Path
@@ -28,6 +29,9 @@ ORDERS_OF = {"till": ORDERS, SOW: (LAST,), "spray": ORDERS, "harvest": (FIRST,),
 """When the headland may be worked: what goes out must not be driven over, what is sown not either."""
 CORNERS = ("square", "round")
 MOST_MARGIN_M = 100.0
+MOST_DRAWS = 1_000_000
+FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
+PREFERENCES = (FASTEST, CHEAPEST, SUREST)
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -39,6 +43,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "float": ((Real,), "a number"),
     "tuple[int, ...]": ((tuple, list, range), "whole numbers in a tuple"),
     "tuple[str, ...]": ((tuple, list), "names in a tuple"),
+    "tuple[tuple[int, float], ...]": ((tuple, list), "pairs of a cell's number and degrees in a tuple"),
 }
 
 
@@ -52,7 +57,11 @@ class Scenario:
     implements; beside each other on neighbouring tracks they have what the tracks leave. `margin_m` is kept to
     obstacles and holes of the field. The headland is worked in rounds, "first" or "last" by `headland_order` (None: as
     the `operation` allows and is quicker), with square or round `corners`; with `tracks_only` it is left as room for
-    turning. Raises ScenarioError.
+    turning. `cell_bearings` are pairs of a cell's number and its bearing in degrees clockwise from north.
+
+    `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain or a
+    preference, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
+    "surest". Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -80,6 +89,10 @@ class Scenario:
     headland_order: str | None = None
     corners: str = "square"
     tracks_only: bool = False
+    draws: int | None = None
+    rain: str | None = None
+    prefer: str | None = None
+    cell_bearings: tuple[tuple[int, float], ...] = ()
 
     def __post_init__(self) -> None:
         _check_types(self)
@@ -87,9 +100,11 @@ class Scenario:
         _check_names(self)
         _check_rounds(self)
         _check_lengths(self)
+        _check_cells(self)
         _check_speeds(self)
         _check_prices(self)
         _check_times(self)
+        _check_draws(self)
         if self.gnss_table is not None and not self.gnss:
             raise ScenarioError(f"{named('gnss_table')} is used with {named('gnss')} alone; set that as well.")
 
@@ -193,6 +208,21 @@ def _check_lengths(scenario: Scenario) -> None:
         )
 
 
+def _check_cells(scenario: Scenario) -> None:
+    for pair in scenario.cell_bearings:
+        if not (isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[0], int) and isinstance(pair[1], Real)):
+            raise ScenarioError(f"{named('cell_bearings')} holds {brief(pair)}; give pairs of a cell and degrees.")
+        if not abs(pair[1]) <= WHOLE_TURN_DEG:
+            raise ScenarioError(
+                f"The bearing of cell {pair[0]} ({named('cell_bearings')}) is {pair[1]:g}; give degrees clockwise from "
+                f"north, at most {WHOLE_TURN_DEG:g} either way."
+            )
+    if scenario.cell_bearings and scenario.bearing_deg is not None:
+        raise ScenarioError(
+            f"{named('bearing_deg')} is that of every cell, {named('cell_bearings')} of one; leave out one of them."
+        )
+
+
 def _check_speeds(scenario: Scenario) -> None:
     speeds = {
         f"speed ({named('speed_mps')})": scenario.speed_mps,
@@ -241,6 +271,17 @@ def _check_times(scenario: Scenario) -> None:
         )
 
 
+def _check_draws(scenario: Scenario) -> None:
+    if scenario.draws is not None and not 0 <= scenario.draws <= MOST_DRAWS:
+        raise ScenarioError(f"{named('draws')} is {scenario.draws}; use 0 to {MOST_DRAWS}.")
+    if scenario.prefer is not None and scenario.prefer not in PREFERENCES:
+        close = nearest(scenario.prefer, PREFERENCES)
+        raise ScenarioError(
+            f"{named('prefer')} {scenario.prefer!r} is unknown{close}; use {', '.join(PREFERENCES)}.",
+            parameter="prefer",
+        )
+
+
 def clock(seconds: float) -> str:
     """Seconds of the day as hh:mm."""
     return f"{int(seconds) // 3600 % 24:02d}:{int(seconds) % 3600 // 60:02d}"
@@ -269,6 +310,19 @@ def parse_counts(text: str) -> tuple[int, ...]:
             raise ScenarioError(f"{high} tractors cannot be planned; use 1 to {MOST_TRACTORS}.", parameter="tractors")
         counts.update(range(low, high + 1))
     return tuple(sorted(counts))
+
+
+def parse_cell_bearings(texts: Iterable[str]) -> tuple[tuple[int, float], ...]:
+    """ "2=45" and more as cells and degrees, the last of a cell counts; raises ScenarioError."""
+    bearings: dict[int, float] = {}
+    for text in texts:
+        match = re.fullmatch(rf"\s*(\d{{1,{MOST_DIGITS}}})\s*=\s*([-+]?\d{{1,{MOST_DIGITS}}}(?:\.\d*)?)\s*", text)
+        if not match:
+            raise ScenarioError(
+                f"{named('cell_bearings')} {brief(text)} is not a cell with its bearing; write for instance 2=45."
+            )
+        bearings[int(match[1])] = float(match[2])
+    return tuple(sorted(bearings.items()))
 
 
 def parse_strategies(text: str) -> tuple[str, ...]:

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from fields import Field, Layout, lay_tracks
+from fields import Field, FieldError, Layout, lay_tracks
 from fields.cutting import CELL_M, costs_m, divided
 from fields.lines import TURN_M
-from fields.options import effort_m, lay_options
+from fields.options import effort_m, lay_options, with_bearings
 
 EAST, NORTH = 0.0, math.pi / 2
 BOTH = np.array([EAST, NORTH])
@@ -128,6 +128,28 @@ class TestLayouts:
         cells = {track.line: track.cell for track in layout.tracks}
         assert [cells[line] for line in sorted(cells)] == sorted(cells.values())
         assert all(cells[track.line] == track.cell for track in layout.tracks)
+
+    def test_a_bearing_is_given_to_a_cell(self) -> None:
+        layout = in_cells(L)
+        assert layout is not None
+        other = with_bearings(layout, {2: 30.0})
+        assert [round(cell.bearing_deg, 6) for cell in other.cells] == [round(layout.cells[0].bearing_deg, 6), 30.0]
+        assert [cell.region for cell in other.cells] == [cell.region for cell in layout.cells]
+        assert [t for t in other.tracks if t.cell == 1] == [t for t in layout.tracks if t.cell == 1]
+        assert min(track.line for track in other.tracks if track.cell == 2) == 14
+
+    @pytest.mark.parametrize("rounds", [0, 3])
+    def test_the_bearing_of_the_only_cell_is_that_of_the_field(self, rounds: int) -> None:
+        field = Field("r", shapely.box(0, 0, 120, 80))
+        given = with_bearings(lay_tracks(field, 3.0, 9.0, rounds=rounds), {1: 20.0})
+        assert given.tracks == lay_tracks(field, 3.0, 9.0, 20.0, rounds=rounds).tracks
+
+    @pytest.mark.parametrize("number", [0, 3])
+    def test_a_cell_that_does_not_exist(self, number: int) -> None:
+        layout = in_cells(L)
+        assert layout is not None
+        with pytest.raises(FieldError, match=f"Cell {number} .* has 2 cells; use 1 to 2"):
+            with_bearings(layout, {number: 45.0})
 
     @given(turn=st.floats(0, 360), mirrored=st.booleans())
     @settings(max_examples=10, deadline=None)

@@ -80,3 +80,19 @@ def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str,
     )
     assert before.feasible and after.feasible
     assert after.time_s == pytest.approx(before.time_s, rel=0.005)
+
+
+L = Field("L", Polygon([(0, 0), (120, 0), (120, 55), (50, 55), (50, 140), (0, 140)]))
+
+
+@pytest.mark.parametrize("field", [IRREGULAR, L], ids=["irregular", "cells"])
+def test_times_stay_with_rounds_however_the_field_lies(field: Field, move: Any) -> None:
+    """Not mirrored: rounds are driven with the field on their left."""
+    tries = (Candidate("split-field", 1), Candidate("interleaved", 2))
+    taken = []
+    for how in (None, "rotated by 133 degrees", "shifted"):
+        site = prepare(Scenario(field="f", tracks_only=False), field if how is None else move(field, MOVES[how]))
+        results = {each: evaluate(site, each) for each in tries}
+        taken.append({each: result.time_s if result.feasible else None for each, result in results.items()})
+    for after in taken[1:]:
+        assert_same(taken[0], after)
