@@ -18,7 +18,7 @@ from strategies.job import Job, Pass
 Ways = dict[tuple[int, int], Floats | None]
 """Poses on the way to a round by its number and tractor, None where there is no way; none for the first of each."""
 
-HERE: Floats = np.empty((0, 3))
+HERE: Floats = np.empty((0, 4))
 MOST_BARRED = 20  # rounds taken apart for want of room; what is left is driven as it is
 
 

@@ -76,7 +76,7 @@ def _driven(job: Job, order: list[Pass]) -> list[Floats]:
         path = job.way(job.exit(a), job.entry(b))
         if path is not None:
             driven.append(poses_on(path))
-        driven.append(np.array([job.entry(b), job.exit(b)]))
+        driven.append(np.array([(*job.entry(b), 0.0), (*job.exit(b), 0.0)]))
     return driven
 
 

@@ -102,7 +102,8 @@ class TestCare:
 
         after = driven(write, simulate).formation
         old, new = (formation.rounds[0][2] for formation in (before, after))
-        assert new.hold_m == pytest.approx(old.hold_m - FARTHER_M) and new.place_m == old.place_m
+        assert new.hold_m == pytest.approx(new.queue_m - 10.0 - FARTHER_M) and new.hold_m < old.hold_m
+        assert new.place_m == old.place_m
         assert [change.back_m for change in written] == [{}, {old.this: FARTHER_M}]
         jobs.assert_all_once(job, after.plan)
 
