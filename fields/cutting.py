@@ -110,7 +110,7 @@ def _cut(part: Part, bearings: FloatArray, width_m: float) -> Iterator[list[Part
 def _cuts(part: Part) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Places and directions of cuts: through reflex corners along the edges that meet there and along the tracks."""
     along = axes(part.bearing_rad)[0]
-    corners = []
+    corners: list[tuple[float, int, FloatArray, FloatArray, FloatArray]] = []
     plain = orient(part.region.simplify(SIMPLIFY_M), 1.0)
     for ring in (plain.exterior, *plain.interiors):
         points = np.asarray(ring.coords)[:-1, :2]
