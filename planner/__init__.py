@@ -11,14 +11,19 @@ giving_way     who waits for whom: courses driven alone, crossings of them, righ
 slowing        turns that are better driven slowly, tried alone
 choosing, bounds   which plans of the same work are simulated; the least time a plan can take
 overlays       unions and differences of swept ground
+rivals         formations that cannot win are told so with their bound
 within_reach   tracks and rounds that no way leads to are left out
 tasks, pool    candidates as tasks for any executor; processes of this machine
 rank           which candidates to try; their results in order
+chance         how sure a plan is: rain, stops and speeds that vary, drawn through its legs and gates
+outlook        how sure a plan is and what it costs, in its result; which one is advised
+price          what a plan costs, which one is best, and the advice in a sentence
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
 steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe, unworked  a field in figures; what of it no track and no round covers, and why
+farm           the farm file: tractors, implements, prices, times, what is left to chance
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals
 commands, main  the command line; known by nothing else

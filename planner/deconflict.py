@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from planner.giving_way import Scheduled
 from strategies.record import MOST_REPAIRS, Simulate
 from vehicle.missions import DRIVE_IN, ROUND, Gate, Leg, Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
@@ -21,8 +22,10 @@ CLEAR_M = 10.0  # the other must have driven this far past the place of the conf
 ARRIVED_M = 0.2  # a leg counts as driven this far before its end
 SLACKS = (1.0, 2.0)  # times the usual time between two tractors, one after the other
 FEW = 6  # more rarely mend what was scheduled
+WAITED = 1.01  # where a schedule takes so much longer than all would alone, mending may be quicker
+TRIED = 10  # times that it is mended then
 
-GiveWay = Callable[[Plan, float], Plan | None]
+GiveWay = Callable[[Plan, float], Scheduled | None]
 """The plan with gates so that nobody meets another, keeping so many times the usual time; None where none is found."""
 Key = tuple[int, int, int]
 """(tractor that waits, leg it waits before, tractor it waits for)."""
@@ -65,17 +68,24 @@ def without_conflicts(
     run = simulate(plan)
     if run.outcome == DONE or give_way is None:
         return (run, None) if run.outcome == DONE else _repaired(plan, run, simulate, most)
-    first = run
+    first, last = run, (plan, run)
     for slack in SLACKS if run.outcome == CONFLICT else ():
         scheduled = give_way(plan, slack)
         if scheduled is None:
             break
-        latest = simulate(scheduled)
+        latest = simulate(scheduled.plan)
+        if latest.outcome == DONE and scheduled.predicted_s > WAITED * scheduled.alone_s:
+            return _quicker(latest, *_repaired(plan, first, simulate, min(most, TRIED))), None
         if latest.outcome == DONE:
             return latest, None
-        plan, run = scheduled, latest
-    run, why = _repaired(plan, run, simulate, min(most, FEW))
+        last = scheduled.plan, latest
+    run, why = _repaired(*last, simulate, min(most, FEW))
     return run, why and _why(run, first.conflict)
+
+
+def _quicker(run: Run, other: Run, fault: str | None) -> Run:
+    """The run that is done sooner."""
+    return other if fault is None and other.duration_s < run.duration_s else run
 
 
 def _repaired(plan: Plan, run: Run, simulate: Simulate, most: int) -> tuple[Run, str | None]:

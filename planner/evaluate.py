@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from fields.layout import Layout
 from planner.choosing import promising
 from planner.deconflict import GiveWay, without_conflicts
 from planner.giving_way import Rules, giving_way
 from planner.headland import headland_s, with_headland
 from planner.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
+from planner.outlook import with_outlook
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.slowing import cures, promised_m, slowed
@@ -33,9 +36,10 @@ from vehicle.world import World
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
-CROSSED_M = 0.01
+CROSSED_M = 0.02  # a width of wire
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
+SAME_LINE_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,10 @@ def simulated(site: Site, candidate: Candidate) -> Evaluation:
     except StrategyError as refusal:
         turn = site.scenario.turn
         return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
-    return Evaluation(_measured(site, candidate, tried), tried.run)
+    result, area_ha = _measured(site, candidate, tried), site.layout.field.area_ha
+    return Evaluation(
+        with_outlook(result, tried.run, site.tractor, site.implement, area_ha, site.stakes), tried.run
+    )
 
 
 def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
@@ -93,8 +100,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    promising = corners_by_promise(job)
-    for corner in sorted(promising, key=lambda corner: corner != job.corner):
+    for corner in sorted(corners_by_promise(job), key=lambda corner: corner != job.corner):
         try:
             latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
         except StrategyError as error:
@@ -191,8 +197,20 @@ def _begun(run: Run, slip: Slip) -> str:
 def beside_clearance_m(site: Site) -> float:
     """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
     machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
-    room = ROOM_KEPT * (site.implement.width_m - machine_m)
+    room = ROOM_KEPT * (_spacing_m(site.layout) - machine_m)
     return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
+
+
+def _spacing_m(layout: Layout) -> float:
+    """How far apart neighbouring tracks are at the least: where lines are shared out evenly, less than their width."""
+    spacing = layout.width_m
+    for before, track in pairwise(layout.tracks):
+        ends = np.array([track.start, track.end]) - before.start
+        along = (np.array(before.end) - before.start) / before.length
+        apart = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
+        if track.line == before.line + 1 and np.ptp(apart) < SAME_LINE_M and apart[0] > 0.5 * layout.width_m:
+            spacing = min(spacing, float(apart[0]))
+    return spacing
 
 
 def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: GiveWay) -> tuple[Run, str | None]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.courses import Alone, courses_of
-from planner.crossings import crossings_of
+from planner.crossings import Crossings, crossings_of
 from planner.right_of_way import RightOfWay
 from vehicle.compile import compile_model
 from vehicle.missions import Gate, Mission, Plan
@@ -25,7 +25,16 @@ class Rules:
     alone: Alone
 
 
-def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Plan | None:
+@dataclass(frozen=True)
+class Scheduled:
+    """A plan with gates so that nobody meets another, how long it is predicted to take, and how long were all alone."""
+
+    plan: Plan
+    predicted_s: float
+    alone_s: float
+
+
+def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Scheduled | None:
     """The plan with gates so that nobody meets another; None where no order of going was found.
 
     `slack` times the usual time is kept between two that take the same place one after the other.
@@ -40,8 +49,10 @@ def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Plan | None:
     table = rules_of_way.timetable()
     if table is None:
         return None
-    left_out = rules_of_way.homeward.loosened
-    return _with_gates(_without_gates(plan, left_out), table.gates)
+    unhindered = RightOfWay(plan, Crossings(crossings.courses, near=[set() for _ in courses])).timetable()
+    alone_s = table.duration_s if unhindered is None else unhindered.duration_s
+    scheduled = _with_gates(_without_gates(plan, rules_of_way.homeward.loosened), table.gates)
+    return Scheduled(scheduled, table.duration_s, alone_s)
 
 
 def _without_gates(plan: Plan, left_out: list[tuple[int, int, Gate]]) -> Plan:

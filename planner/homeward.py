@@ -175,8 +175,8 @@ def _waits_of(plan: Plan, courses: list[Course]) -> tuple[dict[Stretch, list[Wai
                 place = courses[gate.tractor].passes(gate.leg, gate.after_m)
                 waits.setdefault((one, number), []).append(Wait(leg, gate, gate.tractor, *place))
                 others[one].add(gate.tractor)
-        for number, leg in enumerate(mission.legs):
-            if leg.follow is not None and (wait := _kept_back(courses, one, number, leg.follow)) is not None:
+        for number, driven in enumerate(mission.legs):
+            if driven.follow is not None and (wait := _kept_back(courses, one, number, driven.follow)) is not None:
                 waits.setdefault((one, wait.leg), []).append(wait)
                 others[one].add(wait.tractor)
     return waits, others

@@ -19,12 +19,14 @@ import typer
 from planner.commands.design import design
 from planner.commands.diagnose import diagnose
 from planner.commands.drive import drive
+from planner.commands.farm import farm
 from planner.commands.field import field
 from planner.commands.gnss import gnss
 from planner.commands.plan import plan
 from planner.commands.replay import replay
 from planner.commands.saved import show
 from planner.commands.study import study
+from planner.commands.tractor import tractor
 from planner.commands.validate import validate
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
@@ -49,6 +51,8 @@ app.command()(validate)
 app.command()(drive)
 app.command()(design)
 app.add_typer(gnss, name="gnss")
+app.add_typer(tractor, name="tractor")
+app.add_typer(farm, name="farm")
 
 
 def main() -> None:

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fields.field import Field
+from planner.chance.settings import Chances
 from planner.drive import picture
+from planner.evaluate import Candidate
+from planner.outlook import bearing_out, check_words
 from planner.pool import local_pool
+from planner.price.cost import Terms
 from planner.rank import candidates, rank
+from planner.rivals import rivals, waves
 from planner.scenario import Scenario
 from planner.site import Site, prepare
-from planner.tasks import Outcome, Progress, outcomes, pack
+from planner.tasks import Outcome, Progress, outcomes, pack, work_out
 from reports.results import Drive, PlanResult, Ranking, merit
 from vehicle.run import Run
-from vehicle.tractor import Tractor
+from vehicle.tractor import Implement, Tractor
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,39 +43,61 @@ def plan(
     *,
     field: Field | str | Path | None = None,
     tractor: Tractor | str | Path | None = None,
+    implement: Implement | None = None,
+    chances: Chances | None = None,
+    terms: Terms | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     pictures: bool = False,
 ) -> Planned:
     """Simulate and rank every candidate of a scenario.
 
-    `field` and `tractor` (objects, names or files) take the place of those the scenario names. `executor` simulates
+    `field` and `tractor` (objects, names or files) take the place of those the scenario names; `implement` says where
+    it sits and how long it is, its width is that of the scenario. `chances` and
+    `terms` (prices) are those of a farm. `executor` simulates
     the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
     with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
-    cannot is in the ranking with its reason.
+    cannot is in the ranking with its reason, and on a big field a formation that cannot win with its bound.
     """
     todo = candidates(scenario)
     if executor is None:
         with local_pool(len(todo)) as executor:
             return plan(
-                scenario, field=field, tractor=tractor, executor=executor, progress=progress, pictures=pictures
-            )
-    site = prepare(scenario, field, tractor)
+                scenario, field=field, tractor=tractor, implement=implement, chances=chances, terms=terms,
+                executor=executor, progress=progress, pictures=pictures,
+            )  # fmt: skip
+    site = prepare(scenario, field, tractor, implement, chances, terms)
     packed = pack(site)
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}
     best: Outcome | None = None
     allowed = scenario.allowed_s
-    for index, one in outcomes(executor, [(packed, candidate, pictures) for candidate in todo], progress):
-        results[index] = one.result
-        if one.drive is not None:
-            drives[index] = one.drive
-        if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
-            best = one
+    for wave in waves(site, todo):
+        known = rivals(results)
+        work = [(packed, todo[index], pictures, known.get(todo[index].tractors)) for index in wave]
+        for place, one in outcomes(executor, work, progress, len(results), len(todo)):
+            results[wave[place]] = one.result
+            if one.drive is not None:
+                drives[wave[place]] = one.drive
+            if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
+                best = one
     ranking = rank(site, [results[index] for index in range(len(todo))])
     shown = {(todo[index].strategy, todo[index].tractors): drives[index] for index in sorted(drives)}
+    best = _chosen(ranking, todo, packed, best)
     if best is None or best.run is None:
         return Planned(site, ranking, None, shown)
     if not pictures:
         shown = {(best.result.strategy, best.result.tractors): picture(site, best.run, best.result)}
+    if site.stakes is not None:
+        drives_of = bearing_out(best.run, site.tractor, site.implement, site.stakes)
+        ranking = replace(ranking, checked=check_words(*drives_of))
     return Planned(site, ranking, best.run, shown)
+
+
+def _chosen(ranking: Ranking, todo: list[Candidate], packed: bytes, best: Outcome | None) -> Outcome | None:
+    """The outcome of the best plan; that is driven again where only the comparison of all has made it the best."""
+    plan = ranking.best
+    if plan is None or best is None or (best.result.strategy, best.result.tractors) == (plan.strategy, plan.tractors):
+        return best
+    again = next(one for one in todo if (one.strategy, one.tractors) == (plan.strategy, plan.tractors))
+    return work_out(packed, again)

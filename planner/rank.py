@@ -9,6 +9,7 @@ from typing import Any
 from fields.layout import Layout
 from planner.describe import cells
 from planner.evaluate import Candidate
+from planner.outlook import advised
 from planner.scenario import KMH, Scenario, clock
 from planner.site import Site
 from planner.trampled import TYRE_M
@@ -49,7 +50,7 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
     ]
     rest = sorted((r for r in results if not r.feasible), key=lambda r: (r.tractors, r.strategy))
     scenario, field = site.scenario, site.layout.field
-    return Ranking(
+    ranking = Ranking(
         field_name=field.name,
         area_ha=field.area_ha,
         seed=scenario.seed,
@@ -61,6 +62,7 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         tractor_effects=tractor_effects(site.tractor),
         scenario=asked(site),
     )
+    return advised(ranking, site.stakes)
 
 
 def told(result: PlanResult) -> PlanResult:
@@ -108,6 +110,9 @@ def asked(site: Site) -> dict[str, Any]:
         "before": None if scenario.before_s is None else clock(scenario.before_s),
         "seed": scenario.seed,
         "gnss": scenario.gnss,
+        "draws": 0 if site.stakes is None else site.stakes.question.draws,
+        "rain": scenario.rain,
+        "prefer": scenario.prefer,
     }
 
 

@@ -9,6 +9,7 @@ not, becomes a gate; other gates of the plan are heeded.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from planner.crossings import Crossings, Stretch
@@ -23,6 +24,20 @@ CHAIN = 4  # stretches entered in one go where there is no room to stand between
 STOOD_S = 0.5  # who has stood for less has passed by
 MOVED_S = 2.0  # a tractor that has been on a stretch for so long has left its hold point
 NEVER = math.inf
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How turns are taken: by when one can go on or, the more `eager`, by when it has come to its hold point.
+
+    With `on` one that must not stop at the next hold point may go on beyond it in one go.
+    """
+
+    eager: float
+    on: bool
+
+
+MANNERS = (Manner(0.0, False), Manner(0.0, True), Manner(0.5, False), Manner(0.5, True), Manner(1.0, True))
 
 
 @dataclass(frozen=True)
@@ -59,24 +74,31 @@ class RightOfWay:
     """Finds a timetable for the courses of a plan."""
 
     def __init__(self, plan: Plan, crossings: Crossings, slack: float = 1.0) -> None:
+        """For a plan whose tractors keep `slack` times the usual time between each other."""
         self.plan, self.crossings, self.courses = plan, crossings, crossings.courses
         self.behind_s, self.ahead_s = BEHIND_S * slack, AHEAD_S * slack
         self.homeward = Homeward(plan, crossings)
 
     def timetable(self) -> Timetable | None:
-        """The timetable; None where tractors stand so that they could not even get home one after another.
+        """The quickest timetable; None where tractors stand so that they could not even get home one after another.
 
         Gates of the plan that would keep them from that are left out (`homeward.loosened`).
         """
-        count = len(self.courses)
-        if not self.homeward.safe((0,) * count) and not self.homeward.loosen():
+        if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
             return None
+        tables = [self._filled(manner) for manner in MANNERS]
+        found = [table for table in tables if table is not None]
+        return min(found, key=lambda table: (round(table.duration_s), round(sum(table.free_s)))) if found else None
+
+    def _filled(self, manner: Manner) -> Timetable | None:
+        """A timetable in which the entry comes next that can be soonest."""
+        count = len(self.courses)
         table, ready = Timetable([[] for _ in range(count)], [0.0] * count), dict[int, Entry | None]()
         while any(at < course.stretches for at, course in zip(table.state, self.courses, strict=True)):
             for one, course in enumerate(self.courses):
                 if one not in ready and table.state[one] < course.stretches:
                     ready[one] = self._earliest(table, one)
-            entry = self._chosen(table, ready)
+            entry = self._chosen(table, ready, manner)
             if entry is None:
                 return None
             self._enter(table, entry)
@@ -85,18 +107,35 @@ class RightOfWay:
 
     def _concerned(self, table: Timetable, one: int, other: int) -> bool:
         """Whether what one may do can depend on what another has just done."""
-        return one == other or one in table.refused or other in self.crossings.near[one] or other in self.homeward.others[one]
+        if one == other or one in table.refused:
+            return True
+        return other in self.crossings.near[one] or other in self.homeward.others[one]
 
-    def _chosen(self, table: Timetable, ready: dict[int, Entry | None]) -> Entry | None:
+    def _chosen(self, table: Timetable, ready: dict[int, Entry | None], manner: Manner) -> Entry | None:
         """The entry that can be first and leaves everybody a way home."""
         entries = [entry for entry in ready.values() if entry is not None]
-        for entry in sorted(entries, key=lambda each: (round(each.begins_s[0], 1), self._to_go_s(each), each.tractor)):
-            state = list(table.state)
-            state[entry.tractor] += len(entry.begins_s)
-            if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):
-                return entry
-            table.refused.setdefault(entry.tractor, set())
+
+        def turn(entry: Entry) -> tuple[float, float, int]:
+            ahead_s = manner.eager * (entry.begins_s[0] - table.free_s[entry.tractor])
+            return round(entry.begins_s[0] - ahead_s, 1), self._to_go_s(entry), entry.tractor
+
+        for first in sorted(entries, key=turn):
+            longer: Iterable[Entry] = self._longer(table, first) if manner.on else ()
+            for entry in (first, *longer):
+                state = list(table.state)
+                state[entry.tractor] += len(entry.begins_s)
+                if self.homeward.harmless(entry.tractor, tuple(state)) or self.homeward.safe(tuple(state)):
+                    return entry
+            table.refused.setdefault(first.tractor, set())
         return None
+
+    def _longer(self, table: Timetable, entry: Entry) -> Iterator[Entry]:
+        """The same entry with more stretches in one go, where that need not begin much later."""
+        one, at = entry.tractor, table.state[entry.tractor]
+        for length in range(len(entry.begins_s) + 1, min(CHAIN, self.courses[one].stretches - at) + 1):
+            begin = self._begin(table, one, length, entry.begins_s[0])
+            if begin <= entry.begins_s[0] + START_S:
+                yield self._entry(table, one, length, begin)
 
     def _to_go_s(self, entry: Entry) -> float:
         """Minus the time to go: among equals the one with most to do goes first."""
@@ -156,7 +195,8 @@ class RightOfWay:
                 spans.append((begins[number] + low - self.ahead_s, begins[number] + high + self.behind_s))
             came = self._came_s(table, other, number)
             if begins[number] - came > STOOD_S and (times := blockers.get((other, number))) is not None:
-                spans.append((came - times[1] - self.ahead_s, begins[number] - times[0] + self.behind_s))
+                left_s = begins[number] + max(MOVED_S, self.behind_s - times[0])
+                spans.append((came - times[1] - self.ahead_s, left_s))
         if len(begins) < len(self.courses[other].holds):
             times = blockers.get((other, len(begins)))
             if times is not None:
@@ -217,8 +257,9 @@ class RightOfWay:
                 break
             highs = [high + self.behind_s for _, high in apart.get((other, number), ())]
             passed = [high for high in highs if begin - GUARDED_S < begins[number] + high <= begin + 0.05]
-            if passed:
-                return self.courses[other].gate(other, number, max(*passed, MOVED_S), self.plan.missions[other])
+            after_s = max(*passed, MOVED_S) if passed else NEVER
+            if begins[number] + after_s <= begin + 0.05:
+                return self.courses[other].gate(other, number, after_s, self.plan.missions[other])
         return None
 
     def _cleared(self, table: Timetable, entry: Entry) -> list[Gate]:
@@ -233,7 +274,7 @@ class RightOfWay:
         for (other, number), (_, last) in sorted(self.crossings.stands.get((one, hold), {}).items()):
             if number < len(table.begins_s[other]):
                 after = last + self.behind_s - stand_s
-                due = table.begins_s[other][number] + after
-                if after > 0.0 and due > entry.begins_s[0] - GUARDED_S:
+                due = table.begins_s[other][number] + max(after, MOVED_S)
+                if after > 0.0 and entry.begins_s[0] - GUARDED_S < due <= entry.begins_s[0] + 0.05:
                     gates.append(self.courses[other].gate(other, number, after, self.plan.missions[other]))
         return gates

@@ -29,6 +29,9 @@ ORDERS_OF = {"till": ORDERS, SOW: (LAST,), "spray": ORDERS, "harvest": (FIRST,),
 """When the headland may be worked: what goes out must not be driven over, what is sown not either."""
 CORNERS = ("square", "round")
 MOST_MARGIN_M = 100.0
+MOST_DRAWS = 1_000_000
+FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
+PREFERENCES = (FASTEST, CHEAPEST, SUREST)
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -54,8 +57,11 @@ class Scenario:
     implements; beside each other on neighbouring tracks they have what the tracks leave. `margin_m` is kept to
     obstacles and holes of the field. The headland is worked in rounds, "first" or "last" by `headland_order` (None: as
     the `operation` allows and is quicker), with square or round `corners`; with `tracks_only` it is left as room for
-    turning. `cell_bearings` are pairs of a cell's number and its bearing in degrees clockwise from north. Raises
-    ScenarioError.
+    turning. `cell_bearings` are pairs of a cell's number and its bearing in degrees clockwise from north.
+
+    `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain or a
+    preference, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
+    "surest". Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -83,6 +89,9 @@ class Scenario:
     headland_order: str | None = None
     corners: str = "square"
     tracks_only: bool = False
+    draws: int | None = None
+    rain: str | None = None
+    prefer: str | None = None
     cell_bearings: tuple[tuple[int, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -95,6 +104,7 @@ class Scenario:
         _check_speeds(self)
         _check_prices(self)
         _check_times(self)
+        _check_draws(self)
         if self.gnss_table is not None and not self.gnss:
             raise ScenarioError(f"{named('gnss_table')} is used with {named('gnss')} alone; set that as well.")
 
@@ -258,6 +268,17 @@ def _check_times(scenario: Scenario) -> None:
     if scenario.before_s == scenario.start_s:
         raise ScenarioError(
             f"The deadline {clock(scenario.before_s)} is the start itself; give another {named('before_s')}."
+        )
+
+
+def _check_draws(scenario: Scenario) -> None:
+    if scenario.draws is not None and not 0 <= scenario.draws <= MOST_DRAWS:
+        raise ScenarioError(f"{named('draws')} is {scenario.draws}; use 0 to {MOST_DRAWS}.")
+    if scenario.prefer is not None and scenario.prefer not in PREFERENCES:
+        close = nearest(scenario.prefer, PREFERENCES)
+        raise ScenarioError(
+            f"{named('prefer')} {scenario.prefer!r} is unknown{close}; use {', '.join(PREFERENCES)}.",
+            parameter="prefer",
         )
 
 

@@ -17,8 +17,11 @@ from fields.layout import Layout
 from fields.options import with_bearings
 from fields.read import read_field
 from fields.rounds import Round, lay_rounds
+from planner.chance.settings import Chances
 from planner.errors import ScenarioError, about, named
 from planner.laying import layouts, quickest
+from planner.outlook import Stakes, stakes_of
+from planner.price.cost import Terms
 from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
 from strategies.around import Around, lay_around
 from strategies.bends import Bender, BendRules
@@ -37,6 +40,7 @@ RADIUS_MARGIN = 1.08
 BEND = 0.25 * math.pi  # radii of arc that turn by 45 degrees: what bends more on so short a way is a corner
 SMALL = 4.0  # working widths across: smaller obstacles are driven round in the pass
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
+SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
 AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
@@ -52,7 +56,7 @@ class Site:
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
     not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
     the headland that are worked; in their corners the guided point may be anywhere in `rim`. `around` has what is bent
-    round small obstacles.
+    round small obstacles, `stakes` are draws and money.
     """
 
     scenario: Scenario
@@ -69,6 +73,7 @@ class Site:
     rounds: tuple[Round, ...] = ()
     rim: shapely.Geometry = shapely.Polygon()  # noqa: RUF009 - no geometry ever changes
     around: Around = member(default_factory=Around)
+    stakes: Stakes | None = None
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
@@ -111,12 +116,14 @@ class Site:
 
 
 def prepare(
-    scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None
-) -> Site:
+    scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None,
+    implement: Implement | None = None, chances: Chances | None = None, terms: Terms | None = None,
+) -> Site:  # fmt: skip
     """Read the field and the tractor, time the turns, size the headland, lay the tracks.
 
-    `field` and `tractor`, as objects, names or files, take the place of those that the scenario names. Raises
-    FieldError, VehicleError, StrategyError or ScenarioError.
+    `field` and `tractor`, as objects, names or files, take the place of those that the scenario names; the `implement`
+    is as wide as the scenario says. `chances` and `terms` (prices) are those of a farm. Raises FieldError,
+    VehicleError, StrategyError or ScenarioError.
     """
     scenario = _with_names(scenario, field, tractor)
     with about("field"):
@@ -127,11 +134,13 @@ def prepare(
         position_errors = gnss_errors(scenario)
     with about("tractor"):
         tractor = as_tractor(scenario.tractor if tractor is None else tractor)
-    implement = Implement(width_m=scenario.width_m)
+    with about("rain"):
+        stakes = stakes_of(scenario, chances, terms)
+    implement = (implement or Implement()).model_copy(update={"width_m": scenario.width_m})
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
     with about("field"):
-        swing = max(0.0, body_of(tractor, implement).swing_m(radius) - reach.margin_m)
+        swing = max(0.0, body_of(tractor, implement).swing_m(radius) + SWING_SPARE_M - reach.margin_m)
         field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m, swing)
     kinds = allowed_kinds(scenario.turn)
     headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
@@ -156,7 +165,7 @@ def prepare(
         rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
         return Site(
             scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds, fits,
-            position_errors, rounds, rim, around,
+            position_errors, rounds, rim, around, stakes,
         )  # fmt: skip
 
     sites = [on(layout) for layout in layouts(scenario, field, headland)]

@@ -9,6 +9,7 @@ import shapely
 
 from planner.measure import guided_point
 from planner.site import Site
+from planner.touched import FenceCheck
 from vehicle.missions import Mission
 from vehicle.run import Run
 
@@ -27,8 +28,8 @@ class Slip:
 
 
 def slips(run: Run, site: Site) -> list[Slip]:
-    """Every turn of a run: how far aside its track was begun, or how far its path left the field if that is worse."""
-    boundary = site.layout.field.ground
+    """Every turn of a run: how far aside its track was begun, or how far it left the field if that is worse."""
+    boundary, fences = site.layout.field.ground, FenceCheck(site)
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
         path, at_leg = guided_point(run, site, tractor), run.leg(tractor)
@@ -38,8 +39,11 @@ def slips(run: Run, site: Site) -> list[Slip]:
             along = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
             off = path[begun] - line[0]
             aside = abs(float(along[0] * off[1] - along[1] * off[0]))
-            turn = path[int(np.argmax(at_leg >= turn_start(mission, leg))) : begun + 1]
+            start = int(np.argmax(at_leg >= turn_start(mission, leg)))
+            turn = path[start : begun + 1]
             outside = float(shapely.distance(shapely.points(turn), boundary).max())
+            crossed = fences.depth_m(run.poses(tractor)[start : begun + 1])
+            outside = max(outside, OUTSIDE_M + crossed if crossed else 0.0)
             turns.append(Slip(tractor, leg, aside if outside <= OUTSIDE_M else max(aside, outside + ASIDE_M)))
     return turns
 

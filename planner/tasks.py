@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import get_ident
+from typing import Any
 
 from planner.drive import picture
 from planner.errors import WorkerError, named
 from planner.evaluate import Candidate, simulated
 from planner.pool import completed
+from planner.rivals import Rival, hopeless
 from planner.site import Site
 from reports.results import Drive, PlanResult
 from vehicle.run import DONE, Run
@@ -38,9 +40,12 @@ def pack(site: Site) -> bytes:
     return pickle.dumps(site)
 
 
-def work_out(packed: bytes, candidate: Candidate, pictures: bool = False) -> Outcome:
-    """Evaluate a candidate on a packed site."""
+def work_out(packed: bytes, candidate: Candidate, pictures: bool = False, rival: Rival | None = None) -> Outcome:
+    """Evaluate a candidate on a packed site, unless it cannot win against a rival."""
     site = _unpacked(packed, get_ident())
+    beaten = hopeless(site, candidate, rival)
+    if beaten is not None:
+        return Outcome(beaten)
     one = simulated(site, candidate)
     result, run = one.result, one.run
     if run is None or run.outcome != DONE:
@@ -56,13 +61,16 @@ def _unpacked(packed: bytes, _thread: int) -> Site:
 
 
 def outcomes(
-    executor: Executor, work: list[tuple[bytes, Candidate, bool]], progress: Progress | None
+    executor: Executor, work: Sequence[tuple[Any, ...]], progress: Progress | None, before: int = 0, whole: int = 0
 ) -> Iterator[tuple[int, Outcome]]:
-    """(index, outcome) of every task as they are done; `progress` is called with how many are, and of how many."""
+    """(index, outcome) of every task as they are done; each has the arguments of `work_out`.
+
+    `progress` is called with how many are done, and of how many; `before` are done already, of a `whole` of so many.
+    """
     try:
-        for done, pair in enumerate(completed(executor, work_out, work), start=1):
+        for done, pair in enumerate(completed(executor, work_out, list(work)), start=before + 1):
             if progress:
-                progress(done, len(work))
+                progress(done, whole or len(work))
             yield pair
     except BrokenExecutor:
         raise WorkerError(LOST) from None

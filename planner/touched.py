@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -16,21 +14,35 @@ GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 SAME_M = 1e-6
 TOUCH_M = 0.01  # overlaps thinner than this are none
 HOLE = "a hole of the field"
+Points = npt.NDArray[np.float64]
 Boxes = npt.NDArray[np.object_]
 
 
+class FenceCheck:
+    """How far a tractor or its implement is over the fences of a field."""
+
+    def __init__(self, site: Site) -> None:
+        field = site.layout.field
+        self._site = site
+        self._fence = shapely.union_all(field.fences)
+        if field.entrance is not None:
+            self._fence = shapely.difference(self._fence, shapely.Point(field.entrance).buffer(GATE_M))
+        self._area = shapely.Polygon((field.outline or field.boundary).exterior)
+        shapely.prepare([self._fence, self._area])
+
+    def depth_m(self, poses: Points) -> float:
+        """How far (m) a box reaches over a fence, or a post into a box, at poses (t, 3) of the centre of mass."""
+        if self._fence.is_empty:
+            return 0.0
+        boxes = _near(poses, self._site, self._fence)
+        boxes = boxes[shapely.intersects(boxes, self._fence)]
+        return max(_over(boxes, self._area, self._fence), _into(boxes, self._fence)) if len(boxes) else 0.0
+
+
 def fence_crossed_m(run: Run, site: Site) -> float:
-    """How far (m) a box of tractor or implement ever reaches over a fence, or a post of one into a box; 0 for never."""
-    field = site.layout.field
-    if not field.fences or field.outline is None:
-        return 0.0
-    fence = shapely.union_all(field.fences)
-    if field.entrance is not None:
-        fence = shapely.difference(fence, shapely.Point(field.entrance).buffer(GATE_M))
-    area = shapely.Polygon(field.outline.exterior)
-    shapely.prepare([fence, area])
-    hit = [boxes[shapely.intersects(boxes, fence)] for boxes in _near(run, site, fence)]
-    return max((max(_over(boxes, area, fence), _into(boxes, fence)) for boxes in hit if len(boxes)), default=0.0)
+    """How far (m) anything ever reaches over a fence; 0 for never."""
+    check = FenceCheck(site)
+    return max(check.depth_m(run.poses(tractor)[::EVERY]) for tractor in range(run.plan.tractors))
 
 
 def obstacle_touched(run: Run, site: Site) -> str | None:
@@ -41,19 +53,18 @@ def obstacle_touched(run: Run, site: Site) -> str | None:
     for shape, name in zip(field.solid, [*holes, *names], strict=True):
         core = shape.buffer(-TOUCH_M)
         shapely.prepare(core)
-        if any(shapely.intersects(boxes, core).any() for boxes in _near(run, site, core)):
-            return name
+        for tractor in range(run.plan.tractors):
+            if shapely.intersects(_near(run.poses(tractor)[::EVERY], site, core), core).any():
+                return name
     return None
 
 
-def _near(run: Run, site: Site, shape: shapely.Geometry) -> Iterator[Boxes]:
-    """Boxes of each tractor and its implement whenever they could touch a shape."""
+def _near(poses: Points, site: Site, shape: shapely.Geometry) -> Boxes:
+    """Boxes of tractor and implement at those poses at which they could touch a shape."""
     body, axle_m = body_of(site.tractor, site.implement), site.tractor.rear_axle_m
-    for tractor in range(run.plan.tractors):
-        poses = run.poses(tractor)[::EVERY]
-        poses = poses[shapely.dwithin(shapely.points(poses[:, :2]), shape, body.reach_m + axle_m)]
-        ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-        yield body.placed(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
+    poses = poses[shapely.dwithin(shapely.points(poses[:, :2]), shape, body.reach_m + axle_m)]
+    ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    return body.placed(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
 
 
 def _over(boxes: Boxes, area: shapely.Polygon, fence: shapely.Geometry) -> float:

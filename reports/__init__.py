@@ -3,6 +3,7 @@
     results             result types of plans and of the study
     table, export, page, figures   a ranking or the study: for the terminal, JSON and CSV, a page, a map
     field_report        a field in figures, for the terminal
+    odds                probability and expected cost against count
     front, drawing, paths, timed   what pages draw, as numbers: time against count, the map, paths thinned
     landmarks, layers   where names and arrows stand on any map; the layers of the map that is a picture
     leg_list, step_words   what each tractor does, in order: tables, JSON, and its words

@@ -43,7 +43,15 @@ PLAN_KEYS = (
     "remark",
     "rounds",
     "headland_s",
+    "finish_probability",
+    "finish_probability_interval",
+    "p50_s",
+    "p80_s",
+    "p95_s",
+    "expected_cost",
+    "bound_s",
 )
+INTERVAL_KEYS = ("low", "high")
 PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
 CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
 _DECIMALS = 6
@@ -54,8 +62,8 @@ def ranking_json(ranking: Ranking) -> str:
 
     Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS`, in the order of the
     ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
-    the amounts of its rest under ``rest``) and ``scenario`` (what was asked, by parameter). Figures that are missing
-    or not finite are null.
+    the amounts of its rest under ``rest``), ``scenario`` (what was asked, by parameter), ``advice`` (a sentence),
+    ``currency`` and ``draws``. Figures that are missing or not finite are null.
     """
     best = ranking.best
     return _text(
@@ -66,6 +74,9 @@ def ranking_json(ranking: Ranking) -> str:
             "best": None if best is None else plan_entry(best),
             "tractor_effects": ranking.tractor_effects,
             "scenario": ranking.scenario,
+            "advice": ranking.advice,
+            "currency": ranking.currency,
+            "draws": ranking.draws,
         }
     )
 
@@ -87,7 +98,8 @@ def ranking_csv(ranking: Ranking) -> str:
 
     `CSV_KEYS` are what was asked, the same on every row, so that tables of several fields can be put together.
     Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone. The largest
-    missed piece has a column for each of its keys (``largest_missed_m2``).
+    missed piece has a column for each of its keys (``largest_missed_m2``), an interval one for each end
+    (``finish_probability_interval_low``).
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -100,11 +112,13 @@ def ranking_csv(ranking: Ranking) -> str:
 
 
 def _flat(entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry of a plan with the values of its largest missed piece beside the others."""
+    """An entry of a plan with its largest missed piece and its interval as values beside the others."""
     flat: dict[str, Any] = {}
     for key, value in entry.items():
         if key == "largest_missed":
             flat |= {f"{key}_{part}": (value or {}).get(part) for part in PIECE_KEYS}
+        elif key == "finish_probability_interval":
+            flat |= {f"{key}_{part}": end for part, end in zip(INTERVAL_KEYS, value or (None, None), strict=True)}
         else:
             flat[key] = value
     return flat

@@ -92,10 +92,12 @@ def work_marks(drive: Drive, size: float) -> list[list[WorkMark]]:
     for tractor, own in enumerate(marks):
         for text, line in _worked(drive, tractor):
             for head in _heads(line, _HEAD * size / 100):
-                if all(_apart(head[0], others, apart * size / 100) for others, apart in ((taken, _ARROWS), *named)):
+                back = 0.5 * (head[1] + head[2])
+                place = back + 1.1 * (back - head[0])
+                clear = (_apart(one, others, apart * size / 100) for others, apart in named for one in (head[0], place))
+                if _apart(head[0], taken, _ARROWS * size / 100) and all(clear):
                     taken = np.concatenate([taken, head[:1]])
-                    back = 0.5 * (head[1] + head[2])
-                    own.append(WorkMark(head, Label(text, back + 1.1 * (back - head[0])) if text else None))
+                    own.append(WorkMark(head, Label(text, place) if text else None))
                     break
     return marks
 

@@ -39,7 +39,8 @@ def leg_lists(title: str, steps: Steps, start: str | None = None, only: int | No
 def heading(tractor: int, steps: Sequence[Step]) -> str:
     """``Tractor 2: 21 legs, 4.1 km, 0:52:10``."""
     length_m, end_s = sum(step.length_m for step in steps), steps[-1].from_s + steps[-1].seconds if steps else 0.0
-    return f"Tractor {tractor}: {len(steps)} legs, {number(length_m / 1000.0, 1)} km, {duration(end_s)}"
+    legs = f"{len(steps)} leg{'' if len(steps) == 1 else 's'}"
+    return f"Tractor {tractor}: {legs}, {number(length_m / 1000.0, 1)} km, {duration(end_s)}"
 
 
 def cells(place: int, step: Step, start: str | None = None) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from typing import Any
 from reports.drawing import bar_rows, map_picture
 from reports.front import front_picture
 from reports.leg_list import HEADINGS, cells, heading
+from reports.odds import odds_picture
 from reports.palette import TRACTORS
 from reports.paths import check_drive
 from reports.results import Drive, PlanResult, Ranking
@@ -27,6 +28,7 @@ from reports.wording import (
     left,
     members,
     number,
+    percent,
     price,
     refusals,
     refused,
@@ -75,6 +77,12 @@ _COLUMNS = (
     _Column("On the front", lambda p: p.on_pareto_front, lambda p: yes_no(p.on_pareto_front)),
 )
 _DEADLINE = _Column("In time", lambda p: p.meets_deadline, lambda p: yes_no(p.meets_deadline))
+_DRAWN = (
+    _Column("In time %", lambda p: p.finish_probability, lambda p: percent(p.finish_probability)),
+    _Column("Median time", lambda p: p.p50_s, lambda p: duration(p.p50_s)),
+    _Column("At 95 %", lambda p: p.p95_s, lambda p: duration(p.p95_s)),
+    _Column("Expected cost", lambda p: p.expected_cost, lambda p: price(p.expected_cost)),
+)
 
 
 def plan_page(ranking: Ranking, drive: Drive | None, drives: Mapping[Plan, Drive] | None = None) -> str:
@@ -113,6 +121,7 @@ def _key(plan: PlanResult) -> Plan:
 def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, Any]:
     plans, effects = feasible(ranking), effects_words(ranking)
     columns = [*_COLUMNS, _DEADLINE] if any(plan.meets_deadline is not None for plan in plans) else list(_COLUMNS)
+    columns += _DRAWN if any(plan.expected_cost is not None for plan in plans) else ()
     names = _names(plans, shown)
     first = next(iter(shown.values()), None)
     places = {key: number for number, key in enumerate(shown)}
@@ -128,9 +137,14 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
         "headings": HEADINGS,
         "begin_s": begin_s(ranking.start),
         "front": front_picture(ranking),
+        "odds": odds_picture(ranking),
         "columns": [replace(column, heading=_soft(column.heading)) for column in columns],
         "rows": [_row(plan, columns, plan is ranking.best, places.get(_key(plan))) for plan in plans],
-        "remarks": [*([LEFT_WORDS] if any(plan.missed_m2 is not None for plan in plans) else []), *remarks(plans)],
+        "remarks": [
+            *([LEFT_WORDS] if any(plan.missed_m2 is not None for plan in plans) else []),
+            *remarks(plans),
+            *ranking.checked,
+        ],
         "refused": len(refused(ranking)),
         "refusals": [
             {"count": len(group.plans), "reason": group.reason, "alike": group.alike, "members": members(group)}
@@ -178,6 +192,8 @@ def _facts(best: PlanResult | None) -> list[tuple[str, str]]:
         ("Time", duration(best.time_s)),
         ("Fleet", tractors(best.tractors)),
         ("Cost", price(best.cost)),
+        ("In time", _with_unit(None if best.finish_probability is None else 100.0 * best.finish_probability, 0, "%")),
+        ("Expected cost", price(best.expected_cost)),
         ("Worked", _with_unit(best.worked_pct, 1, "%")),
         ("Left open", bound(left(best) or number(None, 0))),
         ("Overlap", _with_unit(best.overlap_pct, 1, "%")),

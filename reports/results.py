@@ -42,6 +42,10 @@ class PlanResult:
     `formation_pct` is the share of the length of all tracks that tractors drive abreast; None where the strategy forms
     none.
     `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
+    Draws of what varies from day to day give `finish_probability` (of being done by the deadline and before the rain)
+    with its 95 % interval, quantiles of the time (`p50_s`, `p80_s`, `p95_s`) and money in the mean: `paid_cost`, and
+    `expected_cost` with ground that is late on top, with its standard error.
+    `bound_s` is the time that a plan takes at least which was not simulated, as another one is quicker than that.
     """
 
     strategy: str
@@ -75,6 +79,15 @@ class PlanResult:
     remark: str | None = None
     rounds: int | None = None
     headland_s: float | None = None
+    finish_probability: float | None = None
+    finish_probability_interval: tuple[float, float] | None = None
+    p50_s: float | None = None
+    p80_s: float | None = None
+    p95_s: float | None = None
+    expected_cost: float | None = None
+    expected_cost_error: float | None = None
+    paid_cost: float | None = None
+    bound_s: float | None = None
 
 
 def finish_s(plan: PlanResult) -> float:
@@ -111,6 +124,9 @@ class Ranking:
     `tractor_effects` are the values of the effects of the tractor file by id, and under "rest" the amounts of a rest
     that is switched on: what logs have shown of the tractor that was simulated. `scenario` is what was asked for and,
     where that was left open, what was planned with: plain values with their units in the keys, clock times as hh:mm.
+    `advice` is a sentence on the plan to take and its neighbours, from `draws` draws, money in `currency`; `chosen` is
+    that plan (strategy, tractors) where there is something to be in time for. `checked` are sentences on how far the
+    draws can be trusted.
     """
 
     field_name: str
@@ -123,14 +139,21 @@ class Ranking:
     assumptions: tuple[str, ...] = ()
     tractor_effects: dict[str, dict[str, float]] = field(default_factory=dict)
     scenario: dict[str, Any] = field(default_factory=dict)
+    advice: str | None = None
+    currency: str | None = None
+    draws: int | None = None
+    chosen: tuple[str, int] | None = None
+    checked: tuple[str, ...] = ()
 
     @property
     def best(self) -> PlanResult | None:
-        """The feasible plan that finishes first; with a deadline the cheapest that meets it, if one does.
+        """The feasible plan that is `chosen`, else the one that finishes first; with a deadline the cheapest in time.
 
         Of those the ones that could finish by then what they leave open come first.
         """
-        plans = (plan for plan in self.plans if plan.feasible)
+        plans = [plan for plan in self.plans if plan.feasible]
+        if self.chosen is not None:
+            return next((plan for plan in plans if (plan.strategy, plan.tractors) == self.chosen), None)
         return min(plans, key=lambda plan: merit(plan, self.allowed_s), default=None)
 
     @property

@@ -24,6 +24,7 @@ from reports.wording import (
     members,
     minutes,
     number,
+    percent,
     price,
     refusals,
     refused,
@@ -46,17 +47,19 @@ class _PlanColumn:
 class _RankingTable:
     """Strategy and turn have a column each where all headings have room, else they share one.
 
-    `deadline` and `left` tell whether there is anything to say in the columns on them.
+    `deadline`, `left` and `chances` tell whether there is anything to say in the columns on them.
     """
 
     plans: tuple[PlanResult, ...]
     best: PlanResult | None
     deadline: bool
     left: bool
+    chances: bool
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        wide = self._table(_columns(True, self.deadline, self.left))
-        yield wide if wide.fits(options.max_width) else self._table(_columns(False, self.deadline, self.left))
+        told = self.deadline, self.left, self.chances
+        wide = self._table(_columns(True, *told))
+        yield wide if wide.fits(options.max_width) else self._table(_columns(False, *told))
 
     def _table(self, columns: list[_PlanColumn]) -> FittedTable:
         rows = tuple(self._row(plan, columns) for plan in self.plans)
@@ -81,7 +84,8 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
     if shown:
         deadline = any(plan.meets_deadline is not None for plan in shown)
         left = any(plan.missed_m2 is not None for plan in shown)
-        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline, left)]
+        chances = any(plan.finish_probability is not None for plan in shown)
+        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline, left, chances)]
         more = len(plans) - len(shown)
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown; --all shows every plan."
         legend = "Times are h:mm:ss. * nobody is faster with as few tractors (Pareto front)."
@@ -89,6 +93,7 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         legend += f" {LEFT_WORDS}" if left else ""
         parts.append(sentence(legend + (hidden if more else ""), style="dim"))
         parts += [sentence(text, style="dim") for text in remarks(shown)]
+    parts += [sentence(text, style="dim") for text in ranking.checked]
     effects = effects_words(ranking)
     parts += [sentence(effects, style="dim")] if effects else []
     parts += _refused_part(refused(ranking))
@@ -101,7 +106,7 @@ def _shown(ranking: Ranking, plans: list[PlanResult], most: int | None) -> list[
     return [p for index, p in enumerate(plans) if index < most or p.on_pareto_front or p is ranking.best]
 
 
-def _columns(wide: bool, deadline: bool, left: bool) -> list[_PlanColumn]:
+def _columns(wide: bool, deadline: bool, left: bool, chances: bool) -> list[_PlanColumn]:
     """Rank, fleet, names, time, cost and deadline stay longest: they are the answer."""
     names = (
         [
@@ -128,15 +133,24 @@ def _columns(wide: bool, deadline: bool, left: bool) -> list[_PlanColumn]:
     if left:
         place = [column.column.heading for column in columns].index("Overlap %")
         columns.insert(place, _PlanColumn(Column("Left ha", "Left\nha", drop=4), lambda p: hectares(p.missed_m2)))
-    if deadline:
+    if chances:
+        columns.append(_PlanColumn(Column("In time %", "In\ntime %", drop=3), lambda p: percent(p.finish_probability)))
+        columns.append(_PlanColumn(Column("Expected", "Expec-\nted", drop=4), lambda p: price(p.expected_cost)))
+    elif deadline:
         columns.append(_PlanColumn(Column("In time", "In\ntime", drop=3), lambda p: yes_no(p.meets_deadline)))
     return columns
 
 
 def _refused_part(plans: list[PlanResult]) -> list[RenderableType]:
+    beaten = [plan for plan in plans if plan.bound_s is not None]
+    driven = [plan for plan in plans if plan.bound_s is None]
+    return [*_reasons("Refused", driven), *_reasons("Not simulated", beaten)]
+
+
+def _reasons(what: str, plans: list[PlanResult]) -> list[RenderableType]:
     if not plans:
         return []
-    parts: list[RenderableType] = [Text(""), _title(f"Refused: {len(plans)} plan{'s' if len(plans) > 1 else ''}")]
+    parts: list[RenderableType] = [Text(""), _title(f"{what}: {len(plans)} plan{'s' if len(plans) > 1 else ''}")]
     for refusal in refusals(plans):
         alike = " (first of several that differ in the figures)" if refusal.alike else ""
         parts.append(_bullet(f"{len(refusal.plans)} x  {refusal.reason}{alike}"))

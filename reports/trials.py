@@ -19,7 +19,7 @@ from reports.plain import finite
 from reports.template import rendered
 from reports.trial_figures import panel_figure
 from reports.wording import NOTHING
-from vehicle.trials.sheets.sheet import Comparison, Driven, HeatMap, Panel, Sheet, TextTable
+from vehicle.trials.sheets.sheet import Comparison, Driven, HeatMap, Panel, Proof, Proved, Sheet, TextTable
 
 
 def trials_json(sheets: Sequence[Sheet]) -> str:
@@ -74,6 +74,37 @@ def _panel_numbers(panel: Panel | HeatMap) -> dict[str, Any]:
 
 def _numbers_of(values: np.ndarray) -> list[float | None]:
     return [round(float(value), 4) if math.isfinite(value) else None for value in values]
+
+
+def proved_json(proved: Proved) -> str:
+    """The verdict on a tractor file, as the contract of `headland tractor check --json` has it.
+
+    A drive that did not come to its end has null for `driven`; `difference_pct` is null where 0 was asked for.
+    """
+    content = {
+        "tractor": proved.tractor,
+        "holds_together": proved.holds_together,
+        "words": proved.words,
+        "drives": [
+            {
+                "drive": proof.drive,
+                "ground": proof.ground,
+                "unit": proof.unit,
+                "asked": proof.asked,
+                "driven": proof.driven,
+                "difference": proof.difference,
+                "difference_pct": _pct(proof),
+                "tolerance": proof.tolerance,
+                "good": proof.good,
+            }
+            for proof in proved.proofs
+        ],
+    }
+    return json.dumps(finite(content), indent=2, allow_nan=False) + "\n"
+
+
+def _pct(proof: Proof) -> float | None:
+    return None if proof.difference is None or not proof.asked else 100.0 * proof.difference / proof.asked
 
 
 def trials_page(sheets: Sequence[Sheet]) -> str:

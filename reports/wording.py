@@ -68,6 +68,11 @@ def price(value: float | None) -> str:
     return number(value, 2 if value is None or abs(value) < 999.995 else 0)
 
 
+def percent(share: float | None) -> str:
+    """A probability in percent; a dash when there is none."""
+    return number(None if share is None else 100.0 * share, 0)
+
+
 def area(m2: float) -> str:
     """An area in hectares, or in square metres where it is under a tenth of one."""
     return f"{m2 / 10_000.0:.2f} ha" if m2 >= 1000.0 else f"{m2:.0f} m2"
@@ -220,11 +225,12 @@ def headline(ranking: Ranking) -> list[str]:
     cheapest = min(priced, key=finish_cost, default=None)
     best_is_cheapest = cheapest is not None and finish_cost(cheapest) == finish_cost(best)
     if not is_late:
-        sentences = [f"Best plan: {_told(ranking, best)}.", *_left_words(ranking, best), *_remark_words(best)]
+        sentences = [*_advice_words(ranking), f"Best plan: {_told(ranking, best)}."]
+        sentences += [*_left_words(ranking, best), *_remark_words(best)]
         sentences += _deadline_words(ranking, best, best_is_cheapest)
     else:
         by = "" if ranking.missed_by_s is None else f" misses it by {duration(ranking.missed_by_s)}"
-        sentences = [f"No plan meets {_deadline_name(ranking, 'the')}."]
+        sentences = [f"No plan meets {_deadline_name(ranking, 'the')}.", *_advice_words(ranking)]
         sentences += [f"The {closest(ranking)}{by}: {_told(ranking, best)}."]
         sentences += [*_left_words(ranking, best), *_remark_words(best)]
     fastest = min((plan for plan in plans if plan.time_s is not None), key=finish_s, default=best)
@@ -235,6 +241,13 @@ def headline(ranking: Ranking) -> list[str]:
     elif cheapest is not None and not best_is_cheapest:
         sentences.append(f"Cheapest: {_told(ranking, cheapest)}.")
     return sentences
+
+
+def _advice_words(ranking: Ranking) -> list[str]:
+    """The advice, and what its figures are."""
+    if ranking.advice is None:
+        return []
+    return [ranking.advice, f"Money is in {ranking.currency}, in the mean of {ranking.draws} draws."]
 
 
 def _told(ranking: Ranking, plan: PlanResult) -> str:
@@ -313,6 +326,8 @@ def _deadline_words(ranking: Ranking, best: PlanResult, best_is_cheapest: bool) 
     late = sorted({plan.tractors for plan in judged} - set(meeting))
     missed = f", not with {listed(late, 'or')}" if late else ""
     noun = "tractor" if meeting == [1] else "tractors"
+    if ranking.chosen is not None:
+        return [f"{name} can be met with {listed(meeting, 'or')} {noun}{missed}, as simulated."]
     least = min(finish_cost(plan) for plan in judged if plan.meets_deadline)
     among = "of all" if best_is_cheapest else "of them"
     if finish_cost(best) > least:

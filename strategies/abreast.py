@@ -20,7 +20,7 @@ class Slot:
     """One tractor in one round: its row (1 leads), the neighbour it follows, its pass.
 
     Along the track, from its beginning: `place_m` where it takes its place in formation, `hold_m` where it first
-    waits in the queue, `queue_m` where the queue begins.
+    waits in the queue, `up_m` where after that, as it moves up, and `queue_m` where the queue begins.
     """
 
     tractor: int
@@ -30,6 +30,7 @@ class Slot:
     place_m: float
     hold_m: float
     queue_m: float
+    up_m: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -76,10 +77,13 @@ def slots_of(job: Job, passes: Sequence[Pass], passing: Sequence[Passing] | None
         front = min(ends[i] for i in range(len(passes)) if i == index or rows[i] < rows[index])
         queue_m, place_m = front - along[index], place[index] - along[index]
         hold_m = queue_m - max((rows[index] - 1) * job.manner.gap_m, job.manner.hold_back_m)
+        ups = [queue_m - row * job.manner.gap_m for row in range(rows[index] - 2, 0, -1)]
         if passing:
-            hold_m = passing[index].hold(hold_m)
+            hold_m, ups = passing[index].hold(hold_m), [passing[index].hold(up) for up in ups]
+        before = [hold_m, *ups]
+        up_m = tuple(up for up, last in zip(ups, before, strict=False) if up > last + SHORTEST_M)
         neighbour = None if rows[index] == 1 else offset + index + (1 if index < leader else -1)
-        slots.append(Slot(offset + index, rows[index], neighbour, this, place_m, hold_m, queue_m))
+        slots.append(Slot(offset + index, rows[index], neighbour, this, place_m, hold_m, queue_m, up_m))
     return slots
 
 

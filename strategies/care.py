@@ -9,8 +9,9 @@ helps, the round is divided anew.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+from strategies.abreast import Slot
 from strategies.clear_rounds import AS_WRITTEN, Changes
 from strategies.errors import StrategyError
 from strategies.formation import Formation
@@ -24,39 +25,64 @@ from vehicle.run import CONFLICT, DONE, Conflict
 BEGUN_M = (10.0, 20.0)  # how far the other has driven since it left the queue, before its place is waited for
 FARTHER_M = 5.0  # a tractor in the way waits so much farther off
 MOST_FARTHER_M = 20.0
+NOWHERE: tuple[int, Slot | None] = (-1, None)
+SAME_S = 1.0
 MOST_WRITTEN = 16  # times a formation is written anew
 Write = Callable[[Changes], Formation]
 Pair = tuple[Pass, Pass]
 """Passes of the tractor that waits, and of the one it waits for."""
+Key = tuple[object, ...]
+"""What was tried."""
 
 
-def driven(write: Write, simulate: Simulate, changes: Changes = AS_WRITTEN) -> tuple[Formation, Refined]:
-    """A formation with as little waiting as it is found to need, its plan and its run.
+@dataclass(frozen=True)
+class Driven:
+    """A formation as it was driven in the end: its plan with its run, and what it was found to need."""
 
-    `changes` are known to be needed from the start. Where nothing helps, the plan is handed back as it was first
-    written, to be mended like any other.
+    formation: Formation
+    refined: Refined
+    changes: Changes
+    care: dict[Pair, int]
+
+
+def driven(write: Write, simulate: Simulate, like: Driven | None = None) -> Driven:
+    """A formation with as little waiting as it is found to need; at least that of another which is much `like` it.
+
+    Where nothing helps, the plan is handed back as it was first written, to be mended like any other.
     """
-    first = formation = write(changes)
-    care, written = dict[Pair, int](), 1
+    changes, care = (like.changes, dict(like.care)) if like else (AS_WRITTEN, {})
+    first, known = write(changes), (changes, dict(care))
+    formation, plan, vain, written = first, _with_care(first.plan, first, care), set[Key](), 1
+    before: tuple[Key, Conflict] | None = None
     while written <= MOST_WRITTEN:
-        plan = _with_care(formation, care)
         run = simulate(plan)
         if run.outcome == DONE:
-            return formation, Refined(plan, run, told(plan))
-        if run.outcome != CONFLICT or run.conflict is None:
+            return Driven(formation, Refined(plan, run, told(plan)), changes, care)
+        clash = run.conflict if run.outcome == CONFLICT else None
+        if clash is None:
             break
-        pair = _pair(formation, run.conflict)
-        if pair is not None and care.get(pair, 0) <= len(BEGUN_M):
-            care[pair] = care.get(pair, 0) + 1
+        if before is not None and _same(clash, before[1]):
+            vain.add(before[0])
+        pair = _pair(formation, clash)
+        if pair is not None and care.get(pair, 0) < len(BEGUN_M) + 1:
+            care[pair] = len(BEGUN_M) + 1 if ("care", *pair) in vain else care.get(pair, 0) + 1
+            plan, before = _with_care(plan, formation, {pair: care[pair]}), (("care", *pair), clash)
             continue
-        again = _changed(formation, run.conflict, changes)
-        if again is None:
+        found = _changed(formation, clash, changes, vain)
+        if found is None:
             break
         try:
-            formation, changes, written = write(again), again, written + 1
+            formation, changes, written = write(found[1]), found[1], written + 1
         except StrategyError:
             break
-    return first, Refined(first.plan, None, told(first.plan))
+        plan, before = _with_care(formation.plan, formation, care), (found[0], clash)
+    return Driven(first, Refined(first.plan, None, told(first.plan)), *known)
+
+
+def _same(one: Conflict, other: Conflict) -> bool:
+    """Whether two met as they did before."""
+    alike = (one.first, one.second) == (other.first, other.second)
+    return alike and abs(one.time_s - other.time_s) < SAME_S
 
 
 def told(plan: Plan) -> str | None:
@@ -69,30 +95,34 @@ def told(plan: Plan) -> str | None:
     return f"{min(round(share), 99)} % of the tracks driven in formation, the rest by {by}"
 
 
-def met_on_way(formation: Formation, clash: Conflict) -> int | None:
-    """The round into which both were on their way; None where they met elsewhere."""
-    one, other = _coming(formation, clash.first, clash.first_leg), _coming(formation, clash.second, clash.second_leg)
-    return one if one == other else None
+def coming(formation: Formation, clash: Conflict) -> tuple[int | None, int | None]:
+    """The rounds to which two that met were on their way or at their place; None for one that was in its queue."""
+    return _coming(formation, clash.first, clash.first_leg), _coming(formation, clash.second, clash.second_leg)
 
 
 def _pair(formation: Formation, clash: Conflict) -> Pair | None:
     """Who should wait for whom, where both were on their way into the same round."""
-    number = met_on_way(formation, clash)
-    if number is None:
+    number, other = coming(formation, clash)
+    if number is None or number != other:
         return None
     slots = {slot.tractor: slot for slot in formation.rounds[number]}
-    ones = [slots[clash.first], slots[clash.second]]
-    first, waits = sorted(ones, key=lambda slot: (slot.row, -slot.tractor))
+    first, waits = sorted((slots[clash.first], slots[clash.second]), key=_turn)
     return waits.this, first.this
 
 
-def _with_care(formation: Formation, care: dict[Pair, int]) -> Plan:
-    """The plan of a formation with the gates of those that wait for others."""
-    plan, at = formation.plan, {slot.this: (number, slot.tractor) for number, slot in formation.slots}
+def _turn(slot: Slot) -> tuple[int, int]:
+    """By what two are ordered that could leave together: the one on the side the formation moves to goes first."""
+    return slot.row, -slot.tractor
+
+
+def _with_care(plan: Plan, formation: Formation, care: dict[Pair, int]) -> Plan:
+    """The plan of a formation with further gates, of those that wait for others."""
+    at = {slot.this: (number, slot) for number, slot in formation.slots}
     for (waits, first), level in care.items():
-        if waits not in at or first not in at or at[waits][0] != at[first][0]:
+        (number, one), (same, two) = at.get(first, NOWHERE), at.get(waits, NOWHERE)
+        if one is None or two is None or number != same or _turn(two) < _turn(one):
             continue
-        (number, other), (_, tractor) = at[first], at[waits]
+        other, tractor = one.tractor, two.tractor
         marks, legs = formation.marks[number, other], formation.plan.missions[other].legs
         placed = Gate(other, marks.placed, max(0.0, legs[marks.placed].length_m - ARRIVED_M))
         gates = [past_release(legs, marks, other, metres) for metres in BEGUN_M] + [placed]
@@ -109,21 +139,23 @@ def _coming(formation: Formation, tractor: int, leg: int) -> int | None:
     return None
 
 
-def _changed(formation: Formation, clash: Conflict, changes: Changes) -> Changes | None:
-    """What to write otherwise after two met; None where nothing is left to try."""
+def _changed(
+    formation: Formation, clash: Conflict, changes: Changes, vain: set[Key]
+) -> tuple[Key, Changes] | None:
+    """What to write otherwise after two met; None where nothing is left to try but what was `vain`."""
     sides = [(clash.first, clash.first_leg), (clash.second, clash.second_leg)]
     for tractor, leg in sides:
         for number, slot in formation.slots:
             marks = formation.marks[number, slot.tractor]
-            if slot.tractor != tractor or not marks.placed <= leg <= marks.queue[-1]:
+            if slot.tractor != tractor or not marks.placed <= leg < marks.queue[-1]:
                 continue
-            back, ahead = changes.back_m.get(slot.this, 0.0), changes.ahead_m.get(slot.this, 0.0)
-            if leg == marks.placed and ahead < MOST_FARTHER_M:
-                return replace(changes, ahead_m={**changes.ahead_m, slot.this: ahead + FARTHER_M})
-            if marks.work <= leg < marks.queue[-1] and back < MOST_FARTHER_M:
-                return replace(changes, back_m={**changes.back_m, slot.this: back + FARTHER_M})
-    coming = sorted({n for n in (_coming(formation, *side) for side in sides) if n is not None})
-    for number in coming:
-        if key_of(formation.rounds[number]) not in changes.barred:
-            return replace(changes, barred=changes.barred | {key_of(formation.rounds[number])})
+            ahead = leg == marks.placed
+            key, known = ("ahead" if ahead else "back", slot.this), changes.ahead_m if ahead else changes.back_m
+            farther = {**known, slot.this: known.get(slot.this, 0.0) + FARTHER_M}
+            if key not in vain and farther[slot.this] <= MOST_FARTHER_M:
+                return key, replace(changes, ahead_m=farther) if ahead else replace(changes, back_m=farther)
+    for number in sorted({number for number in coming(formation, clash) if number is not None}):
+        passes = key_of(formation.rounds[number])
+        if passes not in changes.barred:
+            return ("barred", *passes), replace(changes, barred=changes.barred | {passes})
     return None

@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from strategies.search import shortest_forward
+from strategies.search import fitting_forward
 from strategies.words import MOST_PIECES, driven_s
 from vehicle.jit import compiled
 
@@ -27,10 +27,10 @@ UNKNOWN, NOWHERE = -1.0, -2
 
 @compiled
 def link_s(p, q, radius, speeds, edges, row) -> float:  # type: ignore[no-untyped-def]
-    """Seconds of the shortest fitting of the three shortest forward words from p to q, infinite where none fits."""
-    if shortest_forward(p, q, radius, edges, 3, row) < 0:
+    """Seconds of the shortest fitting of the three shortest forward words from p, inside, to q; infinite for none."""
+    if fitting_forward(p, q, radius, edges, 3, row) < 0:
         return np.inf
-    return driven_s(row, speeds)  # type: ignore[no-any-return]
+    return driven_s(row, speeds)
 
 
 @compiled

@@ -35,7 +35,7 @@ def _after_previous(draft: Draft, number: int, slot: Slot) -> list[Gate]:
 
 
 def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:
-    return driven(lambda changes: col_by_col(job, changes=changes), simulate)[1]
+    return driven(lambda changes: col_by_col(job, changes=changes), simulate).refined
 
 
 STRATEGY = Strategy(

@@ -58,13 +58,18 @@ class Fence:
     def __init__(self, fences: shapely.Geometry, obstacles: shapely.Geometry, body: Body, spare_m: float) -> None:
         self.body, self.spare_m = body, spare_m
         self._fences, self._lines = fences, shapely.union(fences, obstacles)
+        self._known: dict[tuple[Path, bool], bool] = {}  # strategies ask for the same ways
         shapely.prepare([self._fences, self._lines])
 
     def crosses(self, way: Path, *, fences_only: bool = False) -> bool:
         """Whether some part of the machine comes to a fence, or an obstacle as well, on a way."""
+        if (way, fences_only) not in self._known:
+            self._known[way, fences_only] = self._crosses(way, self._fences if fences_only else self._lines)
+        return self._known[way, fences_only]
+
+    def _crosses(self, way: Path, lines: shapely.Geometry) -> bool:
         points = way.outline(0.1)
         line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
-        lines = self._fences if fences_only else self._lines
         if not shapely.dwithin(lines, line, self.body.reach_m + self.spare_m):
             return False
         return self._hit(_axle(way, self.body.guide_m), lines)

@@ -66,7 +66,7 @@ def held_clear(job: Job, rounds: list[Round], order: list[Pass]) -> list[Round]:
 
 def _further_back(job: Job, slot: Slot, ways: list[Floats]) -> Slot:
     hold_m = blocked_on(job, slot.this, ways).before(slot.hold_m)
-    return replace(slot, hold_m=hold_m) if hold_m >= slot.place_m + SHORTEST_M else slot
+    return replace(slot, hold_m=hold_m, up_m=()) if hold_m >= slot.place_m + SHORTEST_M else slot
 
 
 def _driven(job: Job, order: list[Pass]) -> list[Floats]:

@@ -127,12 +127,9 @@ def _lay_round(draft: Draft, number: int, slot: Slot, move_up: bool) -> None:
     if slot.place_m > tool + SHORTEST_M:
         legs.append(straight_leg(job, entry, tool, slot.place_m, work_task))
     placed = len(legs) - 1
-    end, gap = slot.this.track.length + tool, job.manner.gap_m
-    stops = [slot.hold_m]
-    legs.append(straight_leg(job, entry, max(slot.place_m, tool), stops[0], work_task))
-    work = len(legs) - 1
-    stops += [slot.queue_m - row * gap for row in range(slot.row - 2, 0, -1)] if move_up else []
-    stops.append(end)
+    legs.append(straight_leg(job, entry, max(slot.place_m, tool), slot.hold_m, work_task))
+    work, end = len(legs) - 1, slot.this.track.length + tool
+    stops = [slot.hold_m, *(slot.up_m if move_up else ()), end]
     legs += [straight_leg(job, entry, a, b, work_task, may_wait=b == end) for a, b in pairwise(stops)]
     queue = tuple(range(work + 1, len(legs)))
     draft.marks[number, slot.tractor] = Marks(release, placed if turned is None else turned, placed, work, queue)

@@ -7,7 +7,7 @@ from strategies.care import driven
 from strategies.clear_rounds import AS_WRITTEN, Changes
 from strategies.formation import FORMATION_REPAIRS, Formation, form
 from strategies.job import Job
-from strategies.queueing import Draft
+from strategies.queueing import Draft, past_release
 from strategies.record import Refined, Simulate, Strategy
 from vehicle.missions import Gate
 
@@ -24,12 +24,13 @@ def _row_before_in_place(draft: Draft, number: int, slot: Slot) -> list[Gate]:
     row = [other for other in draft.rounds[number] if other.row == slot.row]
     gates = [draft.in_place(number, other.tractor) for other in draft.rounds[number] if other.row == slot.row - 1]
     if number and slot.row > 1 and slot is not row[-1] and draft.job.manner.ahead_m:
-        gates.append(draft.past_release(number, row[-1].tractor, draft.job.manner.ahead_m))
+        beside, ahead_m = row[-1].tractor, draft.job.manner.ahead_m
+        gates.append(past_release(draft.legs[beside], draft.marks[number, beside], beside, ahead_m))
     return gates
 
 
 def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:
-    return driven(lambda changes: row_by_row(job, changes=changes), simulate)[1]
+    return driven(lambda changes: row_by_row(job, changes=changes), simulate).refined
 
 
 STRATEGY = Strategy(

@@ -8,11 +8,11 @@ and the result is simulated; where tractors come too close, the stretches are he
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 from strategies.abreast import Slot
-from strategies.care import driven, met_on_way, told
+from strategies.care import coming, driven, told
 from strategies.clear_rounds import AS_WRITTEN, Changes
 from strategies.formation import FORMATION_REPAIRS, Formation, form
 from strategies.job import Job
@@ -21,8 +21,8 @@ from strategies.queueing import Draft, past_release
 from strategies.record import Refined, Simulate, Strategy
 from strategies.releases import Releases, releases_of
 from strategies.row_by_row import row_by_row
-from vehicle.missions import Gate, Plan
-from vehicle.run import DONE, Run
+from vehicle.missions import Gate, Leg, Mission, Plan
+from vehicle.run import DONE
 from vehicle.tractor import Implement, Tractor
 
 NAME = "row-by-row-optimised"
@@ -45,28 +45,28 @@ def row_by_row_timed(job: Job, releases: Releases, changes: Changes = AS_WRITTEN
 
 def optimised(job: Job, simulate: Simulate, tractor: Tractor, implement: Implement) -> Refined:
     """The timed plan and its run: per round the shortest hold that drives without conflict, else the plain queue."""
-    formation, plain = driven(lambda changes: row_by_row(job, changes=changes), simulate)
+    queue = driven(lambda changes: row_by_row(job, changes=changes), simulate)
+    plain = queue.refined
     if job.tractors == 1:
         return replace(plain, remark=ALONE)
     best = replace(plain, remark="; ".join(words for words in (NOT_QUICKER, plain.remark) if words))
-    queued, measured = formation, plain
-    if max(slot.row for _, slot in formation.slots) > 2:  # else nobody has a place to move up to
-        queued, measured = driven(
-            lambda changes: row_by_row(job, move_up=False, changes=changes), simulate, formation.changes
-        )
-    run = measured.run
-    if run is None or plain.run is None:
+    if plain.run is None:
+        return best
+    if max(slot.row for _, slot in queue.formation.slots) > 2:  # else nobody has a place to move up to
+        queue = driven(lambda changes: row_by_row(job, move_up=False, changes=changes), simulate, queue)
+    queued, measured, run = queue.formation, queue.refined.plan, queue.refined.run
+    if run is None:
         return best
 
     def passed(number: int) -> list[Passage]:
         return passages(job, queued, run, number, tractor, implement)
 
-    timed = _timed(job, queued, run, simulate, passed)
+    timed = _timed(job, queued, measured, simulate, passed)
     return timed if timed and timed.run and timed.run.duration_s < plain.run.duration_s else best
 
 
 def _timed(
-    job: Job, queued: Formation, measured: Run, simulate: Simulate, passed: Callable[[int], list[Passage]]
+    job: Job, queued: Formation, measured: Plan, simulate: Simulate, passed: Callable[[int], list[Passage]]
 ) -> Refined | None:
     """The plan with optimised releases, driven; a round in which tractors meet is held longer, or queues as measured.
 
@@ -79,19 +79,24 @@ def _timed(
         if not queued.moved[number] and len(queued.rounds[number]) > 1
     }
     for _ in range(1 + len(HOLDS_S) * len(times)):
-        plan = base.plan
-        for number, timing in times.items():
-            for slot in timing.slots:
-                release = base.marks[number, slot.tractor].release
-                for gate in timing.gates(base, measured.plan, slot):
-                    plan = plan.with_gate(slot.tractor, release, gate)
+        legs = {place: leg for timing in times.values() for place, leg in timing.released(base, measured).items()}
+        plan = _with_legs(base.plan, legs)
         run = simulate(plan)
         if run.outcome == DONE:
             return Refined(plan, run, told(plan))
-        met = met_on_way(base, run.conflict) if run.conflict else None
-        if met not in times or not times[met].hold_longer():
+        met = set(coming(base, run.conflict)) if run.conflict else set()
+        longer = [timing.hold_longer() for number, timing in times.items() if number in met]
+        if not any(longer):
             return None
     return None
+
+
+def _with_legs(plan: Plan, legs: Mapping[tuple[int, int], Leg]) -> Plan:
+    """The plan with some legs in place of its own, by tractor and number."""
+    return replace(plan, missions=tuple(
+        Mission(tuple(legs.get((tractor, number), leg) for number, leg in enumerate(mission.legs)))
+        for tractor, mission in enumerate(plan.missions)
+    ))  # fmt: skip
 
 
 @dataclass
@@ -102,24 +107,31 @@ class _Timing:
     group: list[Passage]
     number: int
     tried: int = 0
-    found: Releases | None = None
+    legs: dict[tuple[int, int], Leg] = field(default_factory=dict)
 
     def hold_longer(self) -> bool:
         """Take the next hold, after the last one the plain queue; False when that was tried too."""
-        self.tried, self.found = self.tried + 1, None
-        return self.tried <= len(HOLDS_S)
-
-    def gates(self, base: Formation, measured: Plan, slot: Slot) -> tuple[Gate, ...]:
-        """What a tractor of the round waits for before its release."""
         if self.tried == len(HOLDS_S):
-            return measured.missions[slot.tractor].legs[base.marks[self.number, slot.tractor].release].gates
-        if self.found is None:
-            self.found = releases_of(self.number, self.group, self.slots, HOLDS_S[self.tried])
-        waits_for = self.found.get((self.number, slot.tractor), ())
-        return tuple(
-            past_release(base.plan.missions[other].legs, base.marks[self.number, other], other, metres)
-            for other, metres in waits_for
-        )
+            return False
+        self.tried, self.legs = self.tried + 1, {}
+        return True
+
+    def released(self, base: Formation, measured: Plan) -> dict[tuple[int, int], Leg]:
+        """The legs with which the tractors of the round leave the queue, with what they wait for."""
+        if not self.legs:
+            waits = {} if self.tried == len(HOLDS_S) else releases_of(
+                self.number, self.group, self.slots, HOLDS_S[self.tried]
+            )
+            for slot in self.slots:
+                release = base.marks[self.number, slot.tractor].release
+                gates = [
+                    past_release(base.plan.missions[other].legs, base.marks[self.number, other], other, metres)
+                    for other, metres in waits.get((self.number, slot.tractor), ())
+                ]
+                if self.tried == len(HOLDS_S):
+                    gates = list(measured.missions[slot.tractor].legs[release].gates)
+                self.legs[slot.tractor, release] = base.plan.missions[slot.tractor].legs[release].with_gates(gates)
+        return self.legs
 
 
 STRATEGY = Strategy(

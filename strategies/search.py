@@ -183,12 +183,19 @@ def best_word(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
 @compiled
 def shortest_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
     """The shortest fitting of the `most` shortest forward words into `best`; its kind, -1 when there is none."""
-    out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
-    count = min(forward_words(a, b, radius, out, kinds, 0), most)
     if not inside(a[0], a[1], edges):
         return -1
+    return fitting_forward(a, b, radius, edges, most, best)
+
+
+@compiled
+def fitting_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
+    """As `shortest_forward` from a pose that is known to lie inside."""
+    out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
+    count = min(forward_words(a, b, radius, out, kinds, 0), most)
+    near = edges_near(a, b, math.hypot(b[0] - a[0], b[1] - a[1]) + REACH * radius, edges)
     for k in range(count):
-        if word_fits(a, out[k], edges):
+        if word_fits(a, out[k], near):
             best[:] = out[k]
             return kinds[k]  # type: ignore[no-any-return]
     return -1

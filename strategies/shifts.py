@@ -25,6 +25,7 @@ NEIGHBOURS = 1.05  # widths between rounds that lie inside one another
 ALIKE = 0.7  # a round so much shorter than the one before begins a nest of its own: sectors would not fit it
 SHORTEST_M = 15.0  # no side is cut so that less is left of it
 LEAST_S = 40.0  # no nest is cut so that less is left of it
+LEFT_M = 5.0  # of a round that sectors leave out: rounding, and pieces too short to drive
 EVEN = 0.05  # of a share: so much it may have too much for the sake of whole nests
 
 
@@ -83,10 +84,36 @@ def shared(
     """The stretches of every tractor in order; a tractor may have none.
 
     `begin` is where each starts that drives a whole nest, or near it. Borders of sectors are counted from `origin`, a
-    share of the length of the outer round from the middle of its longest side on.
+    share of the length of the outer round from the middle of its longest side on. Where borders that run square through
+    a nest do not meet one of its rounds well, a nest of its own begins with that.
     """
+    nests = _nests(job, outside_in)
+    while True:
+        shares = _shares(job, nests, begin, origin)
+        apart = _set_apart(nests, shares)
+        if len(apart) == len(nests):
+            return shares
+        nests = apart
+
+
+def _set_apart(nests: list[list[Round]], shares: list[list[Stretch]]) -> list[list[Round]]:
+    """The nests, with a new one before every round that the shares do not cover whole."""
+    driven: dict[tuple[int, int], float] = {}
+    for stretch in (stretch for share in shares for stretch in share):
+        key = stretch.lap.number, stretch.lap.ring
+        driven[key] = driven.get(key, 0.0) + stretch.length_m
+    apart: list[list[Round]] = []
+    for nest in nests:
+        for index, lap in enumerate(nest):
+            if not index or driven.get((lap.number, lap.ring), 0.0) < lap.length_m - LEFT_M:
+                apart.append([])
+            apart[-1].append(lap)
+    return apart
+
+
+def _shares(job: Job, nests: list[list[Round]], begin: Point | None, origin: float) -> list[list[Stretch]]:
     shares, corner_m = [], _corner_s(job) * job.manner.work_speed_mps
-    for sectors in _dealt(job, _nests(job, outside_in)):
+    for sectors in _dealt(job, nests):
         here, share = begin, list[Stretch]()
         for sector in sectors:
             whole = sector.last - sector.first > 1.0 - 1e-9

@@ -15,12 +15,14 @@ import numpy.typing as npt
 
 from fields.layout import Track
 from strategies.job import Job, Pass
-from strategies.tours import FAR_S, Tour, tour
+from strategies.tours import FAR_S, MOST_PROVEN, Tour, tour
 
 Floats = npt.NDArray[np.float64]
 
 NEAR_LINES = 10  # orders that are best turn over fewer lines; more only where a field is in pieces
-MOST_ROUNDS = 12
+MOST_ROUNDS = 13
+EFFORTS = ((False, False), (True, False), (True, True))
+"""Kicked and proven: what an order may still use of estimates is worked out before more is made of it."""
 SAME_S = 1e-3  # times are told apart to a millisecond, so that a choice does not hang on rounding
 
 
@@ -79,14 +81,13 @@ class TurnTable:
         if roughly:
             best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=False)
             return Tour(rows[best.passes], best.seconds, best.bound_s)
-        for kicked in (False, True):
-            best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=kicked)
+        for kicked, proven in EFFORTS[: 3 if len(members) <= MOST_PROVEN else 2]:
             for _ in range(MOST_ROUNDS):
+                turns = self.seconds[np.ix_(rows, rows)]
+                best = tour(turns, first, last, inner, seed, kicked=kicked, proven=proven)
+                inner = [(best.passes // 2).tolist()]
                 if not self.work_out(rows[best.passes].tolist()):
                     break
-                inner = [(best.passes // 2).tolist()]
-                best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=kicked)
-            inner = [(best.passes // 2).tolist()]
         return Tour(rows[best.passes], best.seconds, best.bound_s)
 
 

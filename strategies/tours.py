@@ -283,12 +283,14 @@ class Tour:
 
 
 def tour(
-    turns: Floats, first: Floats, last: Floats, starts: list[list[int]], seed: int = 1, *, kicked: bool = True
-) -> Tour:
+    turns: Floats, first: Floats, last: Floats, starts: list[list[int]], seed: int = 1, *, kicked: bool = True,
+    proven: bool = True,
+) -> Tour:  # fmt: skip
     """The best order of tracks found from several to start with; the same for the same input and seed.
 
     Each start is improved until no move helps; the best is then kicked, more often for few tracks, until it is as good
-    as its bound or the kicks are used up; without `kicked` it is left at that, and nothing is proven.
+    as its bound or the kicks are used up; without `kicked` it is left at that, and nothing is proven. Without `proven`
+    the circuit model is left out.
     """
     between = least_between(turns, first, last)
     promising = sorted((np.array(start) for start in starts), key=lambda start: seconds_of(start, turns, first, last))
@@ -302,7 +304,7 @@ def tour(
         kicks = max(FEWEST_KICKS, KICKS // len(order))
         order, seconds = searched(order, turns, first, last, kicks, enough, seed, between)
     passes = _directions(order, turns, first, last)
-    if seconds > enough and 3 < len(order) <= MOST_PROVEN:
+    if proven and seconds > enough and 3 < len(order) <= MOST_PROVEN:
         return _proven(turns, first, last, Tour(passes, float(seconds), float(bound)))
     return Tour(passes, float(seconds), float(min(bound, seconds)))
 

@@ -201,7 +201,7 @@ def test_every_package_says_that_it_is_typed() -> None:
     assert settings["tool"]["setuptools"]["package-data"]["*"] == ["py.typed"]
 
 
-@pytest.mark.parametrize("package", [*ROOMS, "vehicle/measured", "vehicle/trials"])
+@pytest.mark.parametrize("package", [*ROOMS, "planner/chance", "planner/price", "vehicle/measured", "vehicle/trials"])
 def test_the_map_of_a_room_names_every_module(package: str) -> None:
     folder = ROOT / package
     words = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""

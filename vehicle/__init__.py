@@ -2,6 +2,7 @@
 
     tractor, ground   frozen parameters, read from the files in `data`
     faults            what is wrong with a parameter file, in a sentence
+    datasheet         a whole tractor from what a maker's datasheet says
     steering, tyres, guidance, speed, gnss   scalar formulas of the thesis, one place each
     jit               the one setting with which they are compiled
     chassis, driveline   forces on one tractor body; from commands to wheel angle and drive force

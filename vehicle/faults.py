@@ -16,16 +16,16 @@ MOST_TOLD, MOST_MISSING = 6, 16
 Model = type[BaseModel]
 
 
-def faults_of(error: ValidationError, model: Model) -> str:
+def faults_of(error: ValidationError, model: Model, most: int = MOST_TOLD) -> str:
     """Clauses for all that pydantic complains of: what is missing, what is unknown, and wrong values with their rule.
 
-    `model` is the class that was to be made.
+    `model` is the class that was to be made; at most `most` wrong values are told.
     """
     missing = [_missing(fault["loc"], model) for fault in error.errors() if _lacks(fault)]
     others = [_clause(fault, model) for fault in error.errors() if not _lacks(fault)]
     clauses = [f"it lacks {', '.join(missing[:MOST_MISSING])}"] if missing else []
-    clauses += others[:MOST_TOLD]
-    rest = max(len(missing) - MOST_MISSING, 0) + max(len(others) - MOST_TOLD, 0)
+    clauses += others[:most]
+    rest = max(len(missing) - MOST_MISSING, 0) + max(len(others) - most, 0)
     clauses += [f"and {rest} more"] if rest else []
     return "; ".join(clauses)
 
@@ -51,6 +51,8 @@ def _clause(fault: Any, model: Model) -> str:
         return f"{_dotted(place)} is not known{_hint(place, model)}"
     if kind == "missing":
         return f"{_dotted(place[:-1])} = {brief(value)}: give two numbers"
+    if kind == "tuple_type" and _many(_field(place, model)):
+        return f"{_dotted(place)} = {brief(value)}: give a list in brackets"
     if kind in ("too_long", "too_short", "tuple_type"):
         return f"{_dotted(place)} = {brief(value)}: give two numbers"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
@@ -61,6 +63,8 @@ def _clause(fault: Any, model: Model) -> str:
 def _rule(fault: Any, info: FieldInfo | None) -> str:
     """What a value must be, from the field's own limits where it has any."""
     if info is None or not any(isinstance(limit, Ge | Gt | Le | Lt) for limit in info.metadata):
+        if fault["type"] == "literal_error":
+            return f"use {fault['ctx']['expected']}"
         texts = {"bool_type": "give true or false", "string_type": "give a text in quotes"}
         return texts.get(fault["type"], "give a number" if "float" in fault["type"] else str(fault["msg"]))
     above = [f"{'above ' if isinstance(one, Gt) else 'from '}{_edge(one):g}" for one in info.metadata if _low(one)]
@@ -88,6 +92,10 @@ def _hint(place: tuple[str | int, ...], model: Model) -> str:
         if key in inner.model_fields:
             return f" here; it belongs under [{section}]"
     home = _model_of(place[:-1], model)
+    for section, info in home.model_fields.items() if home is not None else ():
+        part: Model | None = _inner(info.annotation)
+        if part is not None and key in part.model_fields:
+            return f" here; it belongs under {section}"
     return nearest(key, home.model_fields) if home is not None else ""
 
 
@@ -97,6 +105,11 @@ def _sections(model: Model) -> Iterator[tuple[str, Model]]:
         inner: Model | None = _inner(info.annotation)
         if inner is not None and not get_args(info.annotation):
             yield name, inner
+
+
+def _many(info: FieldInfo | None) -> bool:
+    """Whether a key takes a list of any length."""
+    return info is not None and Ellipsis in get_args(info.annotation)
 
 
 def _field(place: tuple[str | int, ...], model: Model) -> FieldInfo | None:
@@ -111,7 +124,9 @@ def _field(place: tuple[str | int, ...], model: Model) -> FieldInfo | None:
 
 
 def _model_of(names: tuple[str | int, ...], model: Model) -> Model | None:
-    """The class that a section is read as; the keys of a table of sections are names of grounds or effects."""
+    """The class that a section is read as; the keys of a table of sections are names of grounds or effects,
+    those of a list of sections their numbers.
+    """
     now: Model | None = model
     named = False
     for name in names:
@@ -123,7 +138,7 @@ def _model_of(names: tuple[str | int, ...], model: Model) -> Model | None:
         info = now.model_fields.get(str(name))
         if info is None:
             return None
-        named = "dict" in str(info.annotation)
+        named = any(kind in str(info.annotation) for kind in ("dict", "tuple"))
         now = _inner(info.annotation)
     return now
 

@@ -152,14 +152,16 @@ class Tractor(_Frozen):
     """
 
     name: str = Field(description="in quotes")
-    mass_kg: Annotated[float, _number(0.01, 200_000.0, "kg")]
-    front_axle_m: Annotated[Metres, Field(description="m ahead of the centre of mass")]
+    mass_kg: Annotated[float, _number(0.01, 200_000.0, "kg, usually 500 to 16000")]
+    front_axle_m: Annotated[Metres, Field(description="m ahead of the centre of mass, usually 0.6 of the wheelbase")]
     rear_axle_m: Annotated[Metres, Field(description="m behind it; the two add up to the wheelbase")]
-    track_m: Annotated[Metres, Field(description="m between the wheels")]
-    length_m: Annotated[Metres, Field(description="m over all")]
-    width_m: Annotated[Metres, Field(description="m over all")]
-    rear_overhang_m: Annotated[float, _number(0.0, 30.0, "m behind the rear axle")]
-    max_steering_deg: Annotated[float, Field(gt=0.01, lt=60, strict=True, description="degrees at full lock")]
+    track_m: Annotated[Metres, Field(description="m between the wheels, usually 0.8 to 2.3")]
+    length_m: Annotated[Metres, Field(description="m over all, usually 1.8 wheelbases")]
+    width_m: Annotated[Metres, Field(description="m over all, usually 0.8 to 3")]
+    rear_overhang_m: Annotated[float, _number(0.0, 30.0, "m behind the rear axle, usually 0.3 to 1.2")]
+    max_steering_deg: Annotated[
+        float, Field(gt=0.01, lt=60, strict=True, description="degrees at full lock, usually 25 to 55")
+    ]
     antenna_forward_m: Annotated[float, _number(-30.0, 30.0, "m ahead of the rear axle")] = 1.1
     antenna_right_m: Annotated[float, _number(-30.0, 30.0, "m")] = 0.0
     steering: Steering = Steering()

@@ -12,13 +12,16 @@ from planner.commands.options import (
     Bearing,
     CellBearing,
     Corners,
+    FarmOption,
     FieldArgument,
     Headland,
+    ImplementOption,
     Local,
     Margin,
     TracksOnly,
     TractorOption,
     Width,
+    with_farm,
 )
 
 if TYPE_CHECKING:
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
 
 def field(
+    context: typer.Context,
     field: FieldArgument = "iwamizawa",
     width: Width = 3.0,
     headland: Headland = None,
@@ -35,12 +39,18 @@ def field(
     tracks_only: TracksOnly = True,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
+    farm: FarmOption = None,
+    implement: ImplementOption = None,
     local: Local = False,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, rounds and cells.")] = None,  # noqa: UP045
     listed: Annotated[bool, typer.Option("--list", help="List every field of the file, and stop.")] = False,
     json: AsJson = False,
 ) -> None:
     """Show area, obstacles, cells, rounds and tracks of a field, what stays open and why, and which turns fit.
+
+    In a GeoJSON file a feature with role "obstacle" is kept off, and a line along the boundary with edge "fence" (or
+    edge "fence" on the boundary itself) is not crossed; "open" lines are openings, and a point with role "entrance" is
+    the gate.
 
     Example: headland field denmark --width 6 --png denmark.png
     """
@@ -50,7 +60,7 @@ def field(
     from planner.scenario import Scenario, parse_cell_bearings
     from planner.site import prepare
 
-    check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor))
+    check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor, farm=farm))
     if listed and png:
         raise ScenarioError("--png draws one field; leave it out with --list.")
     if listed:
@@ -61,8 +71,9 @@ def field(
         margin_m=margin, corners=corners, tracks_only=tracks_only,
         cell_bearings=parse_cell_bearings(cell_bearing or []),
     )  # fmt: skip
+    asked = with_farm(scenario, farm, implement, context)
     warm_up()
-    site = prepare(scenario)
+    site = prepare(asked.scenario, tractor=asked.tractor, implement=asked.implement)
     remark(site.layout.field.remarks)
     with written([(png, _picture(site))] if png else []):
         _print(site, json)

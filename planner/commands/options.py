@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
+
+if TYPE_CHECKING:
+    from planner.farm.asked import Asked
+    from planner.scenario import Scenario
 
 FieldArgument = Annotated[
     str,
@@ -31,6 +35,14 @@ CellBearing = Annotated[
 Margin = Annotated[float, typer.Option("--margin", help="Distance kept to obstacles, holes and fences, metres.")]
 TractorOption = Annotated[
     str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")
+]
+FarmOption = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--farm", help="A farm file (headland farm new): tractors, implements, prices. Options win over it."),
+]
+ImplementOption = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--implement", help="The implement of the farm file, by name; by default the first that fits."),
 ]
 Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]  # noqa: UP045
 Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]  # noqa: UP045
@@ -60,9 +72,36 @@ def headland_order(first: bool, last: bool) -> str | None:
 
 _OPTIONS = {
     "field": "the field", "headland_order": "--headland-first or --headland-last",
+    "mass_kg": "--mass", "steering_rate_deg_per_s": "--steering-rate",
     "cell_bearings": "--cell-bearing", "counts": "--tractors", "fixes": "--fix",
     "list_fields": "headland field FILE --list"
 }  # fmt: skip
+_SCENARIO = {
+    "width": "width_m", "speed_kmh": "speed_mps", "turn_speed_kmh": "turn_speed_mps", "tractors": "tractors",
+    "price_per_hour": "price_per_hour", "price_per_tractor": "price_per_tractor", "operation": "operation",
+    "tractor": "tractor",
+}  # fmt: skip
+
+
+def with_farm(scenario: Scenario, farm: str | None, implement: str | None, context: typer.Context) -> Asked:
+    """The scenario with what a farm file has for it; options that were given win."""
+    from planner.errors import ScenarioError
+    from planner.farm import load_farm
+    from planner.farm.asked import as_it_is, asked
+
+    if farm is not None:
+        return asked(scenario, load_farm(farm), _given(context), implement=implement)
+    if implement is not None:
+        raise ScenarioError(f"--implement {implement!r} is one of a farm file; add --farm FILE or leave it out.")
+    return as_it_is(scenario)
+
+
+def _given(context: typer.Context) -> frozenset[str]:
+    """Parameters of a scenario, of those a farm file may set, whose options were given."""
+    sources = {option: context.get_parameter_source(option) for option in _SCENARIO}
+    return frozenset(_SCENARIO[option] for option, source in sources.items() if source and source.name != "DEFAULT")
+
+
 _UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 
 

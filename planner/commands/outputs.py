@@ -29,16 +29,24 @@ class WriteError(HeadlandError):
 
 
 def inputs(
-    *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = ()
-) -> dict[str | Path, str]:
+    *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = (),
+    farm: str | None = None, rain: str | None = None,
+) -> dict[str | Path, str]:  # fmt: skip
     """The files that a command reads, by what was given on the command line, as `check_outputs` takes them."""
     files: dict[str | Path, str] = {}
     if logs:
         from vehicle.measured.logs.reading import log_files
 
         files |= {path: f"the log {path}" for path in log_files(logs)}
+    if rain is not None and rain.strip().lower().endswith(".csv"):
+        files[rain.strip()] = "the file of rain"
     if gnss_table is not None:
         files[gnss_table] = "the table of GNSS errors"
+    if farm is not None:
+        from planner.farm import load_farm
+
+        files |= {each.file: "a tractor file of the farm" for each in load_farm(farm).tractors if each.file is not None}
+        files[farm] = "the farm file"
     if tractor is not None and tractor not in tractor_names():
         files[tractor] = "the tractor file"
     if field is not None and (path := field_file(field)) is not None:
@@ -122,6 +130,12 @@ def _same(path: Path, other: Path, capitals_alike: bool) -> bool:
     if capitals_alike:
         one, two = (unicodedata.normalize("NFC", each).casefold() for each in (one, two))
     return one == two
+
+
+def spare(path: Path, force: bool) -> None:
+    """Raise ScenarioError for a file that is there and may hold somebody's work; with `force` it may go."""
+    if not force and os.path.lexists(path):
+        _refuse(f"{_named(path)} is there already; choose another name, or add --force to write over it.")
 
 
 def write_results(results: Sequence[tuple[Path, Content]]) -> None:

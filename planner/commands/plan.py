@@ -12,10 +12,12 @@ from planner.commands.options import (
     Bearing,
     CellBearing,
     Corners,
+    FarmOption,
     FieldArgument,
     Headland,
     HeadlandFirst,
     HeadlandLast,
+    ImplementOption,
     Local,
     Margin,
     Operation,
@@ -23,21 +25,25 @@ from planner.commands.options import (
     TractorOption,
     Width,
     headland_order,
+    with_farm,
 )
 from strategies.names import NAMES
 
 if TYPE_CHECKING:
     from planner.commands.outputs import Content
+    from planner.farm.asked import Asked
     from planner.planning import Planned
     from planner.scenario import Scenario
     from reports.results import Ranking
     from vehicle.run import Run
 
 NO_PLAN_STATUS = 3
-BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time, else the quickest."
+RAIN = "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
+BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time (late ground counts)."
 
 
 def plan(
+    context: typer.Context,
     field: FieldArgument = "iwamizawa",
     width: Width = 3.0,
     tractors: Annotated[str, typer.Option(help="Tractor counts to try: 3, 1-6 or 1,3,5.")] = "1-6",
@@ -64,6 +70,11 @@ def plan(
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.5,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
+    draws: Annotated[Optional[int], typer.Option(help="Draws of what varies; with --before or --rain 10000.")] = None,  # noqa: UP045
+    rain: Annotated[Optional[str], typer.Option(help=RAIN)] = None,  # noqa: UP045
+    prefer: Annotated[Optional[str], typer.Option(help="fastest, cheapest or surest: what the best plan is.")] = None,  # noqa: UP045
+    farm: FarmOption = None,
+    implement: ImplementOption = None,
     local: Local = False,
     html: Annotated[Optional[Path], typer.Option(help="Write one page with map, bars and table.")] = None,  # noqa: UP045
     png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.")] = None,  # noqa: UP045
@@ -88,15 +99,15 @@ def plan(
         raise ScenarioError("--json and --csv both print to standard output; choose one.")
     if processes is not None and processes < 1:
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
-    reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table)
+    reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table, farm=farm, rain=rain)
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     scenario = _scenario(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
         operation, headland_order(headland_first, headland_last), corners,
-        tracks_only, cell_bearing or [],
+        tracks_only, cell_bearing or [], draws, rain, prefer,
     )  # fmt: skip
-    planned = _planned(scenario, processes, pictures=html is not None)
+    planned = _planned(with_farm(scenario, farm, implement, context), processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
     with written(_results(planned, html, png, save)):
         _print(planned.ranking, json, csv, full)
@@ -109,7 +120,8 @@ def _scenario(
     before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
-    order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str],
+    order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
+    rain: str | None, prefer: str | None,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_cell_bearings, parse_clock, parse_counts, parse_strategies
 
@@ -140,18 +152,25 @@ def _scenario(
         headland_order=order,
         corners=corners,
         tracks_only=tracks_only,
+        draws=draws,
+        rain=rain,
+        prefer=prefer,
     )
 
 
-def _planned(scenario: Scenario, processes: int | None, pictures: bool) -> Planned:
+def _planned(asked: Asked, processes: int | None, pictures: bool) -> Planned:
     from planner.commands.show import progress_bar, warm_up
     from planner.planning import plan as simulate_all
     from planner.pool import local_pool
     from planner.rank import candidates
 
+    scenario = asked.scenario
     warm_up()
     with local_pool(len(candidates(scenario)), processes) as executor, progress_bar("Simulating plans") as progress:
-        return simulate_all(scenario, executor=executor, progress=progress, pictures=pictures)
+        return simulate_all(
+            scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances, terms=asked.terms,
+            executor=executor, progress=progress, pictures=pictures,
+        )  # fmt: skip
 
 
 def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:

@@ -22,13 +22,14 @@ def show(
 
     Example: headland show plan.json --tractor 2
     """
-    from planner.commands.show import out, warm_up
+    from planner.commands.show import out, remark, warm_up
     from planner.errors import ScenarioError
     from planner.showing import show as drive_again
     from reports.leg_list import leg_lists, leg_lists_json
 
     warm_up()
     shown = drive_again(plan)
+    remark(_touching(shown))
     count = len(shown.steps)
     if tractor is not None and not 1 <= tractor <= count:
         raise ScenarioError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
@@ -36,6 +37,14 @@ def show(
         typer.echo(leg_lists_json(shown.steps, _about(shown), tractor), nl=False)
         return
     out(leg_lists(_title(shown), shown.steps, _start(shown), tractor))
+
+
+def _touching(shown: Shown) -> list[str]:
+    """Who touches whom, which no plan that was saved does before somebody changes it."""
+    return [
+        f"Tractors {first + 1} and {second + 1} touch after {time:.0f} s; plan anew."
+        for time, first, second in shown.run.contacts
+    ]
 
 
 def _about(shown: Shown) -> dict[str, Any]:

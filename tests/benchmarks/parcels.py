@@ -23,6 +23,7 @@ from fields.field import Field
 from fields.read import read_field
 from planner.evaluate import Candidate, evaluate
 from planner.rank import candidates
+from planner.rivals import hopeless, rivals, waves
 from planner.scenario import Scenario, parse_counts
 from planner.site import prepare
 from reports.results import PlanResult, finish_s
@@ -93,8 +94,15 @@ def _plans(row: Row, where: Field, scenario: Scenario, ledger: Ledger) -> None:
     with ledger.part("layout"):
         site = prepare(scenario, where)
     row.tracks = len(site.layout.tracks)
-    for candidate in candidates(scenario):
-        row.plans.append(evaluate(site, candidate))
+    todo = candidates(scenario)
+    results: dict[int, PlanResult] = {}
+    for wave in waves(site, todo):
+        known = rivals(results)
+        for number in wave:
+            with ledger.part("order"):
+                beaten = hopeless(site, todo[number], known.get(todo[number].tractors))
+            results[number] = beaten or evaluate(site, todo[number])
+            row.plans.append(results[number])
 
 
 def print_row(row: Row, counts: tuple[int, ...]) -> None:

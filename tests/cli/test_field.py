@@ -11,7 +11,7 @@ import pytest
 
 @pytest.fixture
 def facts(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
-    outcome = headland("field", small, "--local", "--json")
+    outcome = headland("field", small, "--local", "--json", "--tracks-only")
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
     return found
@@ -45,7 +45,7 @@ def test_samples_are_described(headland: Callable[..., Any], name: str) -> None:
 def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
     headland: Callable[..., Any], small: Path, facts: dict[str, Any]
 ) -> None:
-    wide = json.loads(headland("field", small, "--local", "--json", "--headland", "16").out)
+    wide = json.loads(headland("field", small, "--local", "--json", "--tracks-only", "--headland", "16").out)
     assert wide["longest_track_m"] == pytest.approx(48, abs=0.1)
     over = "fits_percent_of_ends_over_tracks"
     # 14 pairs of neighbours, two ways, two ends; an omega from an outer track swings out over the side of the field.
@@ -56,8 +56,9 @@ def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
 
 
 def test_turns_that_a_plan_uses_are_said_to_fit(headland: Callable[..., Any]) -> None:
-    fits = json.loads(headland("field", "netherlands", "--json").out)["turns"]
-    words = ("plan", "netherlands", "--tractors", "2", "--strategies", "split-field", "--processes", "1", "--json")
+    fits = json.loads(headland("field", "netherlands", "--json", "--tracks-only").out)["turns"]
+    words = ("plan", "netherlands", "--tractors", "2", "--strategies", "split-field", "--processes", "1")
+    words = (*words, "--tracks-only", "--json")
     used = {kind for plan in json.loads(headland(*words).out)["plans"] for kind in plan["turn"].split("+")}
     said = {kind for kinds in fits["fits_percent_of_ends_over_tracks"].values() for kind in kinds}
     assert used <= said
@@ -67,7 +68,7 @@ def test_turns_that_a_plan_uses_are_said_to_fit(headland: Callable[..., Any]) ->
 def test_where_no_turn_fits_the_estimate_stands_apart(headland: Callable[..., Any], small: Path) -> None:
     # In 4 m behind a cultivator no turn of radius 4.3 m has room; where a plan goes a long way round instead, it
     # reckons with two full circles at turn speed.
-    words = ("field", small, "--local", "--headland", "4")
+    words = ("field", small, "--local", "--tracks-only", "--headland", "4")
     found = json.loads(headland(*words, "--json").out)
     circle = 2 * math.pi * found["turning_radius_m"] / (5 / 3.6)
     estimates = found["turns"]["estimated_seconds_where_no_turn_fits"]
@@ -105,7 +106,9 @@ def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: 
         return place
 
     # A circle is drawn with 64 corners: 32 r^2 sin(2 pi / 64) is 7.06 m2 for 1.5 m, 3.14 m2 for 1 m.
-    told = json.loads(headland("field", saved(radius_m=1.5, name="mast"), "--local", "--json", "--margin", "0.5").out)
+    words = ("--local", "--json", "--tracks-only", "--margin", "0.5")
+    words = ("--local", "--json", "--tracks-only", "--margin", "0.5")
+    told = json.loads(headland("field", saved(radius_m=1.5, name="mast"), *words).out)
     (mast,) = told["obstacles"]
     assert (mast["name"], mast["area_m2"], mast["radius_m"], mast["margin_m"]) == ("mast", 7.06, 1.5, 0.5)
     assert (mast["x_m"], mast["y_m"], mast["lon"]) == (30.0, 50.0, None)
@@ -189,7 +192,7 @@ def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_pa
 
 
 def test_turns_stand_in_a_table(headland: Callable[..., Any], small: Path, facts: dict[str, Any]) -> None:
-    lines = headland("field", small, "--local").out.splitlines()
+    lines = headland("field", small, "--local", "--tracks-only").out.splitlines()
     assert max(map(len, lines)) <= 80
     rows = [line.split() for line in lines[lines.index("Turns") + 2 :] if line[:1] == " " and line.strip()[0].isdigit()]
     turns = facts["turns"]

@@ -31,7 +31,9 @@ def answer(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
 
 
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
-    assert list(answer) == ["field", "seed", "plans", "best", "tractor_effects", "scenario"]
+    assert list(answer) == [
+        "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "draws",
+    ]  # fmt: skip
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
     assert answer["seed"] == 5

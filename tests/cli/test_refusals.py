@@ -219,6 +219,12 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--tractor=", ("An empty name is no file",)),
 ]
 PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
+    ("--rain soon", ("--rain 'soon' is none of: a time",)),
+    ("--rain 17:00", ("--rain at 17:00 needs a start", "--start")),
+    ("--rain 16:00=70,17:00=50 --start 8:00", ("add up to 120", "100 together")),
+    ("--rain none.csv --start 8:00", ("no file 'none.csv'",)),
+    ("--prefer cheap", ("--prefer 'cheap' is unknown", "did you mean 'cheapest'")),
+    ("--draws -1", ("--draws is -1", "0 to 1000000")),
     ("--tractors 0", ("0 tractors", "1 to 50")),
     ("--tractors 51", ("51 tractors", "1 to 50")),
     ("--tractors 1-99999999999", ("1 to 50",)),

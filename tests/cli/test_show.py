@@ -80,6 +80,19 @@ def test_what_cannot_be_shown_is_one_sentence(
         assert outcome.status == 2 and len(outcome.sentences) == 1 and words in outcome.sentences[0], outcome.err
 
 
+def test_a_plan_in_which_tractors_touch_is_remarked_on(
+    headland: Run, saved: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    data = json.loads(saved[0].read_text())
+    # Two towards each other, their lines 2.4 m apart: implements of 3 m graze each other where they meet.
+    leg = {**data["tractors"][0][0], "points_m": [[10.0, 40.0], [40.0, 40.0]], "gates": [], "implement": True}
+    other = {**leg, "points_m": [[40.0, 42.4], [10.0, 42.4]]}
+    outcome = headland("show", changed(saved[0], tmp_path, tractors=[[leg], [other]]))
+    assert outcome.status == 0
+    assert [line.split(" after ")[0] for line in outcome.sentences] == ["Note: Tractors 1 and 2 touch"]
+    assert "Tractor 1: 1 leg, " in outcome.out
+
+
 def test_a_plan_that_stops_on_its_way_is_refused(
     headland: Run, saved: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:

@@ -24,6 +24,7 @@ from planner.measure import coverage
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from planner.swept import swept_ground
+from planner.unworked import laid, unworked
 from tests.planner.shapes import SHAPES
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -118,6 +119,16 @@ def test_what_holds_whatever_the_map_shows(name: str) -> None:
     assert result.worked_pct is not None and result.worked_pct >= 95.0, "none is narrower than the implement"
     assert result.collisions == 0 and tried.run.contacts == ()
     assert result.excursion_m is not None and result.excursion_m < 0.5
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_ground_is_covered_as_laid_or_has_a_reason(name: str) -> None:
+    site, _ = planned(name)
+    ground = site.layout.field.ground
+    under = shapely.intersection(laid(site), ground, grid_size=1e-6).area
+    # What obstacles and their margin take is no ground of the field; reasons of less than a square metre are not told.
+    left = sum(one.m2 for one in unworked(site) if not one.why.startswith(("margin", "cut off by")))
+    assert under + left == pytest.approx(ground.area, abs=5.0)
 
 
 def test_shapes_are_of_one_to_two_hectares_and_all_different() -> None:

@@ -49,9 +49,18 @@ CONTRACT = [
     "remark",
     "rounds",
     "headland_s",
+    "finish_probability",
+    "finish_probability_interval",
+    "p50_s",
+    "p80_s",
+    "p95_s",
+    "expected_cost",
+    "bound_s",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
-COLUMNS = [column for key in CONTRACT for column in (PIECE if key == "largest_missed" else [key])]
+INTERVAL = [f"finish_probability_interval_{end}" for end in ("low", "high")]
+PARTS = {"largest_missed": PIECE, "finish_probability_interval": INTERVAL}
+COLUMNS = [column for key in CONTRACT for column in PARTS.get(key, [key])]
 
 
 def no_constant(name: str) -> float:
@@ -60,7 +69,9 @@ def no_constant(name: str) -> float:
 
 def test_keys_and_order(ranking: Ranking) -> None:
     data = json.loads(ranking_json(ranking), parse_constant=no_constant)
-    assert list(data) == ["field", "seed", "plans", "best", "tractor_effects", "scenario"]
+    assert list(data) == [
+        "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "draws",
+    ]  # fmt: skip
     assert data["scenario"] == {}
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}
     assert data["seed"] == 7
@@ -77,6 +88,22 @@ def test_values_survive(ranking: Ranking) -> None:
     assert data["best"] == data["plans"][2]
     assert data["plans"][0]["min_clearance_m"] == 2.345679, "rounded to six decimals"
     assert data["plans"][4]["min_clearance_m"] is None, "one tractor has nobody to be clear of"
+
+
+def test_advice_and_what_it_is_of_survive(ranking: Ranking) -> None:
+    sure = replace(
+        ranking.plans[0], finish_probability=0.97, finish_probability_interval=(0.966, 0.973), p50_s=3000.5,
+        expected_cost=128.9,
+    )  # fmt: skip
+    told = replace(ranking, plans=(sure,), advice="Take two.", currency="EUR", draws=10_000)
+    data = json.loads(ranking_json(told), parse_constant=no_constant)
+    assert (data["advice"], data["currency"], data["draws"]) == ("Take two.", "EUR", 10_000)
+    entry = data["plans"][0]
+    assert (entry["finish_probability"], entry["finish_probability_interval"]) == (0.97, [0.966, 0.973])
+    (row,) = csv.DictReader(io.StringIO(ranking_csv(told)))
+    assert [row[key] for key in (*INTERVAL, "p50_s", "p80_s", "expected_cost")] == [
+        "0.966", "0.973", "3000.5", "", "128.9",
+    ]  # fmt: skip
 
 
 def test_no_best_is_null(ranking: Ranking) -> None:

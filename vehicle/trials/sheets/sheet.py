@@ -99,3 +99,41 @@ class Driven:
     slip_front_deg: float
     slip_rear_deg: float
     track: Array
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One drive of `headland tractor check`: what the file asks for and what was driven (None: not to its end).
+
+    It is good when the two differ by `tolerance` at most, in `unit`; a drive that is asked for 0 is an error with
+    that limit. `advice` says what to look at where it is not good.
+    """
+
+    drive: str
+    ground: str
+    unit: str
+    asked: float
+    driven: float | None
+    tolerance: float
+    advice: str
+
+    @property
+    def difference(self) -> float | None:
+        """Driven less asked."""
+        return None if self.driven is None else self.driven - self.asked
+
+    @property
+    def good(self) -> bool:
+        """Whether what was driven is near enough to what was asked."""
+        apart = self.difference
+        return apart is not None and (abs(apart) if self.asked else max(apart, 0.0)) <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Proved:
+    """A tractor file, driven: whether it holds together, in words, and every drive."""
+
+    tractor: str
+    holds_together: bool
+    words: tuple[str, ...]
+    proofs: tuple[Proof, ...]

@@ -1,0 +1,120 @@
+"""What varies from one day to the next, by how much, and where each figure comes from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from planner.errors import ScenarioError, named
+
+HIGHEST_CV, HIGHEST_TAIL_CV = 2.0, 20.0
+MOST_PER_HOUR = 1000.0
+LONGEST_S, LONGEST_H = 7 * 86400.0, 1e6
+MOST_SLIP_PCT = 90.0
+_LOGS = "17 logs of one attended forage harvester"
+
+SOURCES = {
+    "speed_cv": f"{_LOGS}: the mean speed of a pass varies by 0.15 to 0.18 within a job",
+    "job_cv": f"{_LOGS}: time by area, speed and lifts, with one job left out, is off by 4.8 % in the mean; a normal "
+    "law with that mean error has a deviation of 6 %",
+    "slip_pct": "log of a New Holland tractor: wheel slip 7.6 % in the median",
+    "slip_cv": "the same log: half of it lies between 6.2 and 9.0 %",
+    "turn_cv": f"{_LOGS}: 163 turns over one track",
+    "turn_more_cv": f"{_LOGS}: turns over two tracks and three",
+    "stops_per_hour": f"assumed for a robot: a tenth of the 10 an hour in {_LOGS}",
+    "stop_s": f"{_LOGS}: stops of 5 s and more last 48 s in the mean",
+    "stop_cv": f"{_LOGS}: median 12 s beside that mean; the law has its 90th percentile at 101 s, measured 109 s",
+    "breakdown_hours": "Kaplan-Meier curves of Zetor tractors (Agronomy 12(6):1364, 2022): half of the worst model "
+    "fail within 200 engine hours; at a constant rate that is one in 200 / ln 2 hours",
+    "repair_s": "assumed: someone has to come",
+    "repair_cv": "assumed: as much as an exponential law",
+    "start_delay_s": "assumed: 10 minutes, as the change from field to field took in the median of two campaigns",
+    "start_delay_cv": "assumed: as much as an exponential law",
+}
+"""Where the defaults of `Chances` come from, by parameter."""
+
+
+@dataclass(frozen=True)
+class Chances:
+    """Laws of the random inputs; 0 switches one off. Coefficients of variation (`_cv`) are of lognormal laws.
+
+    What the simulation says is the median of every leg's time; noise only adds to the mean. `speed_cv` is of the speed
+    of each pass, `job_cv` of one factor on all driving of a job, `turn_cv` and `turn_more_cv` of the time of turns over
+    one track and over more. `slip_pct` is the wheel slip in the median, at which the speeds of a plan hold, one value
+    per job. Stops come at random per driven hour of each tractor, breakdowns once in `breakdown_hours` (0: never);
+    `stop_s`, `repair_s` and `start_delay_s` (of the whole fleet) are means. Stops last one of `stop_durations_s`, each
+    as likely, where those are given. Raises ScenarioError.
+    """
+
+    speed_cv: float = 0.15
+    job_cv: float = 0.06
+    slip_pct: float = 7.6
+    slip_cv: float = 0.28
+    turn_cv: float = 0.21
+    turn_more_cv: float = 0.13
+    stops_per_hour: float = 1.0
+    stop_s: float = 48.0
+    stop_cv: float = 3.9
+    stop_durations_s: tuple[float, ...] = ()
+    breakdown_hours: float = 290.0
+    repair_s: float = 7200.0
+    repair_cv: float = 1.0
+    start_delay_s: float = 600.0
+    start_delay_cv: float = 1.0
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            values = getattr(self, each.name)
+            for value in values if isinstance(values, tuple) else (values,):
+                _check(each.name, value, _most(each.name))
+
+    def without(self, name: str) -> Chances:
+        """The same with one of `INPUTS` switched off; raises KeyError for another name."""
+        return replace(self, **_OFF[name])
+
+
+_OFF: dict[str, dict[str, Any]] = {
+    "pass speed": {"speed_cv": 0.0},
+    "job factor": {"job_cv": 0.0},
+    "wheel slip": {"slip_cv": 0.0},
+    "turns": {"turn_cv": 0.0, "turn_more_cv": 0.0},
+    "stops": {"stops_per_hour": 0.0},
+    "breakdowns": {"breakdown_hours": 0.0},
+    "late start": {"start_delay_s": 0.0},
+}
+INPUTS = tuple(_OFF)
+"""Names of the random inputs, as reports call them."""
+
+
+def certain() -> Chances:
+    """No input varies: every draw is the simulation itself."""
+    chances = Chances()
+    for name in INPUTS:
+        chances = chances.without(name)
+    return chances
+
+
+def like(section: Any) -> Chances:
+    """The settings of an object with values of the same names, as the section of a farm file; others by default."""
+    names = (each.name for each in fields(Chances))
+    return Chances(**{name: getattr(section, name) for name in names if hasattr(section, name)})
+
+
+def sigma(cv: float) -> float:
+    """Deviation of the logarithm of a lognormal law with this coefficient of variation."""
+    return math.sqrt(math.log1p(cv * cv))
+
+
+def _most(name: str) -> float:
+    if name.endswith("_cv"):
+        return HIGHEST_TAIL_CV if name in ("stop_cv", "repair_cv", "start_delay_cv") else HIGHEST_CV
+    tops = {"stops_per_hour": MOST_PER_HOUR, "breakdown_hours": LONGEST_H, "slip_pct": MOST_SLIP_PCT}
+    return tops.get(name, LONGEST_S)
+
+
+def _check(name: str, value: Any, most: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ScenarioError(f"{named(name)} is {value!r}; give a number.")
+    if not 0.0 <= value <= most:
+        raise ScenarioError(f"{named(name)} is {value:g}; use 0 to {most:g}.")

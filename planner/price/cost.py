@@ -1,0 +1,79 @@
+"""What a plan costs in every draw: machines, fuel, people, transport, and ground that is late."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.chance.draws import Sample
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.prices import Prices
+from planner.price.machine import Rates, rates
+
+HOUR_S = 3600.0
+IDLE_LOAD = 0.1  # share of full power of an engine that idles: tractors that wait or stop
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Money for a plan in the mean of the draws: `paid`, and `expected` with ground that is late; standard errors.
+
+    Work goes on to the end whatever the weather; the price of late ground is what the rain takes.
+    """
+
+    paid: float
+    paid_error: float
+    expected: float
+    expected_error: float
+
+
+@dataclass(frozen=True)
+class Terms:
+    """At what prices a fleet works: those of the farm and of its machines; each tractor comes `road_km` on a lorry."""
+
+    prices: Prices
+    tractor: FarmTractor | None = None
+    implement: FarmImplement | None = None
+    road_km: float = 0.0
+
+
+def hired(per_hour: float, per_tractor: float) -> Terms:
+    """So much per tractor and hour, all in, and so much for bringing each; late ground as on any farm."""
+    return Terms(Prices(per_hour=per_hour, supervision_share=0.0, transport_per_tractor=per_tractor))
+
+
+def cost(sample: Sample, terms: Terms, area_ha: float) -> Cost:
+    """The cost of a plan for `area_ha` of work."""
+    paid, prices = paid_per_draw(sample, terms), terms.prices
+    late = (1.0 - sample.done) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
+    return Cost(float(paid.mean()), _error(paid), float((paid + late).mean()), _error(paid + late))
+
+
+def paid_per_draw(sample: Sample, terms: Terms) -> Array:
+    """What is paid in each draw, (draws,). A fleet is paid for from when it begins, late or not, and
+    people look after it until the last tractor is done."""
+    tractors, prices = len(sample.tractor_s), terms.prices
+    present = tractors * (sample.finish_s - sample.late_s) / HOUR_S
+    people = present * prices.supervision_share * prices.supervision_per_hour
+    coming = tractors * (prices.transport_per_tractor + terms.road_km * prices.transport_per_km)
+    if prices.per_hour is not None:
+        return np.asarray(present * prices.per_hour + people + coming)
+    return np.asarray(_machines(sample, rates(prices, terms.tractor, terms.implement)) + people + coming)
+
+
+def _machines(sample: Sample, hourly: Rates) -> Array:
+    """Machines and fuel, each tractor until it is done itself; waiting and stops idle."""
+    used = (sample.tractor_s - sample.late_s).sum(axis=0)
+    idle = np.maximum(used - sample.work_s - sample.turn_s, 0.0)
+    fuel = sample.work_s * hourly.fuel_at_work + sample.turn_s * hourly.fuel_in_turns
+    fuel += idle * IDLE_LOAD * hourly.fuel_full
+    return np.asarray((used * hourly.machine + fuel) / HOUR_S)
+
+
+def _error(values: Array) -> float:
+    """Standard error of the mean."""
+    return float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0

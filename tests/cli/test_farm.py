@@ -1,0 +1,113 @@
+"""`headland farm`, and plans with the machines and prices of a farm."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Headland = Callable[..., Any]
+FARM = """
+[[tractors]]
+name = "Carrier"
+count = 1
+[tractors.sheet]
+wheelbase_m = 1.6
+width_m = 1.5
+turning_radius_m = 2.6
+
+[[implements]]
+name = "harrow"
+width_m = 4.0
+hitch_m = 1.0
+speed_kmh = 6.0
+
+[[implements]]
+name = "drill"
+width_m = 3.0
+operation = "sow"
+tractors = ["Carrier"]
+
+[prices]
+per_hour = 30.0
+supervision_share = 0.0
+transport_per_tractor = 5.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with one farm file to work in."""
+    (tmp_path / "farm.toml").write_text(FARM, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def asked(told: Any) -> dict[str, Any]:
+    assert told.status == 0, told.err
+    return dict(json.loads(told.out)["scenario"])
+
+
+def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Path) -> None:
+    printed = headland("farm", "example").out
+    made = headland("farm", "new", "mine.toml")
+    assert made.status == 0 and (folder / "mine.toml").read_text(encoding="utf-8") == printed
+    told = headland("farm", "check", "mine.toml")
+    assert told.status == 0 and "2 x Fendt 724: 8000 kg" in " ".join(told.out.split())
+    assert headland("farm", "new", "mine.toml").status == 2
+    assert headland("farm", "new", "mine.toml", "--force").status == 0
+
+
+def test_the_check_gives_every_value_with_its_source(headland: Headland, folder: Path) -> None:
+    content = json.loads(headland("farm", "check", "farm.toml", "--json").out)
+    assert content["tractors"][0]["name"] == "Carrier" and content["implements"] == ["harrow", "drill"]
+    told = {(value["section"], value["key"]): value for value in content["values"]}
+    assert told["prices", "per_hour"]["source"] == "given" and told["prices", "per_hour"]["value"] == 30.0
+    assert told["times", "refill_s"]["source"].startswith("assumed")
+    assert all(value["source"] for value in content["values"])
+
+
+def test_a_plan_is_made_with_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
+    words = ("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--json")
+    scenario = asked(headland(*words, "--tracks-only"))
+    assert (scenario["tractor"], scenario["width_m"]) == ("Carrier", 4.0)
+    assert scenario["speed_kmh"] == pytest.approx(6.0)
+    assert (scenario["price_per_hour"], scenario["price_per_tractor"]) == (30.0, 5.0)
+    other = asked(headland(*words, "--tracks-only", "--implement", "drill", "--width", 3.5, "--price-per-hour", 10))
+    assert (other["width_m"], other["operation"], other["price_per_hour"]) == (3.5, "sow", 10.0)
+    assert scenario["radius_m"] == pytest.approx(other["radius_m"])  # that of the tractor, on soil
+
+
+def test_a_field_is_looked_at_with_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
+    told = headland("field", small, "--local", "--farm", "farm.toml", "--json")
+    plain = headland("field", small, "--local", "--width", 4.0, "--json")
+    own, thesis = (json.loads(each.out)["turning_radius_m"] for each in (told, plain))
+    assert own < thesis
+
+
+def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Headland, folder: Path) -> None:
+    told = headland("tractor", "check", "Carrier", "--farm", "farm.toml", "--json")
+    assert told.status == 0 and json.loads(told.out)["holds_together"] is True
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("plan", "--farm", "none.toml"), "There is no file 'none.toml'"),
+        (("plan", "--implement", "harrow"), "add --farm FILE"),
+        (("plan", "--farm", "farm.toml", "--implement", "harow"), "did you mean 'harrow'?"),
+        (("plan", "--farm", "farm.toml", "--tractor", "Carier"), "did you mean 'Carrier'?"),
+        (("plan", "--farm", "farm.toml", "--save", "farm.toml"), "would overwrite the farm file"),
+        (("plan", "--farm", "bad.toml"), "prices.fuel_per_l = -1.0: give a number from 0"),
+        (("farm", "check", "bad.toml"), "chances.speed_cw is not known (did you mean 'speed_cv'?)"),
+        (("farm", "new", "farm.json"), "name the file farm.toml"),
+        (("tractor", "check", "Fendt", "--farm", "farm.toml"), "no tractor 'Fendt'"),
+    ],
+)
+def test_bad_input_is_one_sentence(headland: Headland, folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    (folder / "bad.toml").write_text("[prices]\nfuel_per_l = -1.0\n[chances]\nspeed_cw = 1\n", encoding="utf-8")
+    told = headland(*arguments)
+    assert (told.status, told.out, len(told.sentences)) == (2, "", 1), told
+    assert words in told.err
+    assert (folder / "farm.toml").read_text(encoding="utf-8") == FARM

@@ -1,0 +1,127 @@
+"""The choice and its sentence from tables written by hand."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.errors import ScenarioError
+from planner.price.advice import advice
+from planner.price.choice import Figures, best
+from planner.scenario import CHEAPEST, FASTEST, PREFERENCES, SUREST
+
+
+def plan(tractors: int, paid: float, probability: float | None, late: float = 0.0, hours: float = 3.0) -> Figures:
+    """A plan of so many tractors: what is paid, P, late ground on top, median hours."""
+    return Figures(
+        "interleaved", tractors, paid, paid + late, 3600.0 * hours, 3600.0 * (hours + 0.5), probability, 10_000
+    )
+
+
+TABLE = [plan(1, 127.40, 0.61, late=31.0, hours=3.9), plan(2, 128.90, 0.97, late=2.0, hours=2.1), plan(3, 138.30, 0.99)]
+
+
+class TestSentence:
+    def test_of_the_issue(self) -> None:
+        assert advice(TABLE, "before 17:00") == (
+            "2 tractors: 97 % before 17:00, 128.90. One saves 1.50 but finishes in time only 61 % of the time; "
+            "a third adds 9.40 and 2 %."
+        )
+
+    @pytest.mark.parametrize(
+        ("plans", "wanted"),
+        [
+            ([], ""),
+            ([plan(1, 50.0, 0.75)], "1 tractor: 75 % before the rain, 50.00."),
+            (
+                [plan(1, 50.0, 1.0), plan(2, 60.0, 1.0)],
+                "1 tractor: 100 % before the rain, 50.00. A second adds 10.00 and no certainty.",
+            ),
+            (
+                [plan(2, 50.0, 0.9), plan(5, 70.0, 0.95)],
+                "2 tractors: 90 % before the rain, 50.00. 5 tractors add 20.00 and 5 %.",
+            ),
+            (
+                [plan(1, 90.0, 0.2, 50.0), plan(3, 60.0, 0.999), plan(4, 75.0, 0.9)],
+                "3 tractors: over 99 % before the rain, 60.00. One costs 30.00 more and finishes in time only 20 % of "
+                "the time; a fourth adds 15.00 but loses 10 %.",
+            ),
+            (
+                [plan(2, 40.0, 0.5, 60.0), plan(3, 60.0, 0.9)],
+                "3 tractors: 90 % before the rain, 60.00. Two save 20.00 but finish in time only 50 % of the time.",
+            ),
+            (
+                [plan(1, 60.0, 0.8), plan(7, 61.0, 0.3), plan(8, 61.0, 0.3)],
+                "1 tractor: 80 % before the rain, 60.00. 7 tractors add 1.00 but lose 50 %.",
+            ),
+        ],
+    )
+    def test_of_other_tables(self, plans: list[Figures], wanted: str) -> None:
+        assert advice(plans, "before the rain") == wanted
+
+    def test_without_a_limit_it_speaks_of_time(self) -> None:
+        plans = [plan(1, 50.0, None, hours=4.0), plan(2, 56.0, None, hours=2.25)]
+        assert advice(plans) == (
+            "1 tractor: 4 h 0 min as often as not, 4 h 30 min at 95 %, 50.00. A second adds 6.00 and takes 1 h 45 min "
+            "less."
+        )
+        assert advice(plans, prefer=FASTEST).startswith("2 tractors: 2 h 15 min as often as not, 2 h 45 min at 95 %")
+        assert advice(plans, prefer=FASTEST).endswith("One saves 6.00 but takes 1 h 45 min longer.")
+
+
+class TestChoice:
+    def test_late_ground_counts(self) -> None:
+        assert best(TABLE).tractors == 2
+        free = [replace(each, expected=each.paid) for each in TABLE]
+        assert best([free[0], replace(free[1], paid=140.0, expected=140.0)]).tractors == 1
+
+    def test_equal_money_goes_to_fewer_tractors_when_they_are_as_sure(self) -> None:
+        near = [plan(1, 100.9, 0.97), plan(2, 100.0, 0.975)]
+        assert best(near).tractors == 1
+        assert best([plan(1, 103.0, 0.97), plan(2, 100.0, 0.975)]).tractors == 2
+
+    def test_equal_money_does_not_go_to_a_plan_that_is_clearly_less_sure(self) -> None:
+        assert best([plan(1, 127.40, 0.61), plan(2, 128.90, 0.97)]).tractors == 2
+
+    def test_few_draws_tell_less_apart(self) -> None:
+        plans = [plan(1, 108.0, 0.9), plan(2, 100.0, 0.9)]
+        assert best(plans).tractors == 2
+        assert best([replace(each, expected_error=4.0) for each in plans]).tractors == 1
+
+    def test_preferences(self) -> None:
+        plans = [plan(1, 50.0, 0.5, hours=6.0), plan(3, 80.0, 0.9, hours=3.0), plan(6, 200.0, 0.99, hours=2.0)]
+        assert [best(plans, prefer).tractors for prefer in (CHEAPEST, FASTEST, SUREST)] == [1, 6, 6]
+        assert best([*plans, plan(4, 300.0, 0.985, hours=2.5)], SUREST).tractors == 4
+        unlimited = [replace(each, probability=None) for each in plans]
+        assert best(unlimited, SUREST).tractors == 6
+
+    def test_a_unit_of_money_per_tractor_does_not_flip_it(self) -> None:
+        for fee in (0.0, 0.5, 1.0):
+            extra = {each.tractors: fee * each.tractors for each in TABLE}
+            dearer = [
+                replace(each, paid=each.paid + extra[each.tractors], expected=each.expected + extra[each.tractors])
+                for each in TABLE
+            ]
+            assert best(dearer).tractors == 2
+
+    def test_an_unknown_preference_is_refused(self) -> None:
+        with pytest.raises(ScenarioError, match=r"prefer 'cheap' is unknown \(did you mean 'cheapest'\?\)"):
+            best(TABLE, "cheap")
+
+    @given(
+        st.lists(
+            st.tuples(st.integers(1, 12), st.floats(1, 500), st.floats(0, 1), st.floats(0, 100), st.floats(0.5, 20)),
+            min_size=1, max_size=12,
+        ),
+        st.sampled_from(PREFERENCES), st.randoms(use_true_random=False),
+    )  # fmt: skip
+    @settings(max_examples=80)
+    def test_the_order_of_the_plans_does_not_matter(self, rows: list[tuple[int, ...]], prefer: str, luck) -> None:
+        plans = [plan(*row) for row in rows]
+        mixed = list(plans)
+        luck.shuffle(mixed)
+        assert best(plans, prefer) == best(mixed, prefer)
+        sentence = advice(plans, "before 17:00", prefer)
+        assert sentence == advice(mixed, "before 17:00", prefer)
+        assert sentence.endswith(".") and "  " not in sentence and "-" not in sentence

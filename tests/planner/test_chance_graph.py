@@ -1,0 +1,111 @@
+"""The graph of legs and gates: it gives back the run it was made from, and longest paths that can be added by hand."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.chance.draws import draw
+from planner.chance.graph import PASS, TURN_MORE, TURN_ONE, graph_of
+from planner.chance.settings import certain
+from planner.evaluate import Candidate, run_candidate
+from vehicle.layout import WAITING
+from vehicle.missions import TRACK, TURN, Follow, Gate, Leg, Mission, Plan, Task
+from vehicle.run import Run
+from vehicle.world import World
+
+SPEED = 5 / 3.6
+
+
+def line(x0: float, x1: float, y: float, *gates: Gate, follow: Follow | None = None, number: int = 0) -> Leg:
+    points = np.array([[x0, y], [x1, y]], float)
+    return Leg(points, SPEED, implement=True, task=Task(TRACK, number), gates=gates, follow=follow)
+
+
+def driven(site: Any, plan: Plan) -> Run:
+    return World(plan, site.tractor, site.implement).run(max_time_s=4000.0)
+
+
+def finishes(run: Run) -> Any:
+    return draw(graph_of(run), certain(), draws=1, seed=1).tractor_s[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("strategy", "tractors"), [("row-by-row", 3), ("row-by-row-optimised", 3), ("col-by-col", 5), ("interleaved", 3)]
+)
+def test_unchanged_legs_give_back_a_plan_that_waits(wide_site: Any, strategy: str, tractors: int) -> None:
+    run = run_candidate(wide_site, Candidate(strategy, tractors)).run
+    assert run.seconds(WAITING).sum() > 20.0
+    assert finishes(run) == pytest.approx(run.finish_s, rel=0.01)
+
+
+def test_rounds_of_the_headland_are_given_back_too(place: Any) -> None:
+    import shapely
+
+    site = place(shapely.box(0, 0, 36, 80), (0.0, 0.0), tracks_only=False)
+    run = run_candidate(site, Candidate("split-field", 2)).run
+    assert finishes(run) == pytest.approx(run.finish_s, rel=0.01)
+
+
+def test_one_tractor_without_gates_is_the_sum_of_its_legs(small_site: Any) -> None:
+    run = driven(small_site, Plan((Mission((line(0, 30, 0), line(30, 50, 0))),)))
+    graph = graph_of(run)
+    assert graph.links == ()
+    assert graph.driven_s.sum() == pytest.approx(run.finish_s[0], abs=1e-9)
+    # 30 m at 5 km/h, and half a metre more to get under way at 0.7 m/s2
+    assert graph.driven_s[0] == pytest.approx(30 / SPEED + SPEED / 2 / 0.7, abs=0.3)
+
+
+def test_waiting_is_no_driving_and_comes_back_through_the_gate(small_site: Any) -> None:
+    first = Mission((line(0, 60, 20),))
+    second = Mission((line(0, 20, 0), line(20, 40, 0, Gate(0, 0, 50.0))))
+    run = driven(small_site, Plan((first, second)))
+    graph = graph_of(run)
+    assert run.seconds(WAITING)[1] > 15.0
+    alone = graph_of(driven(small_site, Plan((Mission((line(0, 20, 0), line(20, 40, 0))),))))
+    assert graph.driven_s[1:] == pytest.approx(alone.driven_s, abs=0.3)  # as if nobody had waited
+    assert finishes(run) == pytest.approx(run.finish_s, abs=0.2)
+    (link,) = graph.links
+    assert (link.source, link.after) == (0, 2)
+    assert link.offset_s == pytest.approx(50 / SPEED + SPEED / 2 / 0.7, abs=0.4)
+    assert link.delay_s == pytest.approx(SPEED / 2 / 0.7, abs=0.4)  # to move off again
+
+
+def test_a_slow_leader_makes_its_follower_late(small_site: Any) -> None:
+    leader = Mission((line(12, 60, 20),))
+    follower = Mission((line(0, 48, 0, follow=Follow(0, 0, 10.0)),))
+    graph = graph_of(driven(small_site, Plan((leader, follower))))
+    (link,) = graph.links
+    slow = replace(
+        graph, driven_s=graph.driven_s * [2.0, 1.0], links=(replace(link, offset_s=2.0 * link.offset_s),)
+    )
+    before, after = (draw(each, certain(), draws=1, seed=1).tractor_s[1, 0] for each in (graph, slow))
+    assert after - before == pytest.approx(link.offset_s, abs=1.0)
+
+
+def test_passes_and_turns_are_told_apart_by_the_tracks_between(small_site: Any) -> None:
+    def turn(x: float, number: int) -> Leg:
+        return Leg(np.array([[x, 0], [x + 5, 0]], float), SPEED, task=Task(TURN, number))
+
+    legs = (
+        line(0, 10, 0, number=1), line(10, 20, 0, number=1), turn(20, 2), turn(25, 2), line(30, 40, 0, number=2),
+        turn(40, 5), line(45, 55, 0, number=5),
+    )  # fmt: skip
+    graph = graph_of(driven(small_site, Plan((Mission(legs),))))
+    assert graph.group.tolist() == [0, 0, 1, 1, 2, 3, 4]
+    assert graph.kind.tolist() == [PASS, PASS, TURN_ONE, TURN_ONE, PASS, TURN_MORE, PASS]
+    assert graph.worked_m.tolist() == pytest.approx([10, 10, 0, 0, 10, 0, 10])
+
+
+def test_the_order_puts_every_leg_after_those_it_waits_for(wide_site: Any) -> None:
+    graph = graph_of(run_candidate(wide_site, Candidate("row-by-row", 3)).run)
+    place = {node: index for index, node in enumerate(graph.order)}
+    assert sorted(place) == list(range(graph.nodes))
+    assert all(place[link.source] < place[link.after] for link in graph.links)
+
+
+def test_a_run_that_was_not_finished_has_no_graph(small_site: Any) -> None:
+    run = World(Plan((Mission((line(0, 60, 0),)),)), small_site.tractor, small_site.implement).run(max_time_s=5.0)
+    with pytest.raises(ValueError, match="timeout"):
+        graph_of(run)

@@ -1,0 +1,67 @@
+"""Probability and cost against count: drawn to scale, one point for every count, nothing without draws."""
+
+from dataclasses import replace
+
+import pytest
+
+from reports.odds import odds_picture
+from reports.page import plan_page
+from reports.results import PlanResult, Ranking
+
+
+def plan(tractors: int, strategy: str, probability: float | None, cost: float) -> PlanResult:
+    return PlanResult(
+        strategy, tractors, "u", True, time_s=3600.0, cost=cost, finish_probability=probability, p50_s=3700.0,
+        p95_s=4000.0, expected_cost=cost,
+    )  # fmt: skip
+
+
+RANKING = Ranking(
+    "drawn", 1.0, 1,
+    (plan(2, "a", 0.97, 130.0), plan(1, "a", 0.61, 160.0), plan(2, "b", 0.99, 120.0), plan(4, "a", 0.995, 140.0)),
+    advice="2 tractors: 97 % before 17:00, 128.90.", currency="EUR", draws=1000, chosen=("a", 2), checked=("Checked.",),
+)  # fmt: skip
+
+
+def test_points_are_to_scale_and_one_for_every_count() -> None:
+    picture = odds_picture(RANKING)
+    assert picture is not None
+    sure, money = picture["bands"]
+    box = sure["box"]
+    assert [(box.north - point["y"]) / (box.north - box.south) for point in sure["points"]] == pytest.approx(
+        [0.61, 0.97, 0.995], abs=1e-3
+    )
+    box, top = money["box"], 1.06 * 160.0
+    assert [(box.north - point["y"]) / (box.north - box.south) * top for point in money["points"]] == pytest.approx(
+        [160.0, 130.0, 140.0], abs=0.1
+    )
+    assert [point["best"] for point in money["points"]] == [False, True, False]  # though another of two costs less
+    one, two, four = (tick["x"] for tick in picture["counts"])
+    assert four - two == pytest.approx(2 * (two - one), abs=0.2)
+    assert sure["box"].north < money["box"].south
+
+
+def test_without_a_limit_there_is_cost_alone_and_without_draws_nothing() -> None:
+    free = replace(RANKING, plans=tuple(replace(each, finish_probability=None) for each in RANKING.plans))
+    picture = odds_picture(free)
+    assert picture is not None and [band["name"] for band in picture["bands"]] == ["Expected cost, EUR"]
+    undrawn = replace(free, plans=tuple(replace(each, expected_cost=None) for each in free.plans))
+    assert odds_picture(undrawn) is None
+
+
+@pytest.mark.parametrize("cost", [0.004, 0.7, 99.0, 101.0, 5_000.0, 3e7])
+def test_ticks_are_few_and_inside(cost: float) -> None:
+    picture = odds_picture(replace(RANKING, plans=(plan(1, "a", None, cost),), chosen=None))
+    assert picture is not None
+    (band,) = picture["bands"]
+    heights = [tick["y"] for tick in band["ticks"]]
+    assert 2 <= len(heights) <= 6 and min(heights) >= band["box"].south and heights[0] == band["box"].north
+
+
+def test_the_page_shows_advice_curve_and_columns() -> None:
+    page = plan_page(RANKING, None)
+    assert "97\N{NO-BREAK SPACE}% before\N{NO-BREAK SPACE}17:00" in page
+    for words in ("Certainty and cost", "In time, %", "Expected cost", "At 95 %", "Checked."):
+        assert words in page
+    plain = replace(RANKING, plans=(PlanResult("a", 1, "u", True, time_s=1.0),), advice=None, chosen=None, checked=())
+    assert "Certainty and cost" not in plan_page(plain, None)
