@@ -107,8 +107,7 @@ def with_bearings(layout: Layout, bearings_deg: Mapping[int, float]) -> Layout:
                 parameter="cell_bearings",
             )
     if count == 1:
-        bearing_deg = next(iter(bearings_deg.values()), None)
-        return lay_tracks(layout.field, layout.width_m, layout.headland_m, bearing_deg, rounds=layout.rounds)
+        return lay_tracks(layout.field, layout.width_m, layout.headland_m, bearings_deg[1], rounds=layout.rounds)
     turned = (
         half_turn(math.radians(90.0 - bearings_deg[cell.number]) % math.pi)
         if cell.number in bearings_deg else cell.bearing_rad for cell in layout.cells
