@@ -36,7 +36,7 @@ def field(
     bearing: Bearing = None,
     cell_bearing: CellBearing = None,
     corners: Corners = "square",
-    tracks_only: TracksOnly = True,
+    tracks_only: TracksOnly = False,
     margin: Margin = 0.3,
     tractor: TractorOption = "eg105",
     farm: FarmOption = None,
