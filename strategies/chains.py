@@ -30,7 +30,7 @@ def link_s(p, q, radius, speeds, edges, row) -> float:  # type: ignore[no-untype
     """Seconds of the shortest fitting of the three shortest forward words from p, inside, to q; infinite for none."""
     if fitting_forward(p, q, radius, edges, 3, row) < 0:
         return np.inf
-    return driven_s(row, speeds)  # type: ignore[no-any-return]
+    return driven_s(row, speeds)
 
 
 @compiled

@@ -185,7 +185,7 @@ def shortest_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no
     """The shortest fitting of the `most` shortest forward words into `best`; its kind, -1 when there is none."""
     if not inside(a[0], a[1], edges):
         return -1
-    return fitting_forward(a, b, radius, edges, most, best)  # type: ignore[no-any-return]
+    return fitting_forward(a, b, radius, edges, most, best)
 
 
 @compiled
