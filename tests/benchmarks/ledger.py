@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-PARTS = ("layout", "order", "ways", "simulation", "measuring", "rest")
+PARTS = ("layout", "order", "ways", "right of way", "simulation", "measuring", "rest")
 PLACES = {
     "layout": ("planner.site.prepare",),
     "order": (
@@ -19,7 +19,8 @@ PLACES = {
         "planner.evaluate.corners_by_promise",
     ),
     "ways": ("strategies.connect.Connector.connect", "strategies.connect.Connector.direct"),
-    "simulation": ("vehicle.rehearsal.Rehearsal.simulate", "vehicle.world.simulate"),
+    "right of way": ("planner.evaluate.giving_way",),
+    "simulation": ("vehicle.rehearsal.Rehearsal.simulate", "vehicle.world.World.run"),
     "measuring": ("planner.evaluate._measured", "planner.evaluate._fault", "planner.evaluate.slips"),
 }  # fmt: skip
 

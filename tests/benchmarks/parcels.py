@@ -4,8 +4,8 @@
     python -m tests.benchmarks.parcels --big 24,60,200 --tractors 1-5 --width 12
 
 Everything is compiled before the clock starts. A row says where the seconds go: field and layout, search of the order,
-ways between tracks, simulation, measuring, and the rest. A plan counts as feasible or as refused with a reason;
-anything else is a fault. `--reasons` prints why plans are not feasible. The last lines sum up.
+ways between tracks, right of way, simulation, measuring, the rest. A plan counts as feasible or as refused with a
+reason; anything else is a fault. `--reasons` prints why plans are not feasible. The last lines sum up.
 """
 
 from __future__ import annotations
