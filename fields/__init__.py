@@ -5,6 +5,7 @@
     cells               parts of the ground for tracks, each with its own bearing
     cutting, options    regions cut into cells; layouts worth comparing
     rounds              centre lines of the headland's rounds; spines of narrow strips
+    handedness          which hand an outline shows, so that mirrored fields get mirrored plans
     filling             tracks that cover what the rounds leave
     obstacles, obstacles_read   what is cut out of a field, and read from its file
     fences              sides of the outline that nothing crosses

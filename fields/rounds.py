@@ -1,7 +1,7 @@
 """Rounds of the headland: centre lines at (i - 1/2) widths inside the outline and outside every hole, cut at corners.
 
-A round is a closed curve with the field on its left. Where a headland is too narrow for the next round but not yet
-worked, a line down its middle takes the place of that round.
+A round is laid as a closed curve with the field on its left. Where a headland is too narrow for the next round but not
+yet worked, a line down its middle takes the place of that round.
 """
 
 from __future__ import annotations

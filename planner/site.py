@@ -9,10 +9,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 
 from fields.field import Field
 from fields.free import beside_tracks, free_space, rim_of
+from fields.handedness import handedness
 from fields.layout import Layout
 from fields.options import with_bearings
 from fields.read import read_field
@@ -28,6 +30,7 @@ from strategies.bends import Bender, BendRules
 from strategies.connect import Connector, TurnCosts
 from strategies.fence import Body, Fence
 from strategies.job import Job, Manner, starting_corner
+from strategies.shifts import backwards
 from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
 from vehicle.compile import outline
@@ -161,7 +164,7 @@ def prepare(
         timed = clock.best_times(scenario.width_m, turning_room(layout.headland_m, reach), kinds)
         fits = tuple(seconds is not None for seconds in timed)
         manner = replace(bare, turn_s=tuple(clock.long_way_s() if s is None else s for s in timed))
-        rounds = lay_rounds(field, scenario.width_m, layout.rounds, BEND * radius)
+        rounds = _rounds(field, scenario.width_m, layout.rounds, BEND * radius)
         rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
         return Site(
             scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds, fits,
@@ -171,6 +174,13 @@ def prepare(
     sites = [on(layout) for layout in layouts(scenario, field, headland)]
     best = sites[quickest([site.job(1) for site in sites])]
     return on(with_bearings(best.layout, dict(scenario.cell_bearings))) if scenario.cell_bearings else best
+
+
+def _rounds(field: Field, width_m: float, count: int, bend_m: float) -> tuple[Round, ...]:
+    """The rounds of the headland; the hand of the outline says which way: mirrored on a mirrored field."""
+    rounds = lay_rounds(field, width_m, count, bend_m)
+    left = handedness(np.asarray(field.boundary.exterior.coords)[:-1, :2]) > 0
+    return rounds if left else tuple(backwards(lap) for lap in rounds)
 
 
 def body_of(tractor: Tractor, implement: Implement) -> Body:

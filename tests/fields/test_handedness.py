@@ -1,0 +1,34 @@
+"""The hand of an outline: mirrored it is the other one, moved it stays."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fields.handedness import handedness
+
+L = np.array([(0, 0), (160, 0), (160, 45), (50, 45), (50, 150), (0, 150)], dtype=float)
+SLANTED = np.array([(0, 0), (150, 0), (190, 70), (40, 70)], dtype=float)
+TRIANGLE = np.array([(0, 0), (180, 20), (60, 130)], dtype=float)
+MIRROR = np.array([1.0, -1.0])
+
+
+@pytest.mark.parametrize("outline", [L, SLANTED, TRIANGLE], ids=["L", "slanted", "triangle"])
+@given(angle=st.floats(0.0, 2 * math.pi), east=st.floats(-500, 500), first=st.integers(0, 5), closed=st.booleans())
+def test_moved_it_stays_and_mirrored_it_changes(
+    outline: np.ndarray, angle: float, east: float, first: int, closed: bool
+) -> None:
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    moved = np.roll(outline, first, axis=0) @ turn.T + (east, 3.0)
+    if closed:
+        moved = np.concatenate([moved, moved[:1]])
+    assert handedness(moved) == handedness(outline) == -handedness(moved * MIRROR)
+    assert handedness(moved[::-1]) == handedness(moved)
+
+
+@pytest.mark.parametrize("outline", [[(0, 0), (200, 0), (200, 80), (0, 80)], [(0, 0), (100, 0), (50, 170)]])
+def test_what_is_symmetric_has_none(outline: list[tuple[float, float]]) -> None:
+    ring = np.array(outline, dtype=float)
+    assert handedness(ring) == handedness(ring * MIRROR) == 1
