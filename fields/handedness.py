@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,16 +11,21 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 GAUSS = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))  # exact for polynomials up to degree five
+MARK_M = 10.0
 EVEN = 1e-4  # of the fourth power of the outline's radius of gyration: what is nearer to 0 is symmetric
 
 
-def handedness(ring: FloatArray) -> int:
-    """1 or -1 for an outline (n, 2) in metres, closed or not; the mirror image has the other one, 1 if it is symmetric.
+def handedness(rings: Sequence[FloatArray], marks: Sequence[tuple[float, float]] = ()) -> int:
+    """1 or -1 for rings (n, 2) in metres, closed or not; the mirror image has the other one, 1 if they are symmetric.
+
+    `marks` are places that count as MARK_M of outline each.
 
     Moments of the outline about its centroid in its principal axes, x'y'(x'^2 - y'^2) and, where that is even, those of
     third order, change their sign when it is mirrored and nothing when it is moved.
     """
-    points, weights = _places(ring)
+    places = [_places(ring) for ring in rings]
+    points = np.concatenate([one for one, _ in places] + [np.array(marks).reshape(-1, 2)])
+    weights = np.concatenate([one for _, one in places] + [np.full(len(marks), MARK_M)])
     weights = weights / weights.sum()
     points = points - weights @ points
     _, axes = np.linalg.eigh((points * weights[:, None]).T @ points)

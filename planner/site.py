@@ -179,7 +179,9 @@ def prepare(
 def _rounds(field: Field, width_m: float, count: int, bend_m: float) -> tuple[Round, ...]:
     """The rounds of the headland; the hand of the outline says which way: mirrored on a mirrored field."""
     rounds = lay_rounds(field, width_m, count, bend_m)
-    left = handedness(np.asarray(field.boundary.exterior.coords)[:-1, :2]) > 0
+    outline = field.boundary
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (outline.exterior, *outline.interiors)]
+    left = handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
     return rounds if left else tuple(backwards(lap) for lap in rounds)
 
 

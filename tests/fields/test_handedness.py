@@ -24,11 +24,18 @@ def test_moved_it_stays_and_mirrored_it_changes(
     moved = np.roll(outline, first, axis=0) @ turn.T + (east, 3.0)
     if closed:
         moved = np.concatenate([moved, moved[:1]])
-    assert handedness(moved) == handedness(outline) == -handedness(moved * MIRROR)
-    assert handedness(moved[::-1]) == handedness(moved)
+    assert handedness([moved]) == handedness([outline]) == -handedness([moved * MIRROR])
+    assert handedness([moved[::-1]]) == handedness([moved])
 
 
 @pytest.mark.parametrize("outline", [[(0, 0), (200, 0), (200, 80), (0, 80)], [(0, 0), (100, 0), (50, 170)]])
 def test_what_is_symmetric_has_none(outline: list[tuple[float, float]]) -> None:
     ring = np.array(outline, dtype=float)
-    assert handedness(ring) == handedness(ring * MIRROR) == 1
+    assert handedness([ring]) == handedness([ring * MIRROR]) == 1
+
+
+def test_a_hole_or_an_entrance_gives_a_rectangle_a_hand() -> None:
+    ring = np.array([(0, 0), (200, 0), (200, 80), (0, 80)], dtype=float)
+    hole = np.array([(20, 10), (60, 10), (60, 20)], dtype=float)
+    assert handedness([ring, hole]) == -handedness([ring * MIRROR, hole * MIRROR])
+    assert handedness([ring], [(0.0, 0.0)]) == -handedness([ring], [(0.0, 80.0)])
