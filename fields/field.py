@@ -18,6 +18,8 @@ from fields.obstacles import Obstacle, ground_left
 from fields.outline import SMALLEST_M2
 from fields.projection import project
 
+GRID_M = 1e-6
+
 FloatArray = npt.NDArray[np.float64]
 
 FENCE_M = 0.001  # half of what a fence itself takes
@@ -96,7 +98,7 @@ class Field:
     @property
     def area_m2(self) -> float:
         """Area without the obstacles, square metres."""
-        return float(self.ground.area)
+        return float(self.whole.area)
 
     @property
     def area_ha(self) -> float:
@@ -109,6 +111,14 @@ class Field:
         if not self.small:
             return self.beyond or self.boundary
         return orient(shapely.difference(self.beyond or self.boundary, shapely.union_all(self.small)), 1.0)
+
+    @cached_property
+    def whole(self) -> shapely.Geometry:
+        """The field without its obstacles, margins and what they cut off included: what shares are counted of."""
+        if self.outline is None:
+            return self.boundary
+        solid = shapely.union_all(self.solid, grid_size=GRID_M)
+        return shapely.difference(shapely.Polygon(self.outline.exterior), solid, grid_size=GRID_M)
 
     @cached_property
     def solid(self) -> tuple[shapely.Geometry, ...]:

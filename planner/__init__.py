@@ -14,6 +14,7 @@ overlays       unions and differences of swept ground
 rivals         formations that cannot win are told so with their bound
 within_reach   tracks and rounds that no way leads to are left out
 tasks, pool    candidates as tasks for any executor; processes of this machine
+interrupts     Ctrl-C that is heard also where a library swallows it
 rank           which candidates to try; their results in order
 chance         how sure a plan is: rain, stops and speeds that vary, drawn through its legs and gates
 outlook        how sure a plan is and what it costs, in its result; which one is advised

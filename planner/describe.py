@@ -108,8 +108,8 @@ def _rounds(site: Site) -> list[dict[str, Any]]:
 
 def _covered(site: Site) -> float:
     """Share of the field under tracks and rounds as they are laid."""
-    boundary = site.layout.field.ground
-    return float(shapely.intersection(laid(site), boundary, grid_size=GRID_M).area / boundary.area)
+    whole = site.layout.field.whole
+    return float(shapely.intersection(laid(site), whole, grid_size=GRID_M).area / whole.area)
 
 
 def _not_worked(site: Site, one: Unworked) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from planner.commands.saved import show
 from planner.commands.study import study
 from planner.commands.tractor import tractor
 from planner.commands.validate import validate
+from planner.interrupts import heard, was_interrupt
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
 DEBUG = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints where it happened
@@ -59,7 +60,8 @@ def main() -> None:
     """Run the command line; the only place where errors become exit statuses."""
     _print_any_character()
     try:
-        app()
+        with heard():
+            app()
     except KeyboardInterrupt as interrupt:
         _interrupted(interrupt)
     except SystemExit as end:
@@ -71,6 +73,8 @@ def main() -> None:
         _drop_output()
         sys.exit(0)
     except Exception as error:
+        if was_interrupt(error):
+            _interrupted(error)
         _fail(*_told(error))
 
 

@@ -66,7 +66,7 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
 
     `swept` is the swept ground of the run where that is known already.
     """
-    boundary = site.layout.field.ground
+    boundary = site.layout.field.whole
     inside = _clipped((swept or swept_ground(run, site)).ground, boundary)
     worked = united(inside)
     missed = left_of(boundary, worked)
@@ -77,7 +77,7 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
     )
 
 
-def _clipped(areas: Areas, boundary: shapely.Polygon) -> Areas:
+def _clipped(areas: Areas, boundary: shapely.Geometry) -> Areas:
     """The areas as far as they lie in the field."""
     shapely.prepare(boundary)
     across = ~shapely.contains_properly(boundary, areas)
@@ -129,7 +129,7 @@ class Excursion:
 
 def excursion(run: Run, site: Site) -> Excursion:
     """How much of the guided points' paths lies outside the field."""
-    boundary = site.layout.field.ground
+    boundary = site.layout.field.whole
     shapely.prepare(boundary)
     length = depth = 0.0
     for tractor in range(run.plan.tractors):
@@ -147,7 +147,7 @@ def outline_excursion_m(run: Run, site: Site) -> float:
     boxes = outline(site.tractor, site.implement)
     corners = _corners(boxes)
     reach = float(np.hypot(*corners.T).max())
-    boundary = site.layout.field.ground
+    boundary = site.layout.field.whole
     inner = boundary.buffer(-1.01 * reach)
     shapely.prepare([boundary, inner])
     posts = shapely.STRtree(shapely.points(shapely.get_coordinates(boundary)))

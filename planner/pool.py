@@ -18,6 +18,8 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, TypeVar
 
+from planner.interrupts import quiet
+
 T = TypeVar("T")
 AHEAD = 2  # tasks handed to each process at a time: one to do and one to go on with
 
@@ -60,6 +62,7 @@ class LocalPool(ProcessPoolExecutor):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
         if kind is not None:
+            quiet()
             # Else the caller may wait for ever at its end, to hand tasks to nobody.
             self._call_queue.cancel_join_thread()  # type: ignore[attr-defined]
             self._lifeline.close()

@@ -53,6 +53,7 @@ def circuit(turns: Floats, first: Floats, last: Floats, hint: Ints, limit_s: flo
         model.add_hint(var, step in taken)
     solver = cp_model.CpSolver()
     solver.parameters.num_workers = 1
+    solver.parameters.catch_sigint_signal = False  # it would end the search alone, and nobody else would hear it
     solver.parameters.random_seed = 1
     solver.parameters.max_deterministic_time = EFFORT
     if solver.solve(model) not in (cp_model.OPTIMAL, cp_model.FEASIBLE):

@@ -59,6 +59,7 @@ def _solve(group: list[Passage], slots: tuple[Slot, ...], hold_s: float) -> list
     model.minimize(placed * (horizon * len(group) + 1) + sum(release))
     solver = cp_model.CpSolver()
     solver.parameters.num_workers = 1
+    solver.parameters.catch_sigint_signal = False  # it would end the search alone, and nobody else would hear it
     solver.parameters.random_seed = 1
     solver.parameters.max_deterministic_time = 2.0
     status = solver.solve(model)

@@ -116,7 +116,7 @@ def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: 
     # What the margin takes of the field: circles of 2 m and 1.5 m, one less the other.
     (taken,) = [one for one in told["not_worked"] if "margin" in one["why"]]
     assert taken["area_m2"] == pytest.approx(math.pi * (2.0**2 - 1.5**2), abs=0.1) and taken["pieces"] == 1
-    assert told["area_ha"] == pytest.approx(0.6 - 1e-4 * math.pi * 2.0**2, abs=1e-4)
+    assert told["area_ha"] == pytest.approx(0.6 - 1e-4 * math.pi * 1.5**2, abs=1e-4)
     outcome = headland("field", saved(kind="tree"), "--local")
     assert outcome.status == 0 and outcome.err == ""
     assert "tree" in (row := next(line for line in outcome.out.splitlines() if " 3.14 " in line)) and "0.3" in row
