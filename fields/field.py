@@ -18,8 +18,6 @@ from fields.obstacles import Obstacle, ground_left
 from fields.outline import SMALLEST_M2
 from fields.projection import project
 
-GRID_M = 1e-6
-
 FloatArray = npt.NDArray[np.float64]
 
 FENCE_M = 0.001  # half of what a fence itself takes
@@ -117,8 +115,7 @@ class Field:
         """The field without its obstacles, margins and what they cut off included: what shares are counted of."""
         if self.outline is None:
             return self.boundary
-        solid = shapely.union_all(self.solid, grid_size=GRID_M)
-        return shapely.difference(shapely.Polygon(self.outline.exterior), solid, grid_size=GRID_M)
+        return shapely.difference(shapely.Polygon(self.outline.exterior), shapely.union_all(self.solid))
 
     @cached_property
     def solid(self) -> tuple[shapely.Geometry, ...]:

@@ -108,7 +108,7 @@ def plan_gain(before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
             f"of {SMALLEST_M:g} m or more."
         )
     try:
-        site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M), tractor=before)
+        site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tracks_only=True), tractor=before)
         first = run_candidate(site, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."

@@ -124,10 +124,11 @@ def _lay_round(draft: Draft, number: int, slot: Slot, move_up: bool) -> None:
     turned = len(legs) - 1 if before else None
     entry, tool, work_task = job.entry(slot.this), job.manner.tool_m, task_on(TRACK, slot.this.track)
     legs.append(straight_leg(job, entry, 0.0, tool, task_on(DRIVE_IN, slot.this.track)))
-    if slot.place_m > tool + SHORTEST_M:
-        legs.append(straight_leg(job, entry, tool, slot.place_m, work_task))
+    place_m = slot.place_m if slot.place_m > tool + SHORTEST_M else tool
+    if place_m > tool:
+        legs.append(straight_leg(job, entry, tool, place_m, work_task))
     placed = len(legs) - 1
-    legs.append(straight_leg(job, entry, max(slot.place_m, tool), slot.hold_m, work_task))
+    legs.append(straight_leg(job, entry, place_m, slot.hold_m, work_task))
     work, end = len(legs) - 1, slot.this.track.length + tool
     stops = [slot.hold_m, *(slot.up_m if move_up else ()), end]
     legs += [straight_leg(job, entry, a, b, work_task, may_wait=b == end) for a, b in pairwise(stops)]

@@ -33,7 +33,7 @@ def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tra
     where, machine = wide
     gain, why_not = plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is not None and why_not == ""
-    scenario = Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where)
+    scenario = Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where, tracks_only=True)
     alone = evaluate(prepare(scenario), Candidate("row-by-row", 1))
     assert gain.time_before_s == pytest.approx(alone.time_s, abs=1e-6)
     assert gain.time_after_s is not None
