@@ -5,14 +5,9 @@
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
 laying         which layout of the field to plan with
-evaluate       one candidate: built, simulated, mended (deconflict, steady), measured (measure, swept, trampled,
-               touched)
-giving_way     who waits for whom: courses driven alone, crossings of them, right_of_way in time, homeward for deadlocks
-slowing        turns that are better driven slowly, tried alone
-choosing, bounds   which plans of the same work are simulated; the least time a plan can take
-overlays       unions and differences of swept ground
-rivals         formations that cannot win are told so with their bound
-within_reach   tracks and rounds that no way leads to are left out
+candidates     one candidate: built, simulated, mended, measured
+yielding       who waits for whom, so that no two tractors meet
+ground         what was worked, missed, driven over and come near
 tasks, pool    candidates as tasks for any executor; processes of this machine
 interrupts     Ctrl-C that is heard also where a library swallows it
 rank           which candidates to try; their results in order
@@ -23,7 +18,8 @@ planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
 steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
-describe, unworked  a field in figures; what of it no track and no round covers, and why
+describe       a field in figures
+asked          a farm in place of what a scenario leaves open
 farm           the farm file: tractors, implements, prices, times, what is left to chance
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals

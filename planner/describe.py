@@ -11,13 +11,13 @@ import shapely
 from fields.layout import Layout
 from fields.obstacles import LINE, POINT, Obstacle
 from planner.drive import rings_of, still
-from planner.overlays import GRID_M
+from planner.ground.overlays import GRID_M
+from planner.ground.unworked import LEAST_M2, Unworked, laid, unworked
 from planner.site import Site
-from planner.unworked import LEAST_M2, Unworked, laid, unworked
 from reports.results import Drive, MissedPiece
-from strategies.connect import Connector
 from strategies.job import Pass
-from strategies.paths import Pose
+from strategies.ways.connect import Connector
+from strategies.ways.paths import Pose
 
 MOST_ENDS = 60
 

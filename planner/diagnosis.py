@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.candidates.evaluate import Candidate, run_candidate
 from planner.errors import HeadlandError, ScenarioError, about, named
-from planner.evaluate import Candidate, run_candidate
-from planner.measure import guided_point
+from planner.ground.measure import guided_point
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from vehicle.layout import WORKING

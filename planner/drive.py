@@ -11,7 +11,7 @@ from shapely.geometry.polygon import orient
 from fields.cells import Cell
 from fields.field import Field
 from fields.rounds import Round
-from planner.measure import coverage, guided_point
+from planner.ground.measure import coverage, guided_point
 from planner.site import Site
 from planner.steps import steps_of, track_names
 from reports.results import CellOutline, Drive, PlanResult, Points, RoundLine

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
-from planner.evaluate import Candidate
+from planner.candidates.evaluate import Candidate
 from planner.pool import local_pool
 from planner.scenario import Scenario
 from planner.site import RADIUS_MARGIN, Site, prepare

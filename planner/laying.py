@@ -14,11 +14,11 @@ from fields.field import Field
 from fields.layout import Layout, lay_tracks
 from fields.options import effort_m, lay_options
 from planner.scenario import SOW, Scenario
+from strategies.headland.laps import shift_of
+from strategies.headland.shifts import shared
 from strategies.job import Job
-from strategies.laps import shift_of
-from strategies.sequence import searched
-from strategies.shifts import shared
-from strategies.table import TurnTable
+from strategies.orders.sequence import searched
+from strategies.orders.table import TurnTable
 
 MOST_ROUNDS = 50
 MOST_TRACKS = 125  # orders of more are not searched to compare layouts: the estimate decides

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fields.field import Field
+from planner.candidates.evaluate import Candidate
+from planner.candidates.rivals import rivals, waves
 from planner.chance.settings import Chances
 from planner.drive import picture
-from planner.evaluate import Candidate
 from planner.outlook import bearing_out, check_words
 from planner.pool import local_pool
 from planner.price.cost import Terms
 from planner.rank import candidates, rank
-from planner.rivals import rivals, waves
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from planner.tasks import Outcome, Progress, outcomes, pack, work_out

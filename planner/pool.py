@@ -106,7 +106,7 @@ def _outlive_nobody(lifeline: Connection) -> None:
 
 def _load() -> None:
     """Bring in what every candidate needs while the caller still prepares them."""
-    import planner.evaluate  # noqa: F401
+    import planner.candidates.evaluate  # noqa: F401
 
 
 def local_pool(tasks: int, processes: int | None = None) -> Executor:

@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 from fields.layout import Layout
+from planner.candidates.evaluate import Candidate
 from planner.describe import cells
-from planner.evaluate import Candidate
+from planner.ground.trampled import TYRE_M
 from planner.outlook import advised
 from planner.scenario import KMH, Scenario, clock
 from planner.site import Site
-from planner.trampled import TYRE_M
 from reports.results import PlanResult, Ranking, finish_s, quickness
 from strategies.registry import STRATEGIES
 from vehicle.effects import REST_KEY

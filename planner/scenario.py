@@ -10,9 +10,9 @@ from pathlib import Path
 
 from fields.reading import brief
 from planner.errors import ScenarioError, named, nearest
+from strategies.headland.rounds import FIRST, LAST, ORDERS
 from strategies.registry import STRATEGIES
-from strategies.rounds import FIRST, LAST, ORDERS
-from strategies.turns import TURN_KINDS
+from strategies.ways.turns import TURN_KINDS
 
 MOST_TRACTORS = 50
 KMH = 1.0 / 3.6

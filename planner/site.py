@@ -25,14 +25,14 @@ from planner.laying import layouts, quickest
 from planner.outlook import Stakes, stakes_of
 from planner.price.cost import Terms
 from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
-from strategies.around import Around, lay_around
-from strategies.bends import Bender, BendRules
-from strategies.connect import Connector, TurnCosts
-from strategies.fence import Body, Fence
+from strategies.headland.shifts import backwards
 from strategies.job import Job, Manner, starting_corner
-from strategies.shifts import backwards
-from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
+from strategies.ways.around import Around, lay_around
+from strategies.ways.bends import Bender, BendRules
+from strategies.ways.connect import Connector, TurnCosts
+from strategies.ways.fence import Body, Fence
+from strategies.ways.sizing import Reach, allowed_kinds, headland_for, turning_room
 from vehicle.compile import outline
 from vehicle.gnss import NO_ERROR, Table, default_table, load_table
 from vehicle.ground import ground_names

@@ -10,11 +10,11 @@ from functools import lru_cache
 from threading import get_ident
 from typing import Any
 
+from planner.candidates.evaluate import Candidate, simulated
+from planner.candidates.rivals import Rival, hopeless
 from planner.drive import picture
 from planner.errors import WorkerError, named
-from planner.evaluate import Candidate, simulated
 from planner.pool import completed
-from planner.rivals import Rival, hopeless
 from planner.site import Site
 from reports.results import Drive, PlanResult
 from vehicle.run import DONE, Run

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from strategies.abreast import Slot
-from strategies.care import driven
-from strategies.clear_rounds import AS_WRITTEN, Changes
-from strategies.formation import FORMATION_REPAIRS, Formation, form
+from strategies.formations.abreast import Slot
+from strategies.formations.care import driven
+from strategies.formations.clear_rounds import AS_WRITTEN, Changes
+from strategies.formations.formation import FORMATION_REPAIRS, Formation, form
+from strategies.formations.queueing import Draft
 from strategies.job import Job
-from strategies.queueing import Draft
 from strategies.record import Refined, Simulate, Strategy
 from vehicle.missions import Gate
 

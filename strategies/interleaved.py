@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from strategies.job import Job
 from strategies.legs import mission_of
+from strategies.orders.sequence import patterned
 from strategies.record import Strategy
 from strategies.separate import lines_of, plan_of
-from strategies.sequence import patterned
 from vehicle.missions import Gate, Mission, Plan
 
 NAME = "interleaved"

@@ -10,11 +10,11 @@ import numpy as np
 
 from fields.layout import Layout, Track
 from fields.rounds import Round
-from strategies.around import Around
-from strategies.connect import Connector
-from strategies.fence import Fence, inside
-from strategies.paths import Path, Pose
-from strategies.search import shortest_m
+from strategies.ways.around import Around
+from strategies.ways.connect import Connector
+from strategies.ways.fence import Fence, inside
+from strategies.ways.paths import Path, Pose
+from strategies.ways.search import shortest_m
 
 PLAIN_TURN_S = 40.0  # a turn in the headland that is quicker than this is not compared with one across tracks
 DETOUR, DETOUR_S = 1.25, 5.0  # how much longer than one across tracks a way round them may take, factor and seconds
@@ -63,7 +63,7 @@ class Job:
     tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
     obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
     Ways once worked out are kept in `ways`, as strategies ask for the same ones, and `tables` of turns
-    (strategies.table) by their tracks, `sharings` of the rounds (strategies.rounds) by how they are shared out; jobs of
+    (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared out; jobs of
     one site have these three in common. `used` counts turns driven by kind.
     """
 

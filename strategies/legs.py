@@ -12,7 +12,7 @@ import numpy as np
 from fields.layout import Track
 from strategies.errors import NoWayError
 from strategies.job import Job, Pass
-from strategies.paths import Path, Pose
+from strategies.ways.paths import Path, Pose
 from vehicle.missions import DRIVE_IN, TRACK, TURN, WAY, Leg, Mission, Task
 
 STEP_M = 0.25

@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from strategies.abreast import Slot
-from strategies.care import coming, driven, told
-from strategies.clear_rounds import AS_WRITTEN, Changes
-from strategies.formation import FORMATION_REPAIRS, Formation, form
+from strategies.formations.abreast import Slot
+from strategies.formations.care import coming, driven, told
+from strategies.formations.clear_rounds import AS_WRITTEN, Changes
+from strategies.formations.formation import FORMATION_REPAIRS, Formation, form
+from strategies.formations.passages import Passage, passages
+from strategies.formations.queueing import Draft, past_release
+from strategies.formations.releases import Releases, releases_of
 from strategies.job import Job
-from strategies.passages import Passage, passages
-from strategies.queueing import Draft, past_release
 from strategies.record import Refined, Simulate, Strategy
-from strategies.releases import Releases, releases_of
 from strategies.row_by_row import row_by_row
 from vehicle.missions import Gate, Leg, Mission, Plan
 from vehicle.run import DONE

@@ -7,11 +7,11 @@ from itertools import pairwise
 from fields.layout import Track
 from strategies.job import Job
 from strategies.legs import mission_of
+from strategies.orders.sequence import Searched, patterned, searched
+from strategies.orders.shares import balanced, cut
+from strategies.orders.table import TurnTable
 from strategies.record import Strategy
 from strategies.separate import lines_of, plan_of
-from strategies.sequence import Searched, patterned, searched
-from strategies.shares import balanced, cut
-from strategies.table import TurnTable
 from vehicle.missions import Plan
 
 NAME = "split-field"

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strategies.connect import TurnCosts
 from strategies.errors import StrategyError
 from strategies.job import Manner
 from strategies.legs import STEP_M
-from strategies.paths import Path, Pose
-from strategies.turns import fishtail, omega_turn, switch_back, turn_depth, u_turn
+from strategies.ways.connect import TurnCosts
+from strategies.ways.paths import Path, Pose
+from strategies.ways.turns import fishtail, omega_turn, switch_back, turn_depth, u_turn
 from vehicle.missions import TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.run import DONE
 from vehicle.tractor import Implement, Tractor

@@ -40,6 +40,15 @@ COMMAND_LINE = ("planner.commands", "planner.main")
 BY_NAME = {"planner", "strategies.registry"}
 """Modules that import others by a name made at run time; the tests below say which those are."""
 
+MAPPED = (
+    *ROOMS,
+    *(f"planner/{name}" for name in ("candidates", "chance", "farm", "ground", "price", "yielding")),
+    *(f"strategies/{name}" for name in ("formations", "headland", "orders", "ways")),
+    "vehicle/measured",
+    "vehicle/trials",
+)
+"""Packages whose __init__ says what each of their modules is for."""
+
 Graph = dict[str, set[str]]
 
 
@@ -155,6 +164,20 @@ def test_no_circle_of_files(graph: Graph) -> None:
     assert circles(graph) == []
 
 
+def test_no_circle_of_packages_within_a_room(graph: Graph) -> None:
+    packages = {room: {f"{room}.{path.parent.name}" for path in (ROOT / room).glob("*/__init__.py")} for room in ROOMS}
+
+    def home(name: str) -> str:
+        """The package inside a room that a module is in, or the module itself."""
+        first = ".".join(name.split(".")[:2])
+        return first if first in packages[name.split(".")[0]] else name
+
+    edges: Graph = {home(name): set() for name in graph}
+    for name, others in graph.items():
+        edges[home(name)] |= {home(other) for other in others} - {home(name)}
+    assert circles(edges) == []
+
+
 def test_storeys_of_the_measured_stand_in_one_order(graph: Graph) -> None:
     level = {f"vehicle.measured.{storey}": number for number, storey in enumerate(STOREYS)}
 
@@ -201,7 +224,7 @@ def test_every_package_says_that_it_is_typed() -> None:
     assert settings["tool"]["setuptools"]["package-data"]["*"] == ["py.typed"]
 
 
-@pytest.mark.parametrize("package", [*ROOMS, "planner/chance", "planner/price", "vehicle/measured", "vehicle/trials"])
+@pytest.mark.parametrize("package", MAPPED)
 def test_the_map_of_a_room_names_every_module(package: str) -> None:
     folder = ROOT / package
     words = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 if TYPE_CHECKING:
-    from planner.farm.asked import Asked
+    from planner.asked import Asked
     from planner.scenario import Scenario
 
 FieldArgument = Annotated[
@@ -85,9 +85,9 @@ _SCENARIO = {
 
 def with_farm(scenario: Scenario, farm: str | None, implement: str | None, context: typer.Context) -> Asked:
     """The scenario with what a farm file has for it; options that were given win."""
+    from planner.asked import as_it_is, asked
     from planner.errors import ScenarioError
     from planner.farm import load_farm
-    from planner.farm.asked import as_it_is, asked
 
     if farm is not None:
         return asked(scenario, load_farm(farm), _given(context), implement=implement)

@@ -30,8 +30,8 @@ from planner.commands.options import (
 from strategies.names import NAMES
 
 if TYPE_CHECKING:
+    from planner.asked import Asked
     from planner.commands.outputs import Content
-    from planner.farm.asked import Asked
     from planner.planning import Planned
     from planner.scenario import Scenario
     from reports.results import Ranking

@@ -9,7 +9,6 @@ times       handling, shifts and breaks; where the yard is
 chances     what is left to chance
 file        FarmFile, all of it: read, checked, machines picked by name
 sources     every value in use with its origin: given, or the default's source
-asked       a farm in place of what the scenario of a plan leaves open
 """
 
 from planner.farm.chances import Chances

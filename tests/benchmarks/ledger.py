@@ -15,13 +15,17 @@ PARTS = ("layout", "order", "ways", "right of way", "simulation", "measuring", "
 PLACES = {
     "layout": ("planner.site.prepare",),
     "order": (
-        "planner.evaluate._run_job", "strategies.table.TurnTable.__init__", "strategies.tours.searched",
-        "planner.evaluate.corners_by_promise",
+        "planner.candidates.evaluate._run_job",
+        "strategies.orders.table.TurnTable.__init__",
+        "strategies.orders.tours.searched",
+        "planner.candidates.evaluate.corners_by_promise",
     ),
-    "ways": ("strategies.connect.Connector.connect", "strategies.connect.Connector.direct"),
-    "right of way": ("planner.evaluate.giving_way",),
+    "ways": ("strategies.ways.connect.Connector.connect", "strategies.ways.connect.Connector.direct"),
+    "right of way": ("planner.candidates.evaluate.giving_way",),
     "simulation": ("vehicle.rehearsal.Rehearsal.simulate", "vehicle.world.World.run"),
-    "measuring": ("planner.evaluate._measured", "planner.evaluate._fault", "planner.evaluate.slips"),
+    "measuring": (
+        *(f"planner.candidates.evaluate.{name}" for name in ("_measured", "_fault", "slips")),
+    ),
 }  # fmt: skip
 
 

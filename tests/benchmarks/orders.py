@@ -15,10 +15,10 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from strategies.sequence import skip_pattern
-from strategies.shares import balanced, cut
-from strategies.tours import FAR_S, tour
-from strategies.words import MOST_PIECES, MOST_WORDS, forward_words
+from strategies.orders.sequence import skip_pattern
+from strategies.orders.shares import balanced, cut
+from strategies.orders.tours import FAR_S, tour
+from strategies.ways.words import MOST_PIECES, MOST_WORDS, forward_words
 
 Floats = npt.NDArray[np.float64]
 

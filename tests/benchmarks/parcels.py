@@ -21,9 +21,9 @@ from pathlib import Path
 
 from fields.field import Field
 from fields.read import read_field
-from planner.evaluate import Candidate, evaluate
+from planner.candidates.evaluate import Candidate, evaluate
+from planner.candidates.rivals import hopeless, rivals, waves
 from planner.rank import candidates
-from planner.rivals import hopeless, rivals, waves
 from planner.scenario import Scenario, parse_counts
 from planner.site import prepare
 from reports.results import PlanResult, finish_s

@@ -16,9 +16,9 @@ import shapely
 
 from planner.scenario import Scenario
 from planner.site import prepare
-from strategies.paths import Path, Pose
 from strategies.timing import TurnClock
-from strategies.turns import fishtail, omega_turn, switch_back, u_turn
+from strategies.ways.paths import Path, Pose
+from strategies.ways.turns import fishtail, omega_turn, switch_back, u_turn
 from vehicle.missions import Plan
 from vehicle.world import simulate
 

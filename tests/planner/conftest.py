@@ -57,7 +57,7 @@ def wide_site() -> Site:
 @pytest.fixture(scope="session")
 def evaluate_once() -> Callable[..., PlanResult]:
     """Evaluate a candidate on a site, once per session."""
-    from planner.evaluate import Candidate, evaluate
+    from planner.candidates.evaluate import Candidate, evaluate
 
     sites: dict[int, Site] = {}
 

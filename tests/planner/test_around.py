@@ -9,8 +9,8 @@ from shapely import affinity
 
 from fields import Field
 from fields.obstacles import Obstacle
-from planner.evaluate import Candidate, simulated
-from planner.measure import coverage, guided_point
+from planner.candidates.evaluate import Candidate, simulated
+from planner.ground.measure import coverage, guided_point
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from vehicle.compile import outline

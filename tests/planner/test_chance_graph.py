@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.candidates.evaluate import Candidate, run_candidate
 from planner.chance.draws import draw
 from planner.chance.graph import PASS, TURN_MORE, TURN_ONE, graph_of
 from planner.chance.settings import certain
-from planner.evaluate import Candidate, run_candidate
 from vehicle.layout import WAITING
 from vehicle.missions import TRACK, TURN, Follow, Gate, Leg, Mission, Plan, Task
 from vehicle.run import Run

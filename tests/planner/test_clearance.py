@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.evaluate import Candidate, simulated
+from planner.candidates.evaluate import Candidate, simulated
 from planner.scenario import Scenario
 from planner.site import body_of
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from planner import HeadlandError, diagnose, replay
+from planner.candidates.evaluate import Candidate, evaluate
 from planner.diagnosis import PLAN_FIELD, PLAN_WIDTH_M, SMALLEST_M, plan_gain
-from planner.evaluate import Candidate, evaluate
 from planner.scenario import Scenario
 from planner.site import prepare
 from vehicle.measured.answer.save import tractor_toml

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.asked import asked
 from planner.chance.settings import Chances as Laws
 from planner.chance.settings import like
 from planner.errors import HeadlandError, ScenarioError
 from planner.farm import Chances, FarmFile, FarmImplement, FarmTractor, Prices, Times, Yard, example_farm, example_text
-from planner.farm.asked import asked
 from planner.farm.file import farm_from, load_farm
 from planner.farm.sources import GIVEN, farm_json, farm_sheet, values_of
 from planner.farm.values import NONE_GIVEN, source_of

@@ -10,12 +10,12 @@ import shapely
 from shapely import affinity
 
 from fields import Field, FieldError
-from planner.evaluate import Candidate, evaluate, simulated
+from planner.candidates.evaluate import Candidate, evaluate, simulated
+from planner.ground.touched import fence_crossed_m, obstacle_touched
 from planner.scenario import Scenario
 from planner.site import Site, body_of, prepare
-from planner.touched import fence_crossed_m, obstacle_touched
-from strategies.fence import Body, Fence
-from strategies.paths import Path, Segment, straight
+from strategies.ways.fence import Body, Fence
+from strategies.ways.paths import Path, Segment, straight
 from vehicle.compile import outline
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.run import DONE, Run

@@ -7,7 +7,7 @@ import pytest
 from shapely import Polygon, affinity, box
 
 from fields import Field
-from planner.evaluate import Candidate, run_candidate, simulated
+from planner.candidates.evaluate import Candidate, run_candidate, simulated
 from planner.rank import rank
 from planner.scenario import Scenario
 from planner.site import Site, prepare

@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.evaluate import Candidate, Evaluation, simulated
-from planner.measure import coverage
+from planner.candidates.evaluate import Candidate, Evaluation, simulated
+from planner.ground.measure import coverage
+from planner.ground.swept import swept_ground
+from planner.ground.unworked import laid, unworked
 from planner.scenario import Scenario
 from planner.site import Site, prepare
-from planner.swept import swept_ground
-from planner.unworked import laid, unworked
 from tests.planner.shapes import SHAPES
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -12,11 +12,11 @@ import pytest
 import shapely
 from shapely.ops import substring
 
+from planner.candidates.evaluate import Candidate, Evaluation, simulated
 from planner.errors import ScenarioError
-from planner.evaluate import Candidate, Evaluation, simulated
 from planner.scenario import Scenario
 from planner.site import Site, prepare
-from strategies.corners import missed_m2
+from strategies.headland.corners import missed_m2
 from strategies.registry import STRATEGIES
 from vehicle.missions import ROUND, TRACK, check_plan
 from vehicle.plan_file import plan_from_json, plan_to_json

@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from planner.deconflict import _past, _turned, hold_leg
-from planner.evaluate import Candidate, run_candidate
+from planner.candidates.evaluate import Candidate, run_candidate
+from planner.candidates.steady import _tracks_begun, turn_start
 from planner.scenario import Scenario
 from planner.site import prepare
-from planner.steady import _tracks_begun, turn_start
+from planner.yielding.deconflict import _past, _turned, hold_leg
 from strategies.registry import STRATEGIES
 from vehicle.missions import Mission, Plan
 

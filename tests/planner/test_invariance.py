@@ -6,7 +6,7 @@ import pytest
 from shapely import Polygon, affinity
 
 from fields import Field, read_field
-from planner.evaluate import Candidate, evaluate
+from planner.candidates.evaluate import Candidate, evaluate
 from planner.scenario import Scenario
 from planner.site import prepare
 

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from fields import Field, lay_tracks
-from planner.evaluate import Candidate, evaluate
+from planner.candidates.evaluate import Candidate, evaluate
 from planner.laying import LEAST_GAIN, finish_s, layouts
 from planner.scenario import Scenario
 from planner.site import Site, prepare

@@ -12,10 +12,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field
-from planner.measure import coverage, excursion, finite_or_none, guided_point, outline_excursion_m, reversals
+from planner.ground.measure import coverage, excursion, finite_or_none, guided_point, outline_excursion_m, reversals
+from planner.ground.swept import swept_ground
+from planner.ground.trampled import TYRE_M, trampled_m2
 from planner.site import Site
-from planner.swept import swept_ground
-from planner.trampled import TYRE_M, trampled_m2
 from vehicle.compile import outline
 from vehicle.missions import ROUND, TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.run import DONE, Run

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from planner.evaluate import Candidate, evaluate, simulated
+from planner.candidates.evaluate import Candidate, evaluate, simulated
 from planner.rank import candidates, rank
 from planner.scenario import Scenario
 from planner.site import Site

@@ -8,11 +8,11 @@ import pytest
 import shapely
 
 from fields import Field
+from planner.candidates.evaluate import Candidate, simulated
 from planner.chance.answer import DRAWS
 from planner.chance.physics import Check
 from planner.chance.settings import certain
 from planner.errors import ScenarioError
-from planner.evaluate import Candidate, simulated
 from planner.farm.prices import Prices
 from planner.outlook import advised, check_words, stakes_of
 from planner.planning import plan

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.candidates.evaluate import Candidate, run_candidate
 from planner.chance.cutting import SHORTEST_M, Cut, cut_legs
 from planner.chance.draws import draw
 from planner.chance.graph import graph_of
 from planner.chance.physics import check, scaled
 from planner.chance.planned_order import in_planned_order
 from planner.chance.settings import Chances, certain
-from planner.evaluate import Candidate, run_candidate
 from vehicle.missions import DRIVE, TRACK, Follow, Gate, Leg, Mission, Plan, Task, check_plan
 from vehicle.run import Run
 from vehicle.world import World

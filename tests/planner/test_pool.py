@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 
 import planner.tasks
+from planner.candidates.evaluate import Candidate
 from planner.errors import HeadlandError
-from planner.evaluate import Candidate
 from planner.pool import AHEAD, LocalPool, SerialExecutor, completed, local_pool
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field, FieldError
-from planner.evaluate import Candidate, evaluate, run_candidate, simulated
+from planner.candidates.evaluate import Candidate, evaluate, run_candidate, simulated
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from reports.results import PlanResult

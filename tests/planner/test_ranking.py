@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.evaluate import Candidate
+from planner.candidates.evaluate import Candidate
 from planner.planning import plan
 from planner.pool import SerialExecutor
 from planner.rank import candidates, rank

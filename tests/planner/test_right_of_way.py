@@ -17,13 +17,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.courses import Course
-from planner.crossings import SPARE_M, Crossings, crossings_of
-from planner.evaluate import Candidate, _fault, _told, simulated
-from planner.giving_way import _with_gates
-from planner.homeward import Homeward
-from planner.right_of_way import BEHIND_S, START_S, RightOfWay, Timetable
-from planner.steady import Slip
+from planner.candidates.evaluate import Candidate, _fault, _told, simulated
+from planner.candidates.steady import Slip
+from planner.yielding.courses import Course
+from planner.yielding.crossings import SPARE_M, Crossings, crossings_of
+from planner.yielding.giving_way import _with_gates
+from planner.yielding.homeward import Homeward
+from planner.yielding.right_of_way import BEHIND_S, START_S, RightOfWay, Timetable
 from vehicle.compile import compile_model, outline
 from vehicle.meetings import poses_of
 from vehicle.missions import ROUND, TRACK, Gate, Leg, Mission, Plan

@@ -8,10 +8,10 @@ import shapely
 
 from fields import Field
 from planner import SerialExecutor, plan
-from planner.bounds import least_s
-from planner.choosing import promising
-from planner.evaluate import Candidate, simulated
-from planner.rivals import Rival, hopeless, rivals, waves
+from planner.candidates.bounds import least_s
+from planner.candidates.choosing import promising
+from planner.candidates.evaluate import Candidate, simulated
+from planner.candidates.rivals import Rival, hopeless, rivals, waves
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from reports.results import PlanResult
@@ -89,7 +89,7 @@ def test_a_formation_that_cannot_win_is_told_with_its_bound(small_site: Site) ->
 
 
 def test_a_plan_of_a_big_field_lists_who_cannot_win(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.rivals.BIG_S", 0.0)
+    monkeypatch.setattr("planner.candidates.rivals.BIG_S", 0.0)
     scenario = Scenario(tractors=(2,), strategies=("row-by-row", "split-field"), tracks_only=True)
     calls: list[tuple[int, int]] = []
     field = Field("drawn", shapely.box(0, 0, 36, 80))

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.evaluate import Candidate, run_candidate
+from planner.candidates.evaluate import Candidate, run_candidate
 from planner.site import Site
 from planner.steps import _shape, steps_of, track_names
-from strategies.connect import Connector
 from strategies.job import Pass
 from strategies.legs import way_legs
+from strategies.ways.connect import Connector
 from vehicle.missions import Gate, Leg, Mission, Plan, Task
 from vehicle.run import Run
 from vehicle.tractor import Implement, load_tractor

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.deconflict import without_conflicts
-from planner.evaluate import Candidate, evaluate, run_candidate
-from strategies.passages import outline_extents
+from planner.candidates.evaluate import Candidate, evaluate, run_candidate
+from planner.yielding.deconflict import without_conflicts
+from strategies.formations.passages import outline_extents
 from strategies.record import Refined
 from strategies.registry import STRATEGIES
 from strategies.row_by_row import row_by_row

@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field
-from planner.evaluate import Candidate, Evaluation, beside_clearance_m, evaluate, simulated
-from planner.measure import coverage, excursion
+from planner.candidates.evaluate import Candidate, Evaluation, beside_clearance_m, evaluate, simulated
+from planner.ground.measure import coverage, excursion
+from planner.ground.swept import swept_ground
 from planner.scenario import Scenario
 from planner.showing import driven_again, scenario_of
 from planner.site import Site, prepare
-from planner.swept import swept_ground
 from strategies.registry import STRATEGIES
 from vehicle.plan_file import plan_to_json, saved_from_json
 from vehicle.run import DONE

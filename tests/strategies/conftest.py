@@ -10,8 +10,8 @@ import shapely
 from shapely import affinity, box
 
 from fields import Field, Layout, Track, lay_tracks
-from strategies.connect import Connector, TurnCosts
 from strategies.job import Job, Manner, starting_corner
+from strategies.ways.connect import Connector, TurnCosts
 from vehicle.missions import Plan
 
 WIDTH_M, HEADLAND_M, RADIUS_M, TOOL_M = 3.0, 9.0, 4.3, 2.3

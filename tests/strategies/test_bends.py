@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from strategies.bends import STEEPEST, Bend, Bender, BendRules, Points
+from strategies.ways.bends import STEEPEST, Bend, Bender, BendRules, Points
 
 RULES = BendRules(radius_m=6.0, half_m=1.5, nose_m=2.4, tail_m=2.7)
 ROOM = shapely.box(-50, -40, 150, 40)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from strategies.care import BEGUN_M, FARTHER_M, driven
-from strategies.clear_rounds import AS_WRITTEN, Changes
-from strategies.clearing import ROOM_M, Blocked, blocked_on, poses_on
-from strategies.formation import Formation
+from strategies.formations.care import BEGUN_M, FARTHER_M, driven
+from strategies.formations.clear_rounds import AS_WRITTEN, Changes
+from strategies.formations.clearing import ROOM_M, Blocked, blocked_on, poses_on
+from strategies.formations.formation import Formation
 from strategies.job import Pass
-from strategies.paths import Path, Segment
 from strategies.row_by_row import row_by_row
+from strategies.ways.paths import Path, Segment
 from vehicle.missions import Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict
 

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon, box
 
-from strategies.chains import layered, quickest_chain
-from strategies.connect import Connector, TurnCosts
-from strategies.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
-from strategies.routes import Corners, corner_poses, ring_poses
-from strategies.turns import fishtail, omega_turn, switch_back, u_turn
+from strategies.ways.chains import layered, quickest_chain
+from strategies.ways.connect import Connector, TurnCosts
+from strategies.ways.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
+from strategies.ways.routes import Corners, corner_poses, ring_poses
+from strategies.ways.turns import fishtail, omega_turn, switch_back, u_turn
 
 R = 4.0
 COSTS = TurnCosts(speed_mps=2.0, reverse_speed_mps=1.0, cusp_s=5.0)

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from strategies.corners import corner_arc, corner_ways, missed_m2, worked_into
+from strategies.headland.corners import corner_arc, corner_ways, missed_m2, worked_into
 
 
 def strip(first_m: float, last_m: float, width_m: float, heading: float) -> shapely.Polygon:

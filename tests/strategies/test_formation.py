@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from strategies.col_by_col import col_by_col
 from strategies.errors import StrategyError
-from strategies.formation import Formation
+from strategies.formations.formation import Formation
 from strategies.job import Job
 from strategies.row_by_row import row_by_row
 from strategies.row_by_row_optimised import row_by_row_timed

@@ -7,11 +7,11 @@ import pytest
 from shapely import Polygon, box
 
 from fields import Field, Track
-from strategies.abreast import missing_m
-from strategies.care import told
 from strategies.col_by_col import col_by_col
-from strategies.formation import Formation
-from strategies.grouping import divided, grouping, runs_of
+from strategies.formations.abreast import missing_m
+from strategies.formations.care import told
+from strategies.formations.formation import Formation
+from strategies.formations.grouping import divided, grouping, runs_of
 from strategies.job import Job
 from strategies.row_by_row import row_by_row
 from vehicle.missions import check_plan

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from shapely import box
 
 from fields import Field
-from strategies.connect import Connector
 from strategies.job import Job, Pass, starting_corner
+from strategies.ways.connect import Connector
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 WHOLE = [(0.0, 100.0)]

@@ -15,7 +15,7 @@ from fields.field import GroundZone
 from strategies.errors import StrategyError
 from strategies.job import Job, Pass
 from strategies.legs import mission_of, pass_legs, straight_leg, turn_legs, way_legs
-from strategies.paths import Path, Segment
+from strategies.ways.paths import Path, Segment
 from vehicle.missions import Plan, Task, check_plan
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
@@ -110,7 +110,7 @@ class TestWay:
     def test_a_field_as_narrow_as_its_tracks_is_refused(self, jobs: Any) -> None:
         from dataclasses import replace
 
-        from strategies.connect import Connector
+        from strategies.ways.connect import Connector
 
         job = jobs.rectangle(6, 60.0)
         tight = replace(job, connector=Connector(box(1.5, 6, 16.5, 72), 4.3, job.connector.costs, ("u",)))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies.paths import (
+from strategies.ways.paths import (
     Path,
     Pose,
     Segment,

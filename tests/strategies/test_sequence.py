@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fields import Track
 from strategies.job import Job, Pass
-from strategies.sequence import (
+from strategies.orders.sequence import (
     cells_of,
     driven_time,
     jumps,
@@ -21,7 +21,7 @@ from strategies.sequence import (
     searched,
     skip_pattern,
 )
-from strategies.table import TurnTable
+from strategies.orders.table import TurnTable
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 WHOLE = [(0.0, 100.0)]

@@ -9,9 +9,9 @@ from shapely.ops import substring
 
 from fields import Field
 from fields.rounds import lay_rounds
-from strategies.connect import Connector, TurnCosts
+from strategies.headland.shifts import Stretch, backwards, shared
 from strategies.job import Job
-from strategies.shifts import Stretch, backwards, shared
+from strategies.ways.connect import Connector, TurnCosts
 
 
 def job_on(jobs, outline: shapely.Polygon, tractors: int, count: int = 3) -> Job:  # type: ignore[no-untyped-def]

@@ -7,9 +7,9 @@ import pytest
 
 from strategies.errors import StrategyError
 from strategies.job import Manner
-from strategies.sizing import Reach, allowed_kinds, headland_for, turning_room
 from strategies.timing import TurnClock
-from strategies.turns import turn_depth, u_turn
+from strategies.ways.sizing import Reach, allowed_kinds, headland_for, turning_room
+from strategies.ways.turns import turn_depth, u_turn
 from vehicle.tractor import Guidance, Implement, load_tractor
 
 RADIUS_M, SPEED_MPS = 4.3, 5.0 / 3.6

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strategies.bounds import held_karp, least_between
-from strategies.circuit import circuit
-from strategies.sequence import skip_pattern
-from strategies.tours import FAR_S, seconds_of, tour
+from strategies.orders.bounds import held_karp, least_between
+from strategies.orders.circuit import circuit
+from strategies.orders.sequence import skip_pattern
+from strategies.orders.tours import FAR_S, seconds_of, tour
 from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for, turn_m
 
 

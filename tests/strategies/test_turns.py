@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strategies.paths import Path, TurnError, back_straight, dubins_paths, three_arc
-from strategies.turns import fishtail, omega_turn, switch_back, turn_depth, u_turn
+from strategies.ways.paths import Path, TurnError, back_straight, dubins_paths, three_arc
+from strategies.ways.turns import fishtail, omega_turn, switch_back, turn_depth, u_turn
 
 R = 4.0
 A = (0.0, 0.0, 0.0)

@@ -1,0 +1,52 @@
+"""Which of several ways to drive the same work are simulated: not those that one driven before clearly beats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeVar
+
+from planner.candidates.bounds import least_s
+from strategies.record import Refined
+from vehicle.missions import ROUND, Plan
+from vehicle.run import Run
+
+UNSURE, UNSURE_S = 0.05, 15.0  # by so much of the rounds, and so many seconds, least times may err between two orders
+
+
+class Tried(Protocol):
+    """A plan that was driven: its last run, and why it is not feasible (None when it is)."""
+
+    @property
+    def run(self) -> Run: ...
+
+    @property
+    def reason(self) -> str | None: ...
+
+
+T = TypeVar("T", bound=Tried)
+
+
+def promising(choices: Sequence[Refined], drive: Callable[[Refined], T]) -> list[T]:
+    """The choices driven in the order of their least times, without those that one driven before clearly beats.
+
+    The work in tracks is the same: what one order takes longer than another is in its rounds and the ways to them.
+    What a run waits more than its plan asked for, another order might not wait.
+    """
+    timed = sorted((round(least_s(choice.plan), 3), number) for number, choice in enumerate(choices))
+    driven: list[T] = []
+    done_s = math.inf
+    for least, number in timed:
+        if least - UNSURE_S - UNSURE * rounds_s(choices[number].plan) >= done_s:
+            continue
+        one = drive(choices[number])
+        driven.append(one)
+        if one.reason is None:
+            done_s = min(done_s, max(least, least_s(one.run.plan)))
+    return driven
+
+
+def rounds_s(plan: Plan) -> float:
+    """Seconds that the rounds take whoever works longest on them, at the speed asked for."""
+    legs = [[leg for leg in mission.legs if leg.task.kind == ROUND] for mission in plan.missions]
+    return max(math.fsum(leg.length_m / leg.speed_mps for leg in each) for each in legs)

@@ -1,0 +1,315 @@
+"""One candidate from strategy to figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from fields.layout import Layout
+from planner.candidates.choosing import promising
+from planner.candidates.headland import headland_s, with_headland
+from planner.candidates.slowing import cures, promised_m, slowed
+from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
+from planner.candidates.within_reach import built_within_reach
+from planner.ground.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
+from planner.ground.swept import swept_ground
+from planner.ground.touched import fence_crossed_m, obstacle_touched
+from planner.ground.trampled import trampled_m2
+from planner.outlook import with_outlook
+from planner.scenario import LEAST_CLEARANCE_M
+from planner.site import Site
+from planner.yielding.deconflict import GiveWay, without_conflicts
+from planner.yielding.giving_way import Rules, giving_way
+from reports.results import PlanResult
+from strategies.errors import StrategyError
+from strategies.formations.promise import corners_by_promise
+from strategies.job import Job
+from strategies.record import Refined, Simulate, Strategy
+from strategies.registry import STRATEGIES
+from vehicle.missions import ROUND, Mission, Plan
+from vehicle.rehearsal import Rehearsal
+from vehicle.run import DONE, Run
+from vehicle.world import World
+
+ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+FARTHEST_OUTSIDE_M = 0.5
+FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
+CROSSED_M = 0.02  # a width of wire
+LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
+SMALLEST_GAIN_M = 0.02
+SAME_LINE_M = 1e-3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A combination to try; `jump` position_errors the pattern of tracks for a strategy that takes one."""
+
+    strategy: str
+    tractors: int
+    jump: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The figures of a candidate, and the run they were measured on; None where its strategy refused the field."""
+
+    result: PlanResult
+    run: Run | None
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateRun:
+    """The last run of a candidate, why it is not feasible (None when it is), the turns it uses, its remark."""
+
+    run: Run
+    reason: str | None
+    turns: str
+    remark: str | None
+
+
+def evaluate(site: Site, candidate: Candidate) -> PlanResult:
+    """The figures of `simulated` alone."""
+    return simulated(site, candidate).result
+
+
+def simulated(site: Site, candidate: Candidate) -> Evaluation:
+    """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason."""
+    try:
+        tried = run_candidate(site, candidate)
+    except StrategyError as refusal:
+        turn = site.scenario.turn
+        return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
+    result, area_ha = _measured(site, candidate, tried), site.layout.field.area_ha
+    return Evaluation(
+        with_outlook(result, tried.run, site.tractor, site.implement, area_ha, site.stakes), tried.run
+    )
+
+
+def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
+    """Build, simulate and repair one candidate; raises StrategyError where its strategy cannot work the field."""
+    strategy = STRATEGIES[candidate.strategy]
+    if candidate.jump is not None and not strategy.takes_jump:
+        raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
+    job = replace(site.job(candidate.tractors), jump=candidate.jump)
+    return _from_some_corner(site, strategy, job) if strategy.abreast else _run_job(site, strategy, job)
+
+
+def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+    """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
+    first: CandidateRun | None = None
+    refusal: StrategyError | None = None
+    for corner in sorted(corners_by_promise(job), key=lambda corner: corner != job.corner):
+        try:
+            latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
+        except StrategyError as error:
+            refusal = refusal or error
+            continue
+        if latest.reason is None:
+            return latest
+        first = first or latest
+    if first is None:
+        raise refusal or StrategyError("No corner to begin at; the field has no tracks.")
+    return first
+
+
+def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+    rehearsal = Rehearsal(
+        site.tractor, site.implement, stop_clearance_m=site.scenario.clearance_m,
+        beside_clearance_m=beside_clearance_m(site), position_errors=site.position_errors, seed=site.scenario.seed,
+    )  # fmt: skip
+
+    def simulate(plan: Plan) -> Run:
+        return rehearsal.simulate(plan, _patience_s(plan))
+
+    def build(job: Job) -> Refined:
+        refine = strategy.refine
+        return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
+
+    give_way = _give_way(site)
+    refined, reached = built_within_reach(job, build)
+    job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
+    first: CandidateRun | None = None
+    for choices in with_headland(site, job, refined):
+        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
+        driven = [each for each in runs if each.reason is None]
+        if driven:
+            return min(driven, key=lambda each: round(each.run.duration_s, 3))
+        first = first or next(iter(runs), None)
+    assert first is not None  # a plan that cannot be written is refused
+    return first
+
+
+def _give_way(site: Site) -> GiveWay:
+    """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
+    known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
+
+    def alone(mission: Mission) -> Run:
+        key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
+        if key not in known:
+            world = World(
+                Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                position_errors=site.position_errors,
+            )  # fmt: skip
+            known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
+        return known[key][1]
+
+    rules = Rules(site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone)
+    return lambda plan, slack: giving_way(plan, rules, slack)
+
+
+def _run_plan(
+    site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate, give_way: GiveWay
+) -> CandidateRun:
+    repairs = strategy.most_repairs
+    run, reason = _driven(refined, simulate, repairs, give_way)
+    if reason is None:
+        run, worst = _steadied(site, run, simulate, repairs, give_way)
+        reason = _fault(site, run, worst)
+    told = [] if reason else _told(site, run, worst)
+    return CandidateRun(run, reason, _turns(job), _joined(refined.remark, *told))
+
+
+def _joined(*remarks: str | None) -> str | None:
+    """Several remarks as one; None where there is none."""
+    return "; ".join(each for each in remarks if each) or None
+
+
+def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
+    """What a reader would not expect of the run of a feasible plan."""
+    told = []
+    if loosened := run.plan.notes.get("loosened"):
+        times = "once" if loosened == 1 else f"{loosened} times"
+        told.append(f"{times} tractors go on before one that could not get past them is in place")
+    if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
+        told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
+    if touched := obstacle_touched(run, site):
+        told.append(f"a tractor or its implement touches {touched}; a wider margin may avoid it")
+    return told
+
+
+def _begun(run: Run, slip: Slip) -> str:
+    kind = run.plan.missions[slip.tractor].legs[slip.leg].task.kind
+    return f"a {'side of a round' if kind == ROUND else 'track'} is begun {slip.metres:.2f} m beside its line"
+
+
+def beside_clearance_m(site: Site) -> float:
+    """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
+    machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
+    room = ROOM_KEPT * (_spacing_m(site.layout) - machine_m)
+    return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
+
+
+def _spacing_m(layout: Layout) -> float:
+    """How far apart neighbouring tracks are at the least: where lines are shared out evenly, less than their width."""
+    spacing = layout.width_m
+    for before, track in pairwise(layout.tracks):
+        ends = np.array([track.start, track.end]) - before.start
+        along = (np.array(before.end) - before.start) / before.length
+        apart = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
+        if track.line == before.line + 1 and np.ptp(apart) < SAME_LINE_M and apart[0] > 0.5 * layout.width_m:
+            spacing = min(spacing, float(apart[0]))
+    return spacing
+
+
+def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: GiveWay) -> tuple[Run, str | None]:
+    """The run of a plan with tractors giving way, and why it is not feasible when it is not."""
+    if refined.run is not None and refined.run.outcome == DONE:
+        return refined.run, None
+    return without_conflicts(refined.plan, simulate, most_repairs, give_way)
+
+
+def _steadied(
+    site: Site, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
+) -> tuple[Run, Slip | None]:
+    """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
+    turns = slips(run, site)
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
+    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs, give_way)
+        left = turns if fault else slips(again, site)
+        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+            run, turns = again, left
+    return run, max(turns, key=lambda slip: slip.metres, default=None)
+
+
+def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
+    """Why a plan that was driven to the end is not feasible all the same, or None.
+
+    `worst` is the track or side of a round that was begun farthest beside its line. Where the headland is worked too,
+    ground that is left open there is measured and charged like any other, and only who has lost the line is refused.
+    """
+    if run.contacts:
+        time, first, second = run.contacts[0]
+        return f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
+    outside = excursion(run, site).depth_m
+    if outside >= FARTHEST_OUTSIDE_M:
+        return f"a path leaves the field by {outside:.2f} m, {FARTHEST_OUTSIDE_M} m or more"
+    crossed = fence_crossed_m(run, site)
+    if crossed > CROSSED_M:
+        what = "a tractor or its implement crosses the fence"
+        return f"{what} by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+    width = site.layout.width_m
+    if worst is not None and not site.rounds and worst.metres > FARTHEST_ASIDE * width:
+        return f"{_begun(run, worst)}, more than a third of the working width"
+    if worst is not None and worst.metres > max(LOST_ASIDE * width, LOST_M):
+        return f"{_begun(run, worst)}, more than a working width: the tractor has lost it"
+    return None
+
+
+def _patience_s(plan: Plan) -> float:
+    """More than the plan takes with only one tractor moving at a time: whoever is not done by then never will be."""
+    driven = sum(leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
+    return 600.0 + 2.0 * driven
+
+
+def _turns(job: Job) -> str:
+    """The two kinds of turn driven most, the commonest first."""
+    return "+".join(sorted(job.used, key=lambda kind: (-job.used[kind], kind))[:2]) or "none"
+
+
+def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResult:
+    run, reason, turn = tried.run, tried.reason, tried.turns
+    outside = excursion(run, site)
+    if run.outcome != DONE:
+        return PlanResult(
+            candidate.strategy, candidate.tractors, turn, False, reason, collisions=len(run.contacts)
+        )
+    scenario, shares, swept = site.scenario, run.time_shares(), swept_ground(run, site)
+    worked = coverage(run, site, swept)
+    tractor_time = float(np.sum(run.finish_s))
+    hourly = run.duration_s * candidate.tractors / 3600.0 * scenario.price_per_hour
+    hiring = candidate.tractors * scenario.price_per_tractor
+    allowed = scenario.allowed_s
+    return PlanResult(
+        strategy=candidate.strategy,
+        tractors=candidate.tractors,
+        turn=turn,
+        feasible=reason is None,
+        reason=reason,
+        time_s=run.duration_s,
+        tractor_time_s=tractor_time,
+        cost=hourly + hiring,
+        meets_deadline=None if allowed is None else run.duration_s <= allowed,
+        worked_pct=worked.worked_pct,
+        overlap_pct=worked.overlap_pct,
+        missed_m2=worked.missed_m2,
+        largest_missed=worked.largest,
+        finished_s=worked.finished(run.duration_s),
+        finished_cost=worked.finished(hourly) + hiring,
+        trampled_m2=trampled_m2(run, site, swept),
+        outside_m=outside.length_m,
+        excursion_m=outside.depth_m,
+        outside_outline_m=outline_excursion_m(run, site),
+        turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
+        waiting_s=float(shares["waiting"].sum()),
+        reversals=reversals(run),
+        min_clearance_m=finite_or_none(run.min_clearance_m),
+        collisions=len(run.contacts),
+        order_gap_pct=run.plan.notes.get("order_gap_pct"),
+        formation_pct=run.plan.notes.get("formation_pct"),
+        remark=tried.remark,
+        rounds=site.layout.rounds,
+        headland_s=headland_s(run),
+    )

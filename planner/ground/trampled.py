@@ -1,0 +1,94 @@
+"""Finished ground that wheels went over."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from planner.ground.overlays import Areas, left_of, united, within
+from planner.ground.swept import Points, Rows, Swept, swept_until
+from planner.site import Site
+from vehicle.run import Run
+from vehicle.tractor import Tractor
+
+TYRE_M = 0.4  # an assumption, for every wheel: tyres of tractors of some 75 kW are 0.34 m wide in front, 0.42 m behind
+EVERY = 5  # rows of the 10 Hz record between points of a wheel's path
+STILL_M = 1e-6
+STRETCH = 20  # rows: two seconds of driving are looked at together
+
+
+def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
+    """Ground (m2) off the headland that wheels went over after it was finished, each place once.
+
+    The wheels of a tractor whose implement is down do not count: it works what they have trodden on. The headland is
+    what is worked in rounds: turning there is what it is for.
+    """
+    lines, row = _wheel_paths(run, site.tractor)
+    finished = np.flatnonzero(~swept.on_round)
+    ground = shapely.STRtree(swept.ground[finished])
+    across = np.unique(ground.query(lines, predicate="intersects")[0])
+    tyres, row = shapely.buffer(lines[across], 0.5 * TYRE_M, cap_style="flat"), row[across]
+    wheel, strip = ground.query(tyres, predicate="intersects")
+    strip = finished[strip]
+    before = swept.first[strip] < row[wheel]
+    parts = _swept_before(run, site, swept, strip[before], row[wheel[before]])
+    pressed = shapely.intersection(tyres[wheel[before]], parts)
+    inside = within(united(pressed), site.layout.field.ground)
+    rounds = swept.ground[swept.on_round]
+    near = np.sort(shapely.STRtree(rounds).query(inside, predicate="intersects"))
+    return float(left_of(inside, united(rounds[near])).area)
+
+
+def _swept_before(run: Run, site: Site, swept: Swept, strip: Rows, row: Rows) -> Areas:
+    """Of every strip, what was swept before a row of the record."""
+    parts = swept.ground[strip]
+    under_way = np.flatnonzero(swept.last[strip] > row)
+    at = strip[under_way]
+    pieces = zip(swept.tractor[at].tolist(), swept.first[at].tolist(), row[under_way].tolist(), strict=True)
+    parts[under_way] = swept_until(run, site, list(pieces))
+    return parts
+
+
+def _wheel_paths(run: Run, tractor: Tractor) -> tuple[Areas, Rows]:
+    """Paths of all wheels while the implement is up, in stretches of two seconds, and the row each begins at."""
+    found = [_paths_of(run, number, tractor) for number in range(run.plan.tractors)]
+    lines, rows = zip(*found, strict=True)
+    return np.concatenate(lines), np.concatenate(rows)
+
+
+def _paths_of(run: Run, number: int, tractor: Tractor) -> tuple[Areas, Rows]:
+    """The same of one tractor."""
+    up = ~np.array([leg.implement for leg in run.plan.missions[number].legs])[run.leg(number)]
+    stretches = _stretches(up)
+    if not stretches:
+        return np.empty(0, dtype=np.object_), np.empty(0, dtype=np.int64)
+    owner = np.repeat(np.arange(len(stretches)), [len(stretch) for stretch in stretches])
+    wheels = _wheels(run.poses(number)[np.concatenate(stretches)], tractor)
+    steps = np.hypot(*np.diff(wheels, axis=1).transpose(2, 0, 1)) * (owner[1:] == owner[:-1])
+    moved = np.stack([np.bincount(owner[1:], each, len(stretches)) for each in steps], axis=1) > STILL_M
+    lines = np.stack([shapely.linestrings(wheel, indices=owner) for wheel in wheels], axis=1)
+    first = np.array([int(stretch[0]) for stretch in stretches])
+    return lines[moved], np.repeat(first, moved.sum(axis=1))
+
+
+def _stretches(up: npt.NDArray[np.bool_]) -> list[Rows]:
+    """Rows of the record, every EVERY one and the last, of stretches of at most STRETCH with the implement up."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], up.astype(np.int8), [0])))).reshape(-1, 2)
+    return [
+        np.append(np.arange(first, last, EVERY), last)
+        for start, end in edges.tolist()
+        for first in range(start, end - 1, STRETCH)
+        if (last := min(first + STRETCH, end - 1)) > first
+    ]
+
+
+def _wheels(poses: Points, tractor: Tractor) -> Points:
+    """Places (4, t, 2) of the wheels at poses (t, 3) of the centre of mass."""
+    x, y, angle = poses.T
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([
+        np.column_stack([x + ahead * cosine - left * sine, y + ahead * sine + left * cosine])
+        for ahead in (tractor.front_axle_m, -tractor.rear_axle_m)
+        for left in (-0.5 * tractor.track_m, 0.5 * tractor.track_m)
+    ])  # fmt: skip

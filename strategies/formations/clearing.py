@@ -1,0 +1,90 @@
+"""Where on its track a tractor stands clear of the ways that others drive past it.
+
+A way sweeps ground with the outline of tractor and implement. What of that lies across a track must not be within
+reach of a tractor that waits there, in the queue or in its place in formation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.job import Job, Pass
+from strategies.ways.paths import Path, advance
+
+Floats = npt.NDArray[np.float64]
+
+STEP_M = 0.5
+ROOM_M = 0.75  # between a tractor that waits and one that passes
+ASIDE_M = 0.5  # to the side, unless they are on lines as far apart as neighbouring tracks
+SETTLED_M, SWAY_M = 4.0, 1.0  # behind a bend a tractor sways so far from its line, and for how long
+BESIDE = 0.98  # working widths that these are apart
+PARALLEL_RAD = math.radians(10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Blocked:
+    """Stretches of a track, as open intervals (n, 2) of metres from its beginning, where nobody may stand."""
+
+    low: Floats
+    high: Floats
+
+    def before(self, place_m: float) -> float:
+        """The last clear place up to one."""
+        while (inside := (self.low < place_m) & (place_m < self.high)).any():
+            place_m = float(self.low[inside].min())
+        return place_m
+
+    def after(self, place_m: float) -> float:
+        """The first clear place from one on."""
+        while (inside := (self.low < place_m) & (place_m < self.high)).any():
+            place_m = float(self.high[inside].max())
+        return place_m
+
+
+def poses_on(path: Path) -> Floats:
+    """Poses along a path and on beyond it until they are settled, at most STEP_M apart (n, 4).
+
+    Columns are x, y (m), heading (rad) and whether a tractor is still settling there, as it does so far behind a bend.
+    """
+    rows, since = [(*path.start, 0.0)], math.inf
+    last = path.segments[-1]
+    on = replace(last, length_m=SETTLED_M, curvature=0.0)
+    for pose, segment in zip([*path.poses(), path.end], [*path.segments, on], strict=True):
+        count = max(1, math.ceil(segment.length_m / STEP_M))
+        for part in range(1, count + 1):
+            driven = segment.length_m * part / count
+            settling = segment.curvature == 0.0 and since + driven <= SETTLED_M
+            if segment is on and not settling:
+                break
+            rows.append((*advance(pose, replace(segment, length_m=driven)), float(settling)))
+        since = 0.0 if segment.curvature != 0.0 else since + segment.length_m
+    return np.array(rows)
+
+
+def blocked_on(job: Job, this: Pass, ways: Iterable[Floats]) -> Blocked:
+    """Where a tractor on a pass would stand in the way of others; `ways` are poses as of `poses_on`."""
+    some = list(ways)
+    if not some:
+        return Blocked(np.empty(0), np.empty(0))
+    x0, y0, heading = job.entry(this)
+    x, y, angle, settling = np.concatenate(some).T
+    angle = angle - heading
+    along = (x - x0) * math.cos(heading) + (y - y0) * math.sin(heading)
+    across = (y - y0) * math.cos(heading) - (x - x0) * math.sin(heading)
+    beside = (np.abs(np.sin(angle)) < math.sin(PARALLEL_RAD)) & (np.abs(across) > BESIDE * job.layout.width_m)
+    room = np.where(settling > 0.0, SWAY_M, np.where(beside, 0.0, ASIDE_M))
+    lows, highs = [], []
+    for rear, front, half in job.manner.boxes:
+        ends = np.array([(end, side) for end in (rear, front) for side in (-half, half)]).T
+        ahead = along + np.outer(ends[0], np.cos(angle)) - np.outer(ends[1], np.sin(angle))
+        aside = across + np.outer(ends[0], np.sin(angle)) + np.outer(ends[1], np.cos(angle))
+        for my_rear, my_front, my_half in job.manner.boxes:
+            over = (aside.min(axis=0) < my_half + room) & (aside.max(axis=0) > -my_half - room)
+            lows.append(ahead.min(axis=0)[over] - my_front - ROOM_M)
+            highs.append(ahead.max(axis=0)[over] - my_rear + ROOM_M)
+    return Blocked(np.concatenate(lows), np.concatenate(highs))
