@@ -14,6 +14,7 @@ rank           which candidates to try; their results in order
 chance         how sure a plan is: rain, stops and speeds that vary, drawn through its legs and gates
 outlook        how sure a plan is and what it costs, in its result; which one is advised
 price          what a plan costs, which one is best, and the advice in a sentence
+many           many fields and widths in one table, on this machine or a cluster
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
 steps, showing  what each tractor does, in order; the same of a saved plan, driven again

@@ -312,6 +312,16 @@ def parse_counts(text: str) -> tuple[int, ...]:
     return tuple(sorted(counts))
 
 
+def parse_widths(text: str) -> tuple[float, ...]:
+    """ "3" or "3,6" as widths in metres, each once, in the order given; raises ScenarioError."""
+    widths: dict[float, None] = {}
+    for part in text.split(","):
+        if not re.fullmatch(rf"\s*[-+]?(\d{{1,{MOST_DIGITS}}}(\.\d*)?|\.\d+)\s*", part):
+            raise ScenarioError(f"{named('width_m')} {brief(text)} is not a width; write metres, such as 3 or 3,6.")
+        widths[float(part)] = None
+    return tuple(widths)
+
+
 def parse_cell_bearings(texts: Iterable[str]) -> tuple[tuple[int, float], ...]:
     """ "2=45" and more as cells and degrees, the last of a cell counts; raises ScenarioError."""
     bearings: dict[int, float] = {}

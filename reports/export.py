@@ -54,7 +54,7 @@ PLAN_KEYS = (
 INTERVAL_KEYS = ("low", "high")
 PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
 CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
-_DECIMALS = 6
+DECIMALS = 6
 
 
 def ranking_json(ranking: Ranking) -> str:
@@ -90,7 +90,7 @@ def plan_entry(plan: PlanResult) -> dict[str, Any]:
     values: dict[str, Any] = {key: getattr(plan, key) for key in PLAN_KEYS} | {"min_clearance_m": clearance(plan)}
     if (piece := plan.largest_missed) is not None:
         values["largest_missed"] = {key: getattr(piece, key) for key in PIECE_KEYS}
-    return {key: finite(value, _DECIMALS) for key, value in values.items()}
+    return {key: finite(value, DECIMALS) for key, value in values.items()}
 
 
 def ranking_csv(ranking: Ranking) -> str:
@@ -103,15 +103,15 @@ def ranking_csv(ranking: Ranking) -> str:
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow((*_flat(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS))
+    writer.writerow((*flat(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS))
     asked = {**ranking.scenario, "field": ranking.field_name}
-    same = [_cell(finite(asked.get(key), _DECIMALS)) for key in CSV_KEYS]
+    same = [cell(finite(asked.get(key), DECIMALS)) for key in CSV_KEYS]
     for plan in ranking.plans:
-        writer.writerow([*(_cell(value) for value in _flat(plan_entry(plan)).values()), *same])
+        writer.writerow([*(cell(value) for value in flat(plan_entry(plan)).values()), *same])
     return buffer.getvalue()
 
 
-def _flat(entry: dict[str, Any]) -> dict[str, Any]:
+def flat(entry: dict[str, Any]) -> dict[str, Any]:
     """An entry of a plan with its largest missed piece and its interval as values beside the others."""
     flat: dict[str, Any] = {}
     for key, value in entry.items():
@@ -152,8 +152,8 @@ def _row(row: StudyRow) -> dict[str, Any]:
 
 
 def _text(data: dict[str, Any]) -> str:
-    return json.dumps(finite(data, _DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(finite(data, DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _cell(value: Any) -> Any:
+def cell(value: Any) -> Any:
     return "" if value is None else str(value).lower() if isinstance(value, bool) else value

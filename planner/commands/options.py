@@ -18,8 +18,19 @@ FieldArgument = Annotated[
         "netherlands, sweden."
     ),
 ]
+FieldsArgument = Annotated[
+    Optional[list[str]],  # noqa: UP045 - typer reads this at run time
+    typer.Argument(
+        help="GeoJSON files (file.geojson#ID picks one of several parcels, #* all of them) or samples: iwamizawa, "
+        "denmark, netherlands, sweden.",
+        show_default="iwamizawa",
+    ),
+]
 Local = Annotated[bool, typer.Option("--local", help="The file holds local metres, not longitude and latitude.")]
 Width = Annotated[float, typer.Option("--width", help="Working width of the implement, metres.")]
+Widths = Annotated[
+    str, typer.Option("--width", help="Working width of the implement, metres; 3,6 plans with both in one table.")
+]
 Headland = Annotated[
     Optional[float],  # noqa: UP045 - typer reads this at run time
     typer.Option("--headland", help="Headland depth, metres. By default sized from the turn that must fit."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
@@ -13,7 +14,7 @@ from planner.commands.options import (
     CellBearing,
     Corners,
     FarmOption,
-    FieldArgument,
+    FieldsArgument,
     Headland,
     HeadlandFirst,
     HeadlandLast,
@@ -23,7 +24,7 @@ from planner.commands.options import (
     Operation,
     TracksOnly,
     TractorOption,
-    Width,
+    Widths,
     headland_order,
     with_farm,
 )
@@ -31,6 +32,7 @@ from strategies.names import NAMES
 
 if TYPE_CHECKING:
     from planner.asked import Asked
+    from planner.commands.many import Hands
     from planner.commands.outputs import Content
     from planner.planning import Planned
     from planner.scenario import Scenario
@@ -38,14 +40,16 @@ if TYPE_CHECKING:
     from vehicle.run import Run
 
 NO_PLAN_STATUS = 3
+DEFAULT_FIELD = "iwamizawa"
 RAIN = "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
+KEEP = "Of many fields: keep answers in this .jsonl file as they are known; run again, what is in it is not redone."
 BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time (late ground counts)."
 
 
 def plan(
     context: typer.Context,
-    field: FieldArgument = "iwamizawa",
-    width: Width = 3.0,
+    fields: FieldsArgument = None,
+    width: Widths = "3",
     tractors: Annotated[str, typer.Option(help="Tractor counts to try: 3, 1-6 or 1,3,5.")] = "1-6",
     strategies: Annotated[
         str,
@@ -85,12 +89,17 @@ def plan(
     gnss: Annotated[bool, typer.Option("--gnss", help="Let positions err as an RTK receiver's do.")] = False,
     gnss_table: Annotated[Optional[str], typer.Option(help="The same by a table made with headland gnss fit.")] = None,  # noqa: UP045
     processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,  # noqa: UP045
+    cluster: Annotated[Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.")] = None,  # noqa: UP045
+    keep: Annotated[Optional[Path], typer.Option(help=KEEP)] = None,  # noqa: UP045
     full: Annotated[bool, typer.Option("--all", help="Show every plan in the table.")] = False,
 ) -> None:
     """Simulate every combination of tractor count and strategy on a field and rank them.
 
     Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --before 17:00
+
+    Many fields in one table: headland plan farm.geojson#* --width 3,6 --csv
     """
+    from planner.commands.many import Hands, asking, plan_many
     from planner.commands.outputs import check_outputs, inputs, written
     from planner.commands.show import remark
     from planner.errors import ScenarioError
@@ -99,15 +108,24 @@ def plan(
         raise ScenarioError("--json and --csv both print to standard output; choose one.")
     if processes is not None and processes < 1:
         raise ScenarioError(f"--processes is {processes}; use 1 or more.")
+    if processes is not None and cluster is not None:
+        raise ScenarioError("--processes is for this machine and --cluster for others; leave out one of them.")
+    wanted, hands = asking(fields or [DEFAULT_FIELD], width, local), Hands(processes, cluster)
+    field = wanted.fields[0]
+    scenario = _scenario(
+        field, local, wanted.widths_m[0], tractors, strategies, turn, start, before, price_per_hour,
+        price_per_tractor, speed_kmh, turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss,
+        gnss_table, operation, headland_order(headland_first, headland_last), corners, tracks_only, cell_bearing or [],
+        draws, rain, prefer,
+    )  # fmt: skip
+    if wanted.many or keep is not None:
+        _of_one_field(("--html", html), ("--png", png), ("--save", save))
+        ask = partial(with_farm, farm=farm, implement=implement, context=context)
+        whole = plan_many(wanted, scenario, ask, hands, keep, json, csv)
+        raise typer.Exit(0 if whole else NO_PLAN_STATUS)
     reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table, farm=farm, rain=rain)
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
-    scenario = _scenario(
-        field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
-        turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
-        operation, headland_order(headland_first, headland_last), corners,
-        tracks_only, cell_bearing or [], draws, rain, prefer,
-    )  # fmt: skip
-    planned = _planned(with_farm(scenario, farm, implement, context), processes, pictures=html is not None)
+    planned = _planned(with_farm(scenario, farm, implement, context), hands, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
     with written(_results(planned, html, png, save)):
         _print(planned.ranking, json, csv, full)
@@ -158,15 +176,23 @@ def _scenario(
     )
 
 
-def _planned(asked: Asked, processes: int | None, pictures: bool) -> Planned:
+def _of_one_field(*outputs: tuple[str, Path | None]) -> None:
+    """Refuse files that hold the plan of one field."""
+    from planner.errors import ScenarioError
+
+    for option, path in outputs:
+        if path is not None:
+            raise ScenarioError(f"{option} {path} is of one field and one width; name one, or use --csv or --json.")
+
+
+def _planned(asked: Asked, hands: Hands, pictures: bool) -> Planned:
     from planner.commands.show import progress_bar, warm_up
     from planner.planning import plan as simulate_all
-    from planner.pool import local_pool
     from planner.rank import candidates
 
     scenario = asked.scenario
     warm_up()
-    with local_pool(len(candidates(scenario)), processes) as executor, progress_bar("Simulating plans") as progress:
+    with hands.executor(len(candidates(scenario))) as executor, progress_bar("Simulating plans") as progress:
         return simulate_all(
             scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances, terms=asked.terms,
             executor=executor, progress=progress, pictures=pictures,

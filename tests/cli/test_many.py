@@ -1,0 +1,91 @@
+"""`headland plan` of several fields and widths: one table, kept answers, what does not go together."""
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+QUICK = ("--local", "--tractors", "1", "--strategies", "split-field", "--processes", "1")
+
+
+@pytest.fixture
+def farm(tmp_path: Path) -> Path:
+    """Two fields of local metres and one that is too small for any plan."""
+    features = [
+        {
+            "type": "Feature",
+            "id": name,
+            "properties": {"name": name},
+            "geometry": {"type": "Polygon", "coordinates": [[[x, 0], [x + w, 0], [x + w, h], [x, h], [x, 0]]]},
+        }
+        for name, x, w, h in (("north", 0, 70, 40), ("tiny", 200, 3, 3), ("south", 400, 60, 50))
+    ]
+    path = tmp_path / "farm.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    return path
+
+
+def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: Path) -> None:
+    outcome = headland("plan", f"{farm}#*", *QUICK, "--width", "3,4", "--csv")
+    rows = list(csv.DictReader(io.StringIO(outcome.out)))
+    places = [(row["asked"].rpartition("#")[2], row["width_m"]) for row in rows]
+    assert places == [(name, width) for name in ("north", "tiny", "south") for width in ("3.0", "4.0")]
+    assert outcome.status == 3  # one of them has no plan
+    for row in rows:
+        whole = row["asked"].endswith("tiny") or None not in row.values()
+        assert whole and (row["feasible"] == "true") == (not row["asked"].endswith("tiny"))
+    assert "at least 100 m2" in rows[2]["reason"]
+    alone = headland("plan", f"{farm}#south", *QUICK, "--width", "4", "--csv")
+    (same,) = csv.DictReader(io.StringIO(alone.out))
+    assert {key: rows[5][key] for key in same} == same
+
+
+def test_answers_that_are_kept_are_not_worked_out_again(
+    headland: Callable[..., Any], farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = tmp_path / "kept.jsonl"
+    asked = ("plan", f"{farm}#*", *QUICK, "--keep", kept, "--json")
+    first = headland(*asked)
+    lines = kept.read_text(encoding="utf-8")
+    assert [record["refused"] is None for record in json.loads(first.out)["fields"]] == [True, False, True]
+
+    kept.write_text("".join(lines.splitlines(keepends=True)[:2]) + '{"key": "cut o', encoding="utf-8")
+    again = headland(*asked)
+    assert again.out == first.out and kept.read_text(encoding="utf-8") == lines
+
+    monkeypatch.setattr("planner.many.batch.answered", lambda question: pytest.fail("worked out again"))
+    assert headland(*asked).out == first.out
+    assert kept.read_text(encoding="utf-8") == lines
+
+
+def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any], farm: Path) -> None:
+    outcome = headland("plan", f"{farm}#*", *QUICK)
+    assert "Without a plan: 1 of 3" in outcome.out
+    assert max(map(len, outcome.out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--html", "page.html"), "is of one field"),
+        (("--png", "map.png"), "is of one field"),
+        (("--save", "plan.json"), "is of one field"),
+        (("--width", "3,x"), "is not a width"),
+        (("--width", "3,-1"), "above 0"),
+        (("--keep", "answers.csv"), "does not end in .jsonl"),
+        (("--cluster", "nowhere"), "no Dask scheduler at 'nowhere'"),
+    ],
+)
+def test_what_does_not_go_together_is_one_sentence(
+    headland: Callable[..., Any], farm: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("planner.many.cluster.PATIENCE_S", 0.5)
+    monkeypatch.chdir(farm.parent)
+    local = () if "--cluster" not in options else ("--local", "--tractors", "1")
+    outcome = headland("plan", "farm.geojson#*", *(local or QUICK), *options)
+    assert (outcome.status, outcome.out, len(outcome.sentences)) == (2, "", 1)
+    assert words in outcome.err
