@@ -73,7 +73,7 @@ _COLUMNS = (
     Column("Width"),
     Column("Headland", "Head-\nland", drop=4),
     Column("Bearing", "Bea-\nring", drop=3),
-    Column("Strategy", words=True),
+    Column("Strategy", words=True, whole=True),
     Column("Tractors", "Trac-\ntors"),
     Column("Time"),
     Column("Worked %", "Work\n%", drop=2),
