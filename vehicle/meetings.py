@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.clearance import beside, corners_to_box
+from vehicle.clearance import PARALLEL, beside, corners_to_box
 from vehicle.jit import compiled
 
 BLOCK = 16  # poses under one enclosing circle, and circles under one larger one
@@ -76,60 +76,68 @@ def _close(one, other, reach) -> bool:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _clear_m(dx, dy, cos, sin, turn_cos, turn_sin, rear, front, half, orear, ofront, ohalf) -> float:  # type: ignore[no-untyped-def]
-    """How far a box is at the least from another: the widest gap along the first one's axes; negative without one.
+def _gap_m(x, y, cos, sin, box, other) -> float:  # type: ignore[no-untyped-def]
+    """The widest gap between two boxes along the first one's axes (m); negative where they overlap in both.
 
-    The first lies along (cos, sin), the second is at (dx, dy) from it and turned by the angle of turn_cos, turn_sin.
+    The second tractor is at (x, y) as the first one sees it, and turned by an angle of this cos and sin.
     """
-    middle, length = 0.5 * (orear + ofront), 0.5 * (ofront - orear)
-    ahead = dx * cos + dy * sin + middle * turn_cos
-    aside = dy * cos - dx * sin + middle * turn_sin
-    long = length * abs(turn_cos) + ohalf * abs(turn_sin)
-    wide = length * abs(turn_sin) + ohalf * abs(turn_cos)
-    return max(ahead - long - front, rear - ahead - long, abs(aside) - wide - half)  # type: ignore[no-any-return]
+    middle, length = 0.5 * (other[0] + other[1]), 0.5 * (other[1] - other[0])
+    ahead, aside = x + middle * cos, abs(y + middle * sin)
+    long = length * abs(cos) + other[2] * abs(sin)
+    wide = length * abs(sin) + other[2] * abs(cos)
+    return max(ahead - long - box[1], box[0] - ahead - long, aside - wide - box[2])  # type: ignore[no-any-return]
 
 
 @compiled
-def _boxes(model, whole):  # type: ignore[no-untyped-def]
+def _boxes(model):  # type: ignore[no-untyped-def]
     """Rear, front and half width of the box round a tractor with its implement, of the tractor, of the implement."""
-    whole[1, 0], whole[1, 1], whole[1, 2] = model.tail, model.nose, model.half_width
-    whole[2, 0], whole[2, 1], whole[2, 2] = model.tool_tail, model.tool_front, model.tool_half_width
-    whole[0, 0] = min(model.tail, model.tool_tail)
-    whole[0, 1] = max(model.nose, model.tool_front)
-    whole[0, 2] = max(model.half_width, model.tool_half_width)
+    body = (model.tail, model.nose, model.half_width)
+    tool = (model.tool_tail, model.tool_front, model.tool_half_width)
+    whole = (min(body[0], tool[0]), max(body[1], tool[1]), max(body[2], tool[2]))
+    return whole, body, tool
+
+
+@compiled
+def _near(a, b, ahead_a, ahead_b, seen, box, other, limit) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a box of one tractor is nearer than `limit` to one of another, which it sees as told by `seen`."""
+    x, y, back_x, back_y, cos, sin = seen
+    gap = max(_gap_m(x, y, cos, sin, box, other), _gap_m(back_x, back_y, cos, -sin, other, box))
+    if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
+        return gap < 0.0  # type: ignore[no-any-return]
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
+    rear, front, half = box
+    orear, ofront, ohalf = other
+    if corners_to_box(a.x, a.y, acos, asin, rear, front, half, b.x, b.y, bcos, bsin, orear, ofront, ohalf) < limit:
+        return True
+    return (  # type: ignore[no-any-return]
+        corners_to_box(b.x, b.y, bcos, bsin, orear, ofront, ohalf, a.x, a.y, acos, asin, rear, front, half) < limit
+    )
 
 
 @compiled
 def _too_near(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance) -> bool:  # type: ignore[no-untyped-def]
-    """Whether two poses cannot be taken at once; as vehicle.clearance has it, but without a distance where none counts."""
-    acos, asin, bcos, bsin = ahead_a[0], ahead_a[1], ahead_b[0], ahead_b[1]
+    """Whether two poses cannot be taken at once, without a distance where none counts."""
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
     dx, dy = b.x - a.x, b.y - a.y
     cos, sin = acos * bcos + asin * bsin, acos * bsin - asin * bcos
-    limit, aligned = clearance, False
-    for i in range(3):
-        for j in range(3):
-            if (i == 0) != (j == 0):
-                continue
-            p, q = boxes[i], boxes[j]
-            clear = max(
-                _clear_m(dx, dy, acos, asin, cos, sin, p[0], p[1], p[2], q[0], q[1], q[2]),
-                _clear_m(-dx, -dy, bcos, bsin, cos, -sin, q[0], q[1], q[2], p[0], p[1], p[2]),
-            )
-            if clear >= limit + ROUNDING_M:
-                if i == 0:
-                    return False
-                continue
-            if i == 0:
-                if beside(a, model, b, model):
-                    aligned, limit = True, min(clearance, beside_clearance)
-                if aligned and clear >= limit + ROUNDING_M:
-                    return False
-                continue
-            if corners_to_box(a.x, a.y, acos, asin, p[0], p[1], p[2], b.x, b.y, bcos, bsin, q[0], q[1], q[2]) < limit:
-                return True
-            if corners_to_box(b.x, b.y, bcos, bsin, q[0], q[1], q[2], a.x, a.y, acos, asin, p[0], p[1], p[2]) < limit:
-                return True
-    return False
+    seen = (
+        dx * acos + dy * asin, dy * acos - dx * asin, -dx * bcos - dy * bsin, dx * bsin - dy * bcos, cos, sin,
+    )  # fmt: skip
+    whole, body, tool = boxes
+    gap = max(
+        _gap_m(seen[0], seen[1], cos, sin, whole, whole), _gap_m(seen[2], seen[3], cos, -sin, whole, whole)
+    )  # fmt: skip
+    limit = clearance
+    if gap < limit + ROUNDING_M and abs(sin) <= PARALLEL + ROUNDING_M and beside(a, model, b, model):
+        limit = min(clearance, beside_clearance)
+    if gap >= limit + ROUNDING_M:
+        return False
+    return (  # type: ignore[no-any-return]
+        _near(a, b, ahead_a, ahead_b, seen, tool, tool, limit)
+        or _near(a, b, ahead_a, ahead_b, seen, body, body, limit)
+        or _near(a, b, ahead_a, ahead_b, seen, tool, body, limit)
+        or _near(a, b, ahead_a, ahead_b, seen, body, tool, limit)
+    )
 
 
 @compiled
@@ -137,8 +145,7 @@ def _meetings(  # type: ignore[no-untyped-def]
     a, b, ahead_a, ahead_b, near_a, near_b, far_b, models, clearance, beside_clearance, found
 ) -> int:
     """Number of rows; as many as there is room for are written to `found`."""
-    model, boxes, blocks = models[0], np.empty((3, 3)), np.empty(len(near_b), dtype=np.int64)
-    _boxes(model, boxes)
+    model, boxes, blocks = models[0], _boxes(models[0]), np.empty(len(near_b), dtype=np.int64)
     reach, count = 2.0 * model.reach + max(clearance, beside_clearance), 0
     for p in range(len(near_a)):
         some = 0
@@ -156,7 +163,8 @@ def _meetings(  # type: ignore[no-untyped-def]
                     dx, dy = a[i].x - b[j].x, a[i].y - b[j].y
                     if dx * dx + dy * dy >= reach * reach:
                         continue
-                    if not _too_near(a[i], b[j], ahead_a[i], ahead_b[j], boxes, model, clearance, beside_clearance):
+                    first, second = (ahead_a[i, 0], ahead_a[i, 1]), (ahead_b[j, 0], ahead_b[j, 1])
+                    if not _too_near(a[i], b[j], first, second, boxes, model, clearance, beside_clearance):
                         continue
                     if last != j - 1:
                         count += 1
