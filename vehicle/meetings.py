@@ -1,4 +1,8 @@
-"""Where two tractors would be too close on their ways, whenever they are there: outlines at poses along both."""
+"""Where two tractors would be too close on their ways, whenever they are there: outlines at poses along both.
+
+Circles round blocks of poses, and round blocks of blocks, tell which poses need a look at all. Of those the boxes round
+whole tractors are tried first, and distances are worked out only where these do not stand clear of each other.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.clearance import beside, outline_distance
+from vehicle.clearance import PARALLEL, beside, corners_to_box
 from vehicle.jit import compiled
 
-BLOCK = 16  # poses under one enclosing circle
+BLOCK = 16  # poses under one enclosing circle, and circles under one larger one
+ROUNDING_M = 1e-9  # what stands clear by less is looked at more closely
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
 Array = npt.NDArray[Any]
 
@@ -23,53 +28,149 @@ def poses_of(rows: Array) -> Array:
     return poses
 
 
-def meetings(a: Array, b: Array, models: Array, clearance_m: float, beside_clearance_m: float) -> Array:
-    """Pairs (k, 2) of places in `a` and in `b`, POSE records, that two tractors cannot take at once.
+class Trail:
+    """The poses of a way (POSE records) with all that does not depend on whom it meets.
 
-    As in vehicle.clearance those are nearer than `clearance_m`, or than `beside_clearance_m` where they are beside each
-    other. `models` (1,) is the record of their kind.
+    `ahead` (n, 2) are their directions; `near` and `far` (m, 3) centres and radii of circles round blocks of poses and
+    round blocks of these.
     """
-    found = np.empty((4096, 2), dtype=np.int64)
+
+    def __init__(self, poses: Array) -> None:
+        self.poses = poses
+        self.ahead = np.column_stack([np.cos(poses["angle"]), np.sin(poses["angle"])])
+        self.near = _circles(np.column_stack([poses["x"], poses["y"], np.zeros(len(poses))]))
+        self.far = _circles(self.near)
+
+
+def meetings(a: Trail, b: Trail, models: Array, clearance_m: float, beside_clearance_m: float) -> Array:
+    """Places that two tractors cannot take at once: rows (k, 3) of one in `a`, the first and the last of some in `b`.
+
+    Rows are in order of the place in `a`, and then of those in `b`. As in vehicle.clearance the two are nearer than
+    `clearance_m`, or than `beside_clearance_m` where they are beside each other. `models` (1,) is the record of their
+    kind.
+    """
+    found = np.empty((1024, 3), dtype=np.int64)
     while True:
-        count = _meetings(a, b, _circles(a), _circles(b), models, clearance_m, beside_clearance_m, found)
+        count = _meetings(
+            a.poses, b.poses, a.ahead, b.ahead, a.near, b.near, b.far, models, clearance_m, beside_clearance_m, found
+        )
         if count <= len(found):
             return found[:count]
-        found = np.empty((count, 2), dtype=np.int64)
+        found = np.empty((count, 3), dtype=np.int64)
 
 
-def _circles(poses: Array) -> Array:
-    """Centre and radius of a circle round each block of poses (m, 3)."""
-    starts = np.arange(0, len(poses), BLOCK)
-    sizes = np.diff(np.append(starts, len(poses)))
-    x, y = (np.add.reduceat(poses[name], starts) / sizes for name in ("x", "y"))
-    away = np.hypot(poses["x"] - np.repeat(x, sizes), poses["y"] - np.repeat(y, sizes))
+def _circles(circles: Array) -> Array:
+    """Centre and radius of a circle round each block of circles (m, 3)."""
+    starts = np.arange(0, len(circles), BLOCK)
+    sizes = np.diff(np.append(starts, len(circles)))
+    x, y = (np.add.reduceat(circles[:, column], starts) / sizes for column in (0, 1))
+    away = np.hypot(circles[:, 0] - np.repeat(x, sizes), circles[:, 1] - np.repeat(y, sizes)) + circles[:, 2]
     return np.column_stack([x, y, np.maximum.reduceat(away, starts)])
 
 
 @compiled
+def _close(one, other, reach) -> bool:  # type: ignore[no-untyped-def]
+    """Whether two circles are nearer to each other than `reach`."""
+    dx, dy, limit = one[0] - other[0], one[1] - other[1], reach + one[2] + other[2]
+    return dx * dx + dy * dy < limit * limit  # type: ignore[no-any-return]
+
+
+@compiled
+def _gap_m(x, y, cos, sin, box, other) -> float:  # type: ignore[no-untyped-def]
+    """The widest gap between two boxes along the first one's axes (m); negative where they overlap in both.
+
+    The second tractor is at (x, y) as the first one sees it, and turned by an angle of this cos and sin.
+    """
+    middle, length = 0.5 * (other[0] + other[1]), 0.5 * (other[1] - other[0])
+    ahead, aside = x + middle * cos, abs(y + middle * sin)
+    long = length * abs(cos) + other[2] * abs(sin)
+    wide = length * abs(sin) + other[2] * abs(cos)
+    return max(ahead - long - box[1], box[0] - ahead - long, aside - wide - box[2])  # type: ignore[no-any-return]
+
+
+@compiled
+def _boxes(model):  # type: ignore[no-untyped-def]
+    """Rear, front and half width of the box round a tractor with its implement, of the tractor, of the implement."""
+    body = (model.tail, model.nose, model.half_width)
+    tool = (model.tool_tail, model.tool_front, model.tool_half_width)
+    whole = (min(body[0], tool[0]), max(body[1], tool[1]), max(body[2], tool[2]))
+    return whole, body, tool
+
+
+@compiled
+def _near(a, b, ahead_a, ahead_b, seen, box, other, limit) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a box of one tractor is nearer than `limit` to one of another, which it sees as told by `seen`."""
+    x, y, back_x, back_y, cos, sin = seen
+    gap = max(_gap_m(x, y, cos, sin, box, other), _gap_m(back_x, back_y, cos, -sin, other, box))
+    if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
+        return gap < 0.0  # type: ignore[no-any-return]
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
+    rear, front, half = box
+    orear, ofront, ohalf = other
+    if corners_to_box(a.x, a.y, acos, asin, rear, front, half, b.x, b.y, bcos, bsin, orear, ofront, ohalf) < limit:
+        return True
+    return (  # type: ignore[no-any-return]
+        corners_to_box(b.x, b.y, bcos, bsin, orear, ofront, ohalf, a.x, a.y, acos, asin, rear, front, half) < limit
+    )
+
+
+@compiled
+def _too_near(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance) -> bool:  # type: ignore[no-untyped-def]
+    """Whether two poses cannot be taken at once, without a distance where none counts."""
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
+    dx, dy = b.x - a.x, b.y - a.y
+    cos, sin = acos * bcos + asin * bsin, acos * bsin - asin * bcos
+    seen = (
+        dx * acos + dy * asin, dy * acos - dx * asin, -dx * bcos - dy * bsin, dx * bsin - dy * bcos, cos, sin,
+    )  # fmt: skip
+    whole, body, tool = boxes
+    gap = max(
+        _gap_m(seen[0], seen[1], cos, sin, whole, whole), _gap_m(seen[2], seen[3], cos, -sin, whole, whole)
+    )  # fmt: skip
+    limit = clearance
+    if gap < limit + ROUNDING_M and abs(sin) <= PARALLEL + ROUNDING_M and beside(a, model, b, model):
+        limit = min(clearance, beside_clearance)
+    if gap >= limit + ROUNDING_M:
+        return False
+    return (  # type: ignore[no-any-return]
+        _near(a, b, ahead_a, ahead_b, seen, tool, tool, limit)
+        or _near(a, b, ahead_a, ahead_b, seen, body, body, limit)
+        or _near(a, b, ahead_a, ahead_b, seen, tool, body, limit)
+        or _near(a, b, ahead_a, ahead_b, seen, body, tool, limit)
+    )
+
+
+@compiled
 def _meetings(  # type: ignore[no-untyped-def]
-    a, b, circles_a, circles_b, models, clearance, beside_clearance, found
+    a, b, ahead_a, ahead_b, near_a, near_b, far_b, models, clearance, beside_clearance, found
 ) -> int:
-    """Number of pairs; as many as there is room for are written to `found`."""
-    model = models[0]
+    """Number of rows; as many as there is room for are written to `found`."""
+    model, boxes, blocks = models[0], _boxes(models[0]), np.empty(len(near_b), dtype=np.int64)
     reach, count = 2.0 * model.reach + max(clearance, beside_clearance), 0
-    for p in range(len(circles_a)):
-        for q in range(len(circles_b)):
-            dx, dy = circles_a[p, 0] - circles_b[q, 0], circles_a[p, 1] - circles_b[q, 1]
-            limit = reach + circles_a[p, 2] + circles_b[q, 2]
-            if dx * dx + dy * dy >= limit * limit:
-                continue
-            for i in range(p * BLOCK, min((p + 1) * BLOCK, len(a))):
+    for p in range(len(near_a)):
+        some = 0
+        for far in range(len(far_b)):
+            if _close(near_a[p], far_b[far], reach):
+                for q in range(far * BLOCK, min((far + 1) * BLOCK, len(near_b))):
+                    if _close(near_a[p], near_b[q], reach):
+                        blocks[some] = q
+                        some += 1
+        for i in range(p * BLOCK, min((p + 1) * BLOCK, len(a)) if some > 0 else 0):
+            last = -2
+            for k in range(some):
+                q = blocks[k]
                 for j in range(q * BLOCK, min((q + 1) * BLOCK, len(b))):
                     dx, dy = a[i].x - b[j].x, a[i].y - b[j].y
                     if dx * dx + dy * dy >= reach * reach:
                         continue
-                    distance = outline_distance(a[i], model, b[j], model)
-                    if distance >= clearance:
+                    first, second = (ahead_a[i, 0], ahead_a[i, 1]), (ahead_b[j, 0], ahead_b[j, 1])
+                    if not _too_near(a[i], b[j], first, second, boxes, model, clearance, beside_clearance):
                         continue
-                    if distance >= beside_clearance and beside(a[i], model, b[j], model):
-                        continue
-                    if count < len(found):
-                        found[count, 0], found[count, 1] = i, j
-                    count += 1
+                    if last != j - 1:
+                        count += 1
+                        if count <= len(found):
+                            found[count - 1, 0], found[count - 1, 1] = i, j
+                    if count <= len(found):
+                        found[count - 1, 2] = j
+                    last = j
     return count

@@ -1,39 +1,65 @@
-"""Which stretches of two courses are in each other's way, and with what head start they are not."""
+"""Which stretches of two courses are in each other's way, and with what head start they are not.
+
+All of a fleet's stretches and hold points are numbered through: those of tractor `t` from `base[t]` on, its stretch `n`
+and the hold point before it by the same number, the end of all last.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.yielding.courses import Course
-from vehicle.meetings import meetings
+from planner.yielding.spans import Encounters, mark_used, meet
+from vehicle.meetings import Trail, meetings
 
 SPARE_M = 0.3  # beyond the clearance: poses are looked at STEP_M apart
 TOGETHER_S = 2.0  # head starts nearer to each other than this count as one span
 Array = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
-Stretch = tuple[int, int]
-"""(tractor, number of the stretch)."""
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What each of the numbered places has to do with others: rows as in a sparse matrix.
+
+    Of place `p` these are `start[p]` up to `start[p + 1]`, in the order of the other places in `at` (k,); `span_s`
+    (k, 2) are times in s.
+    """
+
+    start: Array
+    at: Array
+    span_s: Floats
+
+    @classmethod
+    def of(cls, rows: Array, at: Array, span_s: Floats, places: int) -> Table:
+        """From rows in any order."""
+        order = np.lexsort((span_s[:, 1], span_s[:, 0], at, rows))
+        start = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=places))))
+        return cls(start.astype(np.int64), at[order].astype(np.int64), np.ascontiguousarray(span_s[order]))
+
+
+@dataclass(frozen=True, eq=False)
 class Crossings:
     """What of the courses of a fleet cannot be driven at once.
 
-    `apart[one][other]` are spans (from, to) in s: `one` must not begin later than `other` by a time within a span.
-    `stands[tractor, hold][other]` tells when, since that stretch was begun, the first and the last part of it comes
-    by who stands at a hold point (before the stretch of that number). `near[tractor]` are those it has to do with.
+    `base` (n + 1,) as above, `begins_s` when each stretch begins and each course ends. In `apart` a stretch has spans
+    (from, to) beside others: it must not begin later than the other by a time within a span. In `stands` a hold point
+    has the stretches that lead by it, with when, since that stretch was begun, its first and last part comes by;
+    `blockers` is the same by stretches. `near` (n, n) tells who has to do with whom.
     """
 
     courses: list[Course]
-    apart: dict[Stretch, dict[Stretch, list[tuple[float, float]]]] = field(default_factory=dict)
-    stands: dict[Stretch, dict[Stretch, tuple[float, float]]] = field(default_factory=dict)
-    blockers: dict[Stretch, dict[Stretch, tuple[float, float]]] = field(default_factory=dict)
-    near: list[set[int]] = field(default_factory=list)
+    base: Array
+    begins_s: Floats
+    apart: Table
+    stands: Table
+    blockers: Table
+    near: npt.NDArray[np.bool_]
 
 
 def crossings_of(
@@ -43,107 +69,54 @@ def crossings_of(
 
     `models` is as in vehicle.meetings, the clearances are those that the rules ask for.
     """
-    pairs = list(combinations(range(len(courses)), 2))
-    met = [meetings(courses[i].poses, courses[j].poses, models, clearance_m + SPARE_M, beside_m) for i, j in pairs]
-    places: list[list[Array]] = [[] for _ in courses]
-    for (i, j), found in zip(pairs, met, strict=True):
-        places[i].append(found[:, 0])
-        places[j].append(found[:, 1])
-    kept = [_needed(*three) for three in zip(courses, places, gated, strict=True)]
-    table = Crossings(kept, near=[set() for _ in kept])
-    for (i, j), found in zip(pairs, met, strict=True):
-        if len(found):
-            table.near[i].add(j)
-            table.near[j].add(i)
-            _enter(table, i, j, found)
-    for others in table.apart.values():
-        for spans in others.values():
-            spans.sort()
-    return table
+    trails = [Trail(course.poses) for course in courses]
+    met = {
+        (i, j): found
+        for i, j in combinations(range(len(courses)), 2)
+        if len(found := meetings(trails[i], trails[j], models, clearance_m + SPARE_M, beside_m))
+    }
+    used = [np.zeros(len(course.poses), dtype=np.bool_) for course in courses]
+    for (i, j), found in met.items():
+        mark_used(found, used[i], used[j])
+    return _tables([_needed(*three) for three in zip(courses, used, gated, strict=True)], met)
 
 
-def _needed(course: Course, places: list[Array], gated: set[int]) -> Course:
+def unhindered(courses: Sequence[Course]) -> Crossings:
+    """The courses as if nobody were in anybody's way."""
+    return _tables(list(courses), {})
+
+
+def _needed(course: Course, used: npt.NDArray[np.bool_], gated: set[int]) -> Course:
     """The course without hold points before stretches that are in nobody's way."""
-    used = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *places]))
-    counts = np.searchsorted(used, np.asarray(course.holds[1:]), "right") - np.searchsorted(used, course.holds[:-1])
-    idle = {n for n in range(1, course.stretches) if counts[n] == 0 and course.hold_legs[n] not in gated}
+    counts = np.add.reduceat(np.append(used, False), np.asarray(course.holds), dtype=np.int64)
+    ends = used[np.asarray(course.holds[1:])]
+    idle = {
+        n for n in range(1, course.stretches)
+        if counts[n] == 0 and not ends[n] and course.hold_legs[n] not in gated
+    }  # fmt: skip
     return course.without(idle)
 
 
-def _enter(table: Crossings, i: int, j: int, found: Array) -> None:
-    """Write what two tractors have to do with each other into the table."""
-    a, b = table.courses[i], table.courses[j]
-    for at_a, at_b in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        rows, s, u = _within(a, b, found, at_a, at_b)
-        if not len(rows):
-            continue
-        lo, hi = _head_starts(a, b, found[rows], s, u)
-        for first, second, low, high in _merged(s, u, lo, hi):
-            _add(table.apart, (i, first), (j, second), (low, high))
-            _add(table.apart, (j, second), (i, first), (-high, -low))
-    _stand(table, i, j, found)
-    _stand(table, j, i, found[:, ::-1])
-
-
-def _within(a: Course, b: Course, found: Array, at_a: int, at_b: int) -> tuple[Array, Array, Array]:
-    """Rows of pairs with the stretches they lie in; a hold point lies at the end (1) of one and begins another (0)."""
-    stretches, ok = [], np.ones(len(found), dtype=np.bool_)
-    for course, column, end in ((a, found[:, 0], at_a), (b, found[:, 1], at_b)):
-        holds = np.asarray(course.holds)
-        stretch = np.searchsorted(holds, column, "left" if end else "right") - 1
-        if end:
-            ok &= holds[np.minimum(stretch + 1, len(holds) - 1)] == column
-        ok &= (stretch >= 0) & (stretch < course.stretches)
-        stretches.append(stretch)
-    rows = np.flatnonzero(ok)
-    return rows, stretches[0][rows], stretches[1][rows]
-
-
-def _head_starts(a: Course, b: Course, found: Array, s: Array, u: Array) -> tuple[Floats, Floats]:
-    """From and to how much later (s) a stretch must not be begun than another, for each pair of places."""
-    spans = []
-    for course, place, stretch in ((a, found[:, 0], s), (b, found[:, 1], u)):
-        holds = np.asarray(course.holds)
-        begin = course.time_s[holds[stretch]]
-        until = np.minimum(np.minimum(place + 1, holds[stretch + 1]), len(course.time_s) - 1)
-        spans.append((course.time_s[place] - begin, course.time_s[until] - begin))
-    (a_from, a_to), (b_from, b_to) = spans
-    return b_from - a_to, b_to - a_from
-
-
-def _merged(s: Array, u: Array, lo: Floats, hi: Floats) -> list[tuple[int, int, float, float]]:
-    """Spans of each pair of stretches, those that overlap or nearly do made one."""
-    key = s * (int(u.max()) + 1) + u
-    order = np.lexsort((lo, key))
-    key, lo, hi = key[order], lo[order], hi[order]
-    far = 1e7 * (np.cumsum(np.concatenate(([0], np.diff(key) != 0))))
-    reach = np.maximum.accumulate(hi + far)
-    starts = np.concatenate(([0], np.flatnonzero(lo[1:] + far[1:] > reach[:-1] + TOGETHER_S) + 1))
-    ends = np.concatenate((starts[1:], [len(lo)])) - 1
-    firsts, seconds = s[order][starts], u[order][starts]
-    columns = (firsts.tolist(), seconds.tolist(), lo[starts].tolist(), (reach[ends] - far[ends]).tolist())
-    return list(zip(*columns, strict=True))
-
-
-def _add(
-    table: dict[Stretch, dict[Stretch, list[tuple[float, float]]]], one: Stretch, other: Stretch,
-    span: tuple[float, float],
-) -> None:  # fmt: skip
-    table.setdefault(one, {}).setdefault(other, []).append(span)
-
-
-def _stand(table: Crossings, i: int, j: int, found: Array) -> None:
-    """Note which stretches of j lead by the hold points of i."""
-    holds = np.asarray(table.courses[i].holds)
-    for hold in np.flatnonzero(np.isin(holds, found[:, 0])).tolist():
-        places = found[found[:, 0] == holds[hold], 1]
-        b = table.courses[j]
-        ends = np.asarray(b.holds)
-        touched = np.concatenate([np.searchsorted(ends, places, side) - 1 for side in ("left", "right")])
-        for u in sorted(set(touched.tolist()) & set(range(b.stretches))):
-            inside = places[(places >= ends[u]) & (places <= ends[u + 1])]
-            if len(inside):
-                last = min(int(inside.max()) + 1, int(ends[u + 1]))
-                times = float(b.time_s[inside.min()]) - b.begins_s(u), float(b.time_s[last]) - b.begins_s(u)
-                table.stands.setdefault((i, hold), {})[j, u] = times
-                table.blockers.setdefault((j, u), {})[i, hold] = times
+def _tables(courses: list[Course], met: dict[tuple[int, int], Array]) -> Crossings:
+    """What is written of all meetings, sorted."""
+    holds = [np.asarray(course.holds, dtype=np.int64) for course in courses]
+    base = np.concatenate(([0], np.cumsum([len(each) for each in holds]))).astype(np.int64)
+    near = np.zeros((len(courses), len(courses)), dtype=np.bool_)
+    met_all = Encounters()
+    for (i, j), found in met.items():
+        near[i, j] = near[j, i] = True
+        a, b = courses[i], courses[j]
+        met_all.add(meet(found, a.time_s, b.time_s, holds[i], holds[j]), int(base[i]), int(base[j]))
+    places = int(base[-1])
+    one, other, span_s = met_all.apart(TOGETHER_S)
+    hold, stretch, passing_s = met_all.stands()
+    return Crossings(
+        courses, base, np.concatenate([course.time_s[own] for course, own in zip(courses, holds, strict=True)]),
+        Table.of(
+            np.concatenate([one, other]), np.concatenate([other, one]), np.concatenate([span_s, -span_s[:, ::-1]]),
+            places,
+        ),
+        Table.of(hold, stretch, passing_s, places),
+        Table.of(stretch, hold, passing_s, places),
+        near,
+    )  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.yielding.courses import Alone, courses_of
-from planner.yielding.crossings import Crossings, crossings_of
+from planner.yielding.crossings import crossings_of, unhindered
 from planner.yielding.right_of_way import RightOfWay
 from vehicle.compile import compile_model
 from vehicle.missions import Gate, Mission, Plan
@@ -49,8 +49,8 @@ def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Scheduled | None
     table = rules_of_way.timetable()
     if table is None:
         return None
-    unhindered = RightOfWay(plan, Crossings(crossings.courses, near=[set() for _ in courses])).timetable()
-    alone_s = table.duration_s if unhindered is None else unhindered.duration_s
+    alone = RightOfWay(plan, unhindered(crossings.courses)).timetable()
+    alone_s = table.duration_s if alone is None else alone.duration_s
     scheduled = _with_gates(_without_gates(plan, rules_of_way.homeward.loosened), table.gates)
     return Scheduled(scheduled, table.duration_s, alone_s)
 

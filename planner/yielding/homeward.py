@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from planner.yielding.courses import Course
-from planner.yielding.crossings import Crossings, Stretch
+from planner.yielding.crossings import Crossings, Table
+from planner.yielding.ways_home import Net, by_turns, last_passes, last_waits, safe
 from vehicle.missions import Follow, Gate, Plan
 
-MOST_STATES = 400  # looked at for a way home
 MOST_LOOSENED = 80  # times that a deadlock is undone by leaving out gates of the plan
 FOLLOWS_S = 4.0  # who is followed has gone on far enough after this time
 State = tuple[int, ...]
 """The hold point each tractor stands at."""
+Stretch = tuple[int, int]
+"""(tractor, number of the stretch)."""
 
 
 @dataclass(frozen=True)
@@ -32,47 +37,42 @@ class Wait:
 
 
 class Homeward:
-    """Finds ways home. `waits` are gates by the stretch they stand before, `others[one]` are those it waits for.
+    """Finds ways home. `waits` are gates by the stretch they stand before, `others` (n, n) tells who waits for whom.
 
-    `loosened` are gates that are not heeded, as (tractor, leg, gate): with them nobody would get home.
+    `loosened` are gates that are not heeded, as (tractor, leg, gate): with them nobody would get home. `net` is what
+    all that depends on as planner.yielding.ways_home has it.
     """
 
     def __init__(self, plan: Plan, crossings: Crossings) -> None:
+        """For the gates of a plan, none of them left out yet."""
         self.crossings, self.courses = crossings, crossings.courses
         self.homes: State = tuple(course.stretches for course in self.courses)
         self.waits, self.others = _waits_of(plan, self.courses)
         self.loosened: list[tuple[int, int, Gate]] = []
-        self._safe: dict[State, bool] = {}
-        self._bound = [self._bounds(one) for one in range(len(self.courses))]
+        bounds = [self._bounds(one) for one in range(len(self.courses))]
+        self.net = self._heeding(np.concatenate(bounds))
 
     def safe(self, state: State) -> bool:
         """Whether an order is found in which all get home from where they stand, one moving at a time."""
-        if state not in self._safe:
-            self._safe[state] = self._one_by_one(state) or self._by_turns(state) == self.homes
-        return self._safe[state]
-
-    def harmless(self, one: int, state: State) -> bool:
-        """Whether a tractor stands where nobody else comes by any more."""
-        return all(number < state[other] for other, number in self.crossings.stands.get((one, state[one]), {}))
+        return bool(safe(self.net, np.array(state, dtype=np.int64)))
 
     def loosen(self) -> bool:
         """Leave out gates of the plan until all get home from the start; False where that does not help."""
-        state: State = (0,) * len(self.homes)
+        state = np.zeros(len(self.homes), dtype=np.int64)
         for _ in range(MOST_LOOSENED):
-            state = self._by_turns(state)
-            if state == self.homes:
-                self._safe.clear()
+            if by_turns(self.net, state.copy(), state):
                 return True
-            left_out = self._knot(state)
+            left_out = self._knot(state.tolist())
             if not left_out:
                 return False
             for one, wait in left_out:
-                self.waits[one, state[one]].remove(wait)
+                self.waits[one, int(state[one])].remove(wait)
                 if wait.gate is not None:
                     self.loosened.append((one, wait.leg, wait.gate))
+            self.net = self._heeding(self.net.bound)
         return False
 
-    def _knot(self, state: State) -> list[tuple[int, Wait]]:
+    def _knot(self, state: Sequence[int]) -> list[tuple[int, Wait]]:
         """Unfulfilled gates for a tractor that cannot move because of those that wait for it."""
         waiting = [
             (one, wait)
@@ -80,11 +80,13 @@ class Homeward:
             for wait in self.waits.get((one, state[one]), ())
             if state[wait.tractor] <= wait.stretch and wait.gate is not None
         ]
+        base, blockers = self.crossings.base, self.crossings.blockers
         for one, home in enumerate(self.homes):
             if state[one] == home:
                 continue
-            places = self.crossings.blockers.get((one, state[one]), {})
-            for blocker in sorted(other for other, hold in places if state[other] == hold):
+            place = int(base[one]) + state[one]
+            places = blockers.at[blockers.start[place] : blockers.start[place + 1]].tolist()
+            for blocker in (other for other, number in enumerate(state) if int(base[other]) + number in places):
                 held = [pair for pair in waiting if pair[0] == blocker]
                 if any(wait.tractor == one for _, wait in held):
                     return [pair for pair in waiting if pair[1].tractor == one]
@@ -100,85 +102,41 @@ class Homeward:
             last = number if (one, number) in self.waits else last
         return bounds[::-1]
 
-    def _one_by_one(self, state: State) -> bool:
-        """Whether each can go home in one go, in some order; finds it if there is any."""
-        at, out = state, {one for one, home in enumerate(self.homes) if state[one] < home}
-        while out:
-            for one in sorted(out):
-                ends = (*at[:one], self.homes[one], *at[one + 1 :])
-                if self.harmless(one, ends) and self._reach(at, one, self.homes[one]) == self.homes[one]:
-                    at = ends
-                    out.discard(one)
-                    break
-            else:
-                return False
-        return True
-
-    def _by_turns(self, state: State) -> State:
-        """The state in which all are home if an order of moves is found, else the farthest on that was found."""
-        seen, stack, farthest = {state}, [state], state
-        while stack and len(seen) < MOST_STATES:
-            at = stack.pop()
-            if at == self.homes:
-                return at
-            farthest = max(farthest, at, key=self._driven_s)
-            for after in sorted(self._moves(at), reverse=True):
-                if after[-1] not in seen:
-                    seen.add(after[-1])
-                    stack.append(after[-1])
-        return farthest
-
-    def _driven_s(self, state: State) -> float:
-        return round(sum(course.begins_s(at) for course, at in zip(self.courses, state, strict=True)), 1)
-
-    def _moves(self, at: State) -> Iterator[tuple[bool, float, int, State]]:
-        """What may be done next, with what decides which is tried first.
-
-        A tractor goes on to where it waits for others by plan, or else as far as it does not stand in the way of what
-        another has to do before it waits for anybody.
-        """
-        for one, home in enumerate(self.homes):
-            if at[one] == home:
-                continue
-            reach = self._reach(at, one, self._bound[one][at[one]])
-            free = (hold for hold in range(reach, at[one], -1) if not self._blocks(at, one, hold))
-            for hold in sorted({*([reach] if reach > at[one] else []), *([next(free, reach)])} - {at[one]}):
-                blocks = self._blocks(at, one, hold)
-                yield blocks, self.courses[one].begins_s(at[one]), one, (*at[:one], hold, *at[one + 1 :])
-
-    def _reach(self, at: State, one: int, bound: int) -> int:
-        """How far a tractor can go while all others stand, up to a hold point."""
-        hold = at[one]
-        while hold < bound and self._can_move(at, one, hold):
-            hold += 1
-        return hold
-
-    def _blocks(self, at: State, one: int, hold: int) -> bool:
-        """Whether a tractor at a hold point stands in the way of what another does before it waits for anybody."""
-        stands = self.crossings.stands.get((one, hold), {})
-        return any(at[other] <= number < self._bound[other][at[other]] for other, number in stands)
-
-    def _can_move(self, at: Sequence[int], one: int, hold: int) -> bool:
-        """Whether a tractor can drive the stretch from a hold point while all others stand."""
-        mine = one, hold
-        if any(at[other] == place for other, place in self.crossings.blockers.get(mine, {})):
-            return False
-        return all(at[wait.tractor] > wait.stretch for wait in self.waits.get(mine, ()))
+    def _heeding(self, bound: npt.NDArray[np.int64]) -> Net:
+        """What a schedule depends on, with the gates that are heeded."""
+        crossings = self.crossings
+        base, tables = crossings.base, (crossings.apart, crossings.stands, crossings.blockers)
+        owner = np.repeat(np.arange(len(base) - 1), np.diff(base))
+        rows = [
+            (int(base[one]) + number, int(base[wait.tractor]) + wait.stretch, wait.after_s)
+            for (one, number), each in sorted(self.waits.items())
+            for wait in each
+        ]
+        column = np.array(rows, dtype=np.float64).reshape(-1, 3)
+        places = column[:, :2].astype(np.int64)
+        waits = Table.of(places[:, 0], places[:, 1], np.repeat(column[:, 2:], 2, axis=1), len(owner))
+        return Net(
+            base, owner, crossings.begins_s,
+            *(part for table in tables for part in (table.start, table.at, table.span_s)),
+            waits.start, waits.at, np.ascontiguousarray(waits.span_s[:, 0]), bound,
+            last_passes(base, owner, crossings.stands.start, crossings.stands.at),
+            last_waits(base, owner, waits.start, waits.at), crossings.near,
+        )  # fmt: skip
 
 
-def _waits_of(plan: Plan, courses: list[Course]) -> tuple[dict[Stretch, list[Wait]], list[set[int]]]:
+def _waits_of(plan: Plan, courses: list[Course]) -> tuple[dict[Stretch, list[Wait]], npt.NDArray[np.bool_]]:
     waits: dict[Stretch, list[Wait]] = {}
-    others: list[set[int]] = [set() for _ in courses]
+    others = np.zeros((len(courses), len(courses)), dtype=np.bool_)
     for one, (mission, course) in enumerate(zip(plan.missions, courses, strict=True)):
         for number, leg in enumerate(course.hold_legs[:-1]):
             for gate in mission.legs[leg].gates:
                 place = courses[gate.tractor].passes(gate.leg, gate.after_m)
                 waits.setdefault((one, number), []).append(Wait(leg, gate, gate.tractor, *place))
-                others[one].add(gate.tractor)
+                others[one, gate.tractor] = True
         for number, each in enumerate(mission.legs):
             if each.follow is not None and (wait := _kept_back(courses, one, number, each.follow)) is not None:
                 waits.setdefault((one, wait.leg), []).append(wait)
-                others[one].add(wait.tractor)
+                others[one, wait.tractor] = True
     return waits, others
 
 
