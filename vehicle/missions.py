@@ -71,7 +71,8 @@ class Leg:
     """A polyline (n, 2) in metres to be driven in one gear at one target speed.
 
     `gear` is 1 or -1; `implement` tells whether it works. `may_wait` marks a hold point: a tractor that must give way
-    may be told to stand before this leg, where it is in nobody's way.
+    may be told to stand before this leg, where it is in nobody's way. Before it begins, its gates open, it stands for
+    `stand_s` seconds: something is refilled or unloaded.
     """
 
     points: Points
@@ -83,6 +84,7 @@ class Leg:
     may_wait: bool = False
     gates: tuple[Gate, ...] = ()
     follow: Follow | None = None
+    stand_s: float = 0.0
 
     @cached_property
     def length_m(self) -> float:
@@ -165,6 +167,8 @@ def _leg_fault(leg: Leg) -> str:
         return f"gear {leg.gear} is unknown; use 1 (forward) or -1 (reverse)."
     if not (leg.speed_mps > 0 and math.isfinite(leg.speed_mps)):
         return f"speed {leg.speed_mps} m/s is not above 0; gear -1 drives backwards."
+    if not (leg.stand_s >= 0 and math.isfinite(leg.stand_s)):
+        return f"a stand of {leg.stand_s} s before it is no time; use 0 or more."
     if leg.ground not in ground_names():
         return f"ground {leg.ground!r} is unknown; use one of: {', '.join(ground_names())}."
     if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):
