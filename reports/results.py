@@ -45,6 +45,8 @@ class PlanResult:
     Draws of what varies from day to day give `finish_probability` (of being done by the deadline and before the rain)
     with its 95 % interval, quantiles of the time (`p50_s`, `p80_s`, `p95_s`) and money in the mean: `paid_cost`, and
     `expected_cost` with ground that is late on top, with its standard error.
+    `refills` counts the stops of all tractors at which a tank was filled or emptied, `refilling_s` their time; None
+    where nothing is carried.
     `bound_s` is the time that a plan takes at least which was not simulated, as another one is quicker than that.
     """
 
@@ -88,6 +90,8 @@ class PlanResult:
     expected_cost_error: float | None = None
     paid_cost: float | None = None
     bound_s: float | None = None
+    refills: int | None = None
+    refilling_s: float | None = None
 
 
 def finish_s(plan: PlanResult) -> float:

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from vehicle.errors import MissionError
 from vehicle.ground import ground_names
 
-TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE = "track", "round", "turn", "way", "drive-in", "drive"
-TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE)
+TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, REFILL = "track", "round", "turn", "way", "drive-in", "drive", "refill"
+TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, REFILL)
 JOINT_M = 0.1  # ends of consecutive legs may differ by this much
 Points = npt.NDArray[np.float64]
 
@@ -47,9 +47,9 @@ class Task:
     """What a leg is for.
 
     `kind` is "track" (working a track), "round" (working a round of the headland), "turn" (to the next track, in one
-    go), "way" (a longer route to it), "drive-in" (from the headland line until the implement is over it) or "drive"
-    (anything else). `number` is the track or round that is worked or led to, None where there is none; `piece` counts
-    the pieces of an interrupted track.
+    go), "way" (a longer route to it), "drive-in" (from the headland line until the implement is over it), "refill" (to
+    where the tank is made good) or "drive" (anything else). `number` is the track or round that is worked or led to,
+    None where there is none; `piece` counts the pieces of an interrupted track.
     """
 
     kind: str = DRIVE

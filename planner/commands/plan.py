@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 NO_PLAN_STATUS = 3
 RAIN = "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
+REFILL = "Where a tank is filled or emptied: headland, tender or a place LON,LAT (X,Y with --local)."
 BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time (late ground counts)."
 
 
@@ -72,6 +73,7 @@ def plan(
     tractor: TractorOption = "eg105",
     draws: Annotated[Optional[int], typer.Option(help="Draws of what varies; with --before or --rain 10000.")] = None,  # noqa: UP045
     rain: Annotated[Optional[str], typer.Option(help=RAIN)] = None,  # noqa: UP045
+    refill: Annotated[Optional[str], typer.Option(help=REFILL)] = None,  # noqa: UP045
     prefer: Annotated[Optional[str], typer.Option(help="fastest, cheapest or surest: what the best plan is.")] = None,  # noqa: UP045
     farm: FarmOption = None,
     implement: ImplementOption = None,
@@ -105,7 +107,7 @@ def plan(
         field, local, width, tractors, strategies, turn, start, before, price_per_hour, price_per_tractor, speed_kmh,
         turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss, gnss_table,
         operation, headland_order(headland_first, headland_last), corners,
-        tracks_only, cell_bearing or [], draws, rain, prefer,
+        tracks_only, cell_bearing or [], draws, rain, prefer, refill,
     )  # fmt: skip
     planned = _planned(with_farm(scenario, farm, implement, context), processes, pictures=html is not None)
     remark(planned.site.layout.field.remarks)
@@ -121,7 +123,7 @@ def _scenario(
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
     order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
-    rain: str | None, prefer: str | None,
+    rain: str | None, prefer: str | None, refill: str | None,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_cell_bearings, parse_clock, parse_counts, parse_strategies
 
@@ -155,6 +157,7 @@ def _scenario(
         draws=draws,
         rain=rain,
         prefer=prefer,
+        refill=refill,
     )
 
 
@@ -169,7 +172,7 @@ def _planned(asked: Asked, processes: int | None, pictures: bool) -> Planned:
     with local_pool(len(candidates(scenario)), processes) as executor, progress_bar("Simulating plans") as progress:
         return simulate_all(
             scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances, terms=asked.terms,
-            executor=executor, progress=progress, pictures=pictures,
+            supply=asked.supply, executor=executor, progress=progress, pictures=pictures,
         )  # fmt: skip
 
 
