@@ -14,6 +14,7 @@ from fields.projection import project
 from planner.errors import ScenarioError, named
 from planner.scenario import Scenario
 from strategies.supply import HEADLAND, PLACE, TENDER, Point, Supply
+from vehicle.missions import Plan
 
 FARTHEST_M = 50.0  # a hose or a loader reaches into the field from a place no farther off
 
@@ -72,8 +73,8 @@ def check_load(supply: Supply | None, layout: Layout) -> None:
         lasts_m = supply.capacity / supply.rate_per_m2 / layout.width_m
         raise ScenarioError(
             f"A capacity of {supply.capacity:g} lasts for {lasts_m:.0f} m of track at a rate of "
-            f"{supply.rate_per_m2:g} per m2, and the longest track of {longest:.0f} m takes {need:.6g}; use a capacity of {_up(need):g} or more, a lower rate, or a {named('bearing_deg')} with "
-            "shorter tracks."
+            f"{supply.rate_per_m2:g} per m2, and the longest track of {longest:.0f} m takes {need:.6g}; use "
+            f"a capacity of {_up(need):g} or more, a lower rate, or a {named('bearing_deg')} with shorter tracks."
         )
 
 
@@ -81,6 +82,36 @@ def _up(need: float) -> float:
     """A need rounded up to three digits."""
     step = 10.0 ** (math.floor(math.log10(need)) - 2)
     return math.ceil(need / step) * step
+
+
+def carried(supply: Supply) -> dict[str, float | str]:
+    """What tractors carry as plain values, as a ranking tells what was asked."""
+    return {
+        "capacity": supply.capacity, "rate_per_m2": supply.rate_per_m2, "refill_s": supply.refill_s,
+        "refill": supply.where if supply.place is None else f"{supply.place[0]:.2f},{supply.place[1]:.2f} m",
+    }  # fmt: skip
+
+
+def supply_words(supply: Supply) -> tuple[str, ...]:
+    """What every plan takes for granted of tanks, a sentence each."""
+    doing = "collects" if supply.collects else "spreads"
+    begun = "starts empty and is unloaded" if supply.collects else "starts full and is refilled"
+    return (
+        f"Every tractor {doing} {supply.rate_per_m2:g} l or kg per m2 worked and carries {supply.capacity:g}; it "
+        f"{begun} in {supply.refill_s:g} s, {place_words(supply)}.",
+        f"It goes between two tracks or on a round, where that costs least time; after the last it "
+        f"{'keeps what it holds' if supply.collects else 'is not refilled'}.",
+    )
+
+
+def on_earth(plan: Plan, field: Field) -> Plan:
+    """The plan whose notes on refills have longitude and latitude as well, where the field has a place on the earth."""
+    entries = plan.notes.get("refills")
+    if not entries or field.crs is None:
+        return plan
+    degrees = field.to_wgs84([(one["x_m"], one["y_m"]) for one in entries]).tolist()
+    told = [{**one, "lon": lon, "lat": lat} for one, (lon, lat) in zip(entries, degrees, strict=True)]
+    return replace(plan, notes={**plan.notes, "refills": told})
 
 
 def place_words(supply: Supply) -> str:

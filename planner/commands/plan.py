@@ -217,8 +217,11 @@ def _saved(planned: Planned, run: Run) -> str:
     """The best plan's file."""
     from dataclasses import asdict
 
+    from planner.refill import on_earth
     from vehicle.plan_file import plan_to_json
 
     field = planned.site.layout.field
-    text = plan_to_json(run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asdict(planned.site.scenario))
+    text = plan_to_json(
+        on_earth(run.plan, field), crs=field.crs, origin_m=field.origin_m, scenario=asdict(planned.site.scenario)
+    )
     return text + "\n"
