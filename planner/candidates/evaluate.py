@@ -315,6 +315,6 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         remark=tried.remark,
         rounds=site.layout.rounds,
         headland_s=headland_s(run),
-        refills=None if site.supply is None else len(run.plan.notes["refills"]),
+        refills=None if site.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if site.supply is None else float(run.standing_s.sum()),
     )

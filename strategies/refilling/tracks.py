@@ -34,7 +34,7 @@ def searched_in_loads(found: Searched, job: Job, table: TurnTable, supply: Suppl
         return found
     place = {track: index for index, track in enumerate(job.layout.tracks)}
     members = [place[one.track] for one in found.order]
-    trips = _Trips(job, table, supply, members)
+    trips = Trips(job, table, supply, members)
     starts = [list(range(len(members))), _side_by_side(found, job)]
     best = in_loads(trips.task(need), starts)
     for _ in range(MOST_ROUNDS):
@@ -53,7 +53,7 @@ def _side_by_side(found: Searched, job: Job) -> list[int]:
     return sorted(range(len(tracks)), key=lambda n: (tracks[n].cell, tracks[n].line, tracks[n].piece))
 
 
-class _Trips:
+class Trips:
     """Seconds to the place from the end of every pass of some tracks, and from there to the beginning of every other.
 
     `to` and `on` (b, 2 n) have a row for every pose that a tractor may stand in; without a place they are empty.
