@@ -47,8 +47,9 @@ class Link:
 class Graph:
     """All legs of a plan, numbered tractor after tractor; arrays (n,) unless said otherwise.
 
-    `driven_s` are seconds of driving without waiting and standing, `stand_s` those of standing before it. `group` numbers passes and turns within each tractor: legs of one
-    share their luck; `kind` is PASS, TURN_ONE (over one track) or TURN_MORE. `worked_m` are metres with the implement
+    `driven_s` are seconds of driving without waiting and standing, `stand_s` those of standing before it. `group`
+    numbers passes and turns within each tractor: legs of one share their luck; `kind` is PASS, TURN_ONE (over one
+    track) or TURN_MORE. `worked_m` are metres with the implement
     down. `order` are all nodes, each after those it waits for. `links` are sorted by `after`.
     """
 

@@ -1,5 +1,6 @@
 """Refills in whole plans: what is used and made good, who is served when, what is refused."""
 
+import itertools
 import json
 import math
 from collections.abc import Iterator
@@ -109,7 +110,7 @@ class TestPlans:
         assert crowded(found.run, job) is None
         if case[0] != HEADLAND:
             stops = served_of(found.run)
-            assert all(b.from_s >= a.to_s - 1.0 for a, b in zip(stops, stops[1:], strict=False))
+            assert all(b.from_s >= a.to_s - 1.0 for a, b in itertools.pairwise(stops))
 
     def test_a_tractor_stands_by_the_place(self, case: Case) -> None:
         found, site = driven(*case), site_for(case[0], case[3])

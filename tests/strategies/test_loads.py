@@ -1,7 +1,7 @@
 """Orders in loads: the split against brute force, the search against known answers, stops in a given order."""
 
 import math
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def cost_of(passes: list[int], cuts: tuple[int, ...], task: Task) -> float:
 def enough(order: list[int], cuts: tuple[int, ...], task: Task) -> bool:
     """Whether no load is above what a tank holds, the first above what is left in it."""
     edges = [0, *cuts, len(order)]
-    loads = [sum(task.need[t] for t in order[a:b]) for a, b in zip(edges, edges[1:], strict=False)]
+    loads = [sum(task.need[t] for t in order[a:b]) for a, b in pairwise(edges)]
     return all(load <= (task.room if k == 0 else task.capacity) + 1e-9 for k, load in enumerate(loads))
 
 
@@ -139,7 +139,7 @@ def test_stops_in_a_given_order_are_the_cheapest(values: tuple[list[float], list
 
     def fits(cuts: tuple[int, ...]) -> bool:
         edges = [0, *cuts, n]
-        return all(math.fsum(needs[a:b]) <= capacity + 1e-9 for a, b in zip(edges, edges[1:], strict=False))
+        return all(math.fsum(needs[a:b]) <= capacity + 1e-9 for a, b in pairwise(edges))
 
     every = [cuts for size in range(n) for cuts in combinations(range(1, n), size) if fits(cuts)]
     found = cheapest(needs, costs, capacity)
