@@ -45,6 +45,7 @@ class Document:
         frame: ``"local_metres"``, ``"wgs84"`` or None when the file does not say.
         header: the foreign member of this program, possibly empty.
         edges: lines that say what the outline is along them.
+        refills: places where tanks are filled or emptied.
         unused: what no part of a field is read from: kind of feature in words, and how many.
     """
 
@@ -58,6 +59,7 @@ class Document:
     unused: tuple[tuple[str, int], ...] = ()
     obstacles: tuple[RawObstacle, ...] = ()
     edges: tuple[RawObstacle, ...] = ()
+    refills: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)

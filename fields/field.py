@@ -62,6 +62,7 @@ class Field:
         outline: the boundary before margins were kept and obstacles cut out of it; None where nothing was.
         beyond: the boundary where it is drawn in by no more than the margin; None where it is the same.
         default_ground: ground wherever no zone lies.
+        refill: place where tanks are filled or emptied, metres, or None.
         source: where the boundary comes from, in words.
         remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
 
@@ -86,6 +87,7 @@ class Field:
     fences: tuple[shapely.LineString, ...] = ()
     outline: shapely.Polygon | None = None
     beyond: shapely.Polygon | None = None
+    refill: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         label = f"field '{self.name}'"

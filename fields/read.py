@@ -37,10 +37,11 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
             itself names another system.
         name: name for the field; otherwise taken from the file.
 
-    A Point whose properties have ``role: entrance`` is the entrance; polygons whose properties have a
-    ``ground`` are ground zones. Features with ``role: obstacle`` are obstacles: a Point with its ``radius_m``, a
-    LineString with its ``width_m``, a Polygon; a ``kind`` such as ``pole`` or ``ditch`` may stand for the size. The
-    boundary may have ``edge: fence`` all round; a LineString along it with ``edge: fence`` or ``edge: open`` tells of
+    A Point whose properties have ``role: entrance`` is the entrance, one with ``role: refill`` the place where tanks
+    are filled or emptied; polygons whose properties have a ``ground`` are ground zones. Features with ``role:
+    obstacle`` are obstacles: a Point with its ``radius_m``, a LineString with its ``width_m``, a Polygon; a ``kind``
+    such as ``pole`` or ``ditch`` may stand for the size. The boundary may have ``edge: fence`` all round; a LineString
+    along it with ``edge: fence`` or ``edge: open`` tells of
     one side. Heights are dropped and open rings closed.
 
     Raises:
@@ -60,7 +61,8 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
         boundary=shape,
         crs=frame.crs,
         origin_m=frame.origin_m,
-        entrance=_entrance(document, frame, shape, several, label),
+        entrance=_one_place(document.entrances, "entrance", frame, shape, several, label),
+        refill=_one_place(document.refills, "refill", frame, shape, several, label),
         grounds=_grounds(document, frame, shape, several, label),
         default_ground=str(chosen.properties.get("default_ground") or "soil"),
         source=str(chosen.properties.get("source") or document.source),
@@ -77,7 +79,8 @@ def _remarks(document: Document) -> tuple[str, ...]:
     told = ", ".join(f"{count} {what}" for what, count in document.unused)
     return (
         f"Not used of the field file: {told}; an obstacle has the role 'obstacle' or is a hole of the boundary, an "
-        "entrance is a Point with role 'entrance', a ground zone a Polygon with a 'ground', a fence a LineString along "
+        "entrance is a Point with role 'entrance', a place to refill one with role 'refill', a ground zone a Polygon "
+        "with a 'ground', a fence a LineString along "
         "the boundary with edge 'fence'.",
     )
 
@@ -198,17 +201,18 @@ def _obstacles(
     return tuple(one for one in read if not several or one.shape.distance(shape) <= NEAR_M)
 
 
-def _entrance(
-    document: Document, frame: Frame, shape: shapely.Polygon, several: bool, label: str
+def _one_place(
+    places: tuple[Any, ...], role: str, frame: Frame, shape: shapely.Polygon, several: bool, label: str
 ) -> tuple[float, float] | None:
-    """The one entrance of the field in local metres, or None."""
+    """The one entrance of the field, or place to refill, in local metres, or None."""
     found = []
-    for raw in document.entrances:
-        x, y = frame.local(np.array([position(raw, f"an entrance of {label}")]))[0].tolist()
+    for raw in places:
+        what = f"{'an' if role == 'entrance' else 'a'} {role} of {label}"
+        x, y = frame.local(np.array([position(raw, what)]))[0].tolist()
         if not several or shape.distance(shapely.Point(x, y)) <= NEAR_M:
             found.append((x, y))
     if len(found) > 1:
-        raise FieldError(f"{label} has {len(found)} entrances; keep one Point with role 'entrance'.")
+        raise FieldError(f"{label} has {len(found)} {role}s; keep one Point with role '{role}'.")
     return found[0] if found else None
 
 

@@ -43,9 +43,9 @@ def field_geojson(field: Field) -> str:
         features.append(_obstacle_feature(field, obstacle))
     for fence in field.fences:
         features.append(_feature(LINE, _given(field, shapely.get_coordinates(fence)), {"edge": FENCE}))
-    if field.entrance is not None:
-        point = _given(field, np.array([field.entrance]))[0]
-        features.append(_feature("Point", point, {"role": "entrance"}))
+    for role, place in (("entrance", field.entrance), ("refill", field.refill)):
+        if place is not None:
+            features.append(_feature("Point", _given(field, np.array([place]))[0], {"role": role}))
     header: dict[str, Any] = {"frame": LOCAL, "origin_m": list(field.origin_m)}
     if field.crs is not None:
         header |= {"frame": WGS84, "crs": field.crs}

@@ -4,6 +4,7 @@
 
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
+refill         where tanks are made good, and whether they last for a track
 laying         which layout of the field to plan with
 candidates     one candidate: built, simulated, mended, measured
 yielding       who waits for whom, so that no two tractors meet

@@ -15,6 +15,7 @@ from planner.farm.prices import Prices
 from planner.price.cost import Terms
 from planner.price.machine import rates
 from planner.scenario import Scenario
+from strategies.supply import Supply
 from vehicle.tractor import Implement, Tractor, tractor_names
 
 
@@ -23,7 +24,8 @@ class Asked:
     """A scenario with the values of a farm, and the machines to plan it with (`tractor`: an object or a file).
 
     `own` is the farm's kind of tractor, None where the scenario names another; `mounted` is the farm's
-    implement; `terms` and `chances` are its prices and laws. Without a farm all are None.
+    implement; `terms` and `chances` are its prices and laws, `supply` is what the implement carries. Without a farm all
+    are None.
     """
 
     scenario: Scenario
@@ -33,6 +35,7 @@ class Asked:
     mounted: FarmImplement | None
     terms: Terms | None = None
     chances: Chances | None = None
+    supply: Supply | None = None
 
 
 def as_it_is(scenario: Scenario) -> Asked:
@@ -57,6 +60,7 @@ def asked(
     return Asked(
         replace(scenario, **found), None if own is None else own.origin, bar, own, mounted,
         Terms(_prices(scenario, farm, given), own, mounted), like(farm.chances),
+        mounted.supply(farm.times.refill_s),
     )  # fmt: skip
 
 

@@ -53,11 +53,16 @@ def picture(site: Site, run: Run, result: PlanResult) -> Drive:
         xy=tuple(guided_point(run, site, tractor) for tractor in range(run.plan.tractors)),
         status=tuple(run.status(tractor) for tractor in range(run.plan.tractors)),
         finish_s=tuple(float(t) for t in run.finish_s),
-        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
+        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()} | _refilling(site, run),
         missed=rings_of(coverage(run, site).missed),
         largest_missed=result.largest_missed,
         steps=steps_of(run, site.layout.width_m),
     )
+
+
+def _refilling(site: Site, run: Run) -> dict[str, tuple[float, ...]]:
+    """Seconds of every tractor at which its tank was filled or emptied; nothing where nothing is carried."""
+    return {} if site.supply is None else {"refilling": tuple(float(seconds) for seconds in run.standing_s)}
 
 
 def _obstacles(field: Field) -> tuple[Points, ...]:

@@ -20,6 +20,7 @@ from planner.scenario import Scenario
 from planner.site import Site, prepare
 from planner.tasks import Outcome, Progress, outcomes, pack, work_out
 from reports.results import Drive, PlanResult, Ranking, merit
+from strategies.supply import Supply
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
 
@@ -46,6 +47,7 @@ def plan(
     implement: Implement | None = None,
     chances: Chances | None = None,
     terms: Terms | None = None,
+    supply: Supply | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     pictures: bool = False,
@@ -54,7 +56,7 @@ def plan(
 
     `field` and `tractor` (objects, names or files) take the place of those the scenario names; `implement` says where
     it sits and how long it is, its width is that of the scenario. `chances` and
-    `terms` (prices) are those of a farm. `executor` simulates
+    `terms` (prices) are those of a farm, `supply` what its implement carries. `executor` simulates
     the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
     with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
     cannot is in the ranking with its reason, and on a big field a formation that cannot win with its bound.
@@ -64,9 +66,9 @@ def plan(
         with local_pool(len(todo)) as executor:
             return plan(
                 scenario, field=field, tractor=tractor, implement=implement, chances=chances, terms=terms,
-                executor=executor, progress=progress, pictures=pictures,
+                supply=supply, executor=executor, progress=progress, pictures=pictures,
             )  # fmt: skip
-    site = prepare(scenario, field, tractor, implement, chances, terms)
+    site = prepare(scenario, field, tractor, implement, chances, terms, supply)
     packed = pack(site)
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}

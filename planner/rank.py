@@ -11,6 +11,7 @@ from planner.candidates.evaluate import Candidate
 from planner.describe import cells
 from planner.ground.trampled import TYRE_M
 from planner.outlook import advised
+from planner.refill import carried, supply_words
 from planner.scenario import KMH, Scenario, clock
 from planner.site import Site
 from reports.results import PlanResult, Ranking, finish_s, quickness
@@ -113,6 +114,7 @@ def asked(site: Site) -> dict[str, Any]:
         "draws": 0 if site.stakes is None else site.stakes.question.draws,
         "rain": scenario.rain,
         "prefer": scenario.prefer,
+        **({} if site.supply is None else carried(site.supply)),
     }
 
 
@@ -177,6 +179,7 @@ def assumptions(site: Site) -> tuple[str, ...]:
         _headland(site),
         f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
         + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
+        *(() if site.supply is None else supply_words(site.supply)),
         *(("Positions err as those of an RTK receiver do, a few millimetres.",) if site.scenario.gnss else ()),
         *layout.field.remarks,
     )

@@ -61,7 +61,9 @@ class Scenario:
 
     `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain or a
     preference, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
-    "surest". Raises ScenarioError.
+    "surest". `refill` says where tanks are made good: "headland", "tender", or a place in degrees "lon,lat" (metres
+    "x,y" for a field in local metres); None: at the place of the field file, else on the headland. Raises
+    ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -93,6 +95,7 @@ class Scenario:
     rain: str | None = None
     prefer: str | None = None
     cell_bearings: tuple[tuple[int, float], ...] = ()
+    refill: str | None = None
 
     def __post_init__(self) -> None:
         _check_types(self)

@@ -24,9 +24,11 @@ from planner.errors import ScenarioError, about, named
 from planner.laying import layouts, quickest
 from planner.outlook import Stakes, stakes_of
 from planner.price.cost import Terms
+from planner.refill import check_load, supplied
 from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
 from strategies.headland.shifts import backwards
 from strategies.job import Job, Manner, starting_corner
+from strategies.supply import Supply
 from strategies.timing import TurnClock
 from strategies.ways.around import Around, lay_around
 from strategies.ways.bends import Bender, BendRules
@@ -59,7 +61,7 @@ class Site:
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
     not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
     the headland that are worked; in their corners the guided point may be anywhere in `rim`. `around` has what is bent
-    round small obstacles, `stakes` are draws and money.
+    round small obstacles, `stakes` are draws and money, `supply` is what every tractor carries.
     """
 
     scenario: Scenario
@@ -77,6 +79,7 @@ class Site:
     rim: shapely.Geometry = shapely.Polygon()  # noqa: RUF009 - no geometry ever changes
     around: Around = member(default_factory=Around)
     stakes: Stakes | None = None
+    supply: Supply | None = None
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
@@ -98,7 +101,7 @@ class Site:
         return Job(
             self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
-            around=self.around, fence=fence, careful=careful,
+            around=self.around, fence=fence, careful=careful, supply=self.supply,
         )  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
@@ -121,12 +124,13 @@ class Site:
 def prepare(
     scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None,
     implement: Implement | None = None, chances: Chances | None = None, terms: Terms | None = None,
+    supply: Supply | None = None,
 ) -> Site:  # fmt: skip
     """Read the field and the tractor, time the turns, size the headland, lay the tracks.
 
     `field` and `tractor`, as objects, names or files, take the place of those that the scenario names; the `implement`
-    is as wide as the scenario says. `chances` and `terms` (prices) are those of a farm. Raises FieldError,
-    VehicleError, StrategyError or ScenarioError.
+    is as wide as the scenario says. `chances` and `terms` (prices) are those of a farm, and so is the `supply`, which
+    the scenario or the field says a place for. Raises FieldError, VehicleError, StrategyError or ScenarioError.
     """
     scenario = _with_names(scenario, field, tractor)
     with about("field"):
@@ -137,6 +141,8 @@ def prepare(
         position_errors = gnss_errors(scenario)
     with about("tractor"):
         tractor = as_tractor(scenario.tractor if tractor is None else tractor)
+    with about("refill"):
+        supply = supplied(scenario, field, supply)
     with about("rain"):
         stakes = stakes_of(scenario, chances, terms)
     implement = (implement or Implement()).model_copy(update={"width_m": scenario.width_m})
@@ -168,12 +174,14 @@ def prepare(
         rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
         return Site(
             scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds, fits,
-            position_errors, rounds, rim, around, stakes,
+            position_errors, rounds, rim, around, stakes, supply,
         )  # fmt: skip
 
     sites = [on(layout) for layout in layouts(scenario, field, headland)]
     best = sites[quickest([site.job(1) for site in sites])]
-    return on(with_bearings(best.layout, dict(scenario.cell_bearings))) if scenario.cell_bearings else best
+    chosen = on(with_bearings(best.layout, dict(scenario.cell_bearings))) if scenario.cell_bearings else best
+    check_load(supply, chosen.layout)
+    return chosen
 
 
 def _rounds(field: Field, width_m: float, count: int, bend_m: float) -> tuple[Round, ...]:

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.results import Step
-from vehicle.layout import FINISHED, WAITING
-from vehicle.missions import DRIVE, DRIVE_IN, ROUND, TRACK, TURN, WAY, Leg, Plan, Task
+from vehicle.layout import FINISHED, STANDING, WAITING
+from vehicle.missions import DRIVE, DRIVE_IN, REFILL, ROUND, TRACK, TURN, WAY, Leg, Plan, Task
 from vehicle.run import Run
 
-CORNER, WAIT = "corner", "wait"  # steps that no task is called like
+CORNER, WAIT, TO_REFILL = "corner", "wait", "refill-way"  # steps that no task is called like
 LEAST_WAIT_S = 3.0  # a shorter stop is part of what it interrupts
 ROUND_TRIP = 0.5  # ends so near each other, as a share of the length between them, give no direction
 SWING_RAD = math.radians(20.0)  # a turn that first swings out by more is an omega
@@ -41,10 +41,11 @@ class _Names:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Rows of the record from `first` up to `last`, in a group of legs, driven or standing."""
+    """Rows of the record from `first` up to `last`, in a group of legs, driven, waiting, or standing for a refill."""
 
     group: int
     waits: bool
+    stands: bool
     first: int
     last: int
 
@@ -83,6 +84,9 @@ def _steps(run: Run, tractor: int, names: _Names) -> Iterator[Step]:
     begun: set[int] = set()
     for stretch in _stretches(run, tractor, groups):
         step = _placed(run, tractor, stretch)
+        if stretch.stands:
+            yield replace(step, kind=REFILL, amount=_amount(run, tractor, stretch))
+            continue
         if stretch.waits:
             yield replace(step, for_tractors=_waited_for(run, tractor, stretch))
             continue
@@ -108,7 +112,7 @@ def _manner(task: Task) -> str:
     """Legs of a step have the same: what leads over the headland line is part of the track."""
     if task.works or task.kind == DRIVE_IN:
         return ROUND if _round(task) else TRACK
-    return WAY if task.kind in (TURN, WAY) else DRIVE
+    return WAY if task.kind in (TURN, WAY) else REFILL if task.kind == REFILL else DRIVE
 
 
 def _stretches(run: Run, tractor: int, groups: Rows) -> Iterator[_Stretch]:
@@ -117,11 +121,12 @@ def _stretches(run: Run, tractor: int, groups: Rows) -> Iterator[_Stretch]:
     end = int(np.argmax(status == FINISHED)) if (status == FINISHED).any() else len(status)
     step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
     waits = _long(status[:end] == WAITING, math.ceil(LEAST_WAIT_S / step_s - 1e-9) if step_s else 1)
-    keys = 2 * group[:end] + waits
+    stands = status[:end] == STANDING
+    keys = 3 * group[:end] + np.where(stands, 2, waits)
     cuts = [0, *(np.flatnonzero(np.diff(keys)) + 1).tolist(), end]
     for first, last in pairwise(cuts):
         if last > first:
-            yield _Stretch(int(group[first]), bool(waits[first]), first, last)
+            yield _Stretch(int(group[first]), bool(waits[first]), bool(stands[first]), first, last)
 
 
 def _long(flags: npt.NDArray[np.bool_], least: int) -> npt.NDArray[np.bool_]:
@@ -143,6 +148,13 @@ def _placed(run: Run, tractor: int, stretch: _Stretch) -> Step:
     return Step(WAIT, None, "", float(run.time_s[first]), seconds, float(driven[-1]), float(x), float(y))
 
 
+def _amount(run: Run, tractor: int, stretch: _Stretch) -> float | None:
+    """What is filled in or taken out at a stop; None where the plan does not say."""
+    leg = int(run.leg(tractor)[stretch.first])
+    noted = (one for one in run.plan.notes.get("refills", ()) if (one["tractor"], one["leg"]) == (tractor + 1, leg))
+    return next((float(one["amount"]) for one in noted), None)
+
+
 def _waited_for(run: Run, tractor: int, stretch: _Stretch) -> tuple[int, ...]:
     """The tractors, from 1, whose gates are not known to be open when a wait begins; else the one that is followed."""
     legs, here = run.plan.missions[tractor].legs, int(run.leg(tractor)[stretch.first])
@@ -159,6 +171,8 @@ def _named(legs: Sequence[Leg], first: int, last: int, names: _Names) -> Step:
     goal = _next_work(legs, first)
     on_round = _round(legs[goal].task) if goal is not None else False
     step = Step(manner, None, "", 0.0, 0.0, 0.0, 0.0, 0.0)
+    if manner == REFILL:
+        return replace(step, kind=TO_REFILL)
     if manner == DRIVE or task.number is None:
         return replace(step, kind=DRIVE)
     led = replace(step, number=task.number + (not on_round), to_round=on_round)

@@ -29,6 +29,7 @@ from reports.paths import (
     extent,
     hatching,
     round_length,
+    states_of,
     swath,
     waits,
 )
@@ -79,8 +80,9 @@ def map_picture(drives: Mapping[str, Drive]) -> dict[str, Any]:
     share = MOST_OTHERS // max(len(drives) - 1, 1)
     thinned = [lanes(drive, share if place else MOST_KNOTS) for place, drive in enumerate(drives.values())]
     listed = _listed(list(drives.values()))
+    states = states_of(drives.values())
     plans = [
-        _plan(name, drive, paths, frame, box, number < listed)
+        _plan(name, drive, paths, frame, box, number < listed, states)
         for number, ((name, drive), paths) in enumerate(zip(drives.items(), thinned, strict=True))
     ]
     driven = {int(value) for drive in drives.values() for status in drive.status for value in np.unique(status)}
@@ -140,7 +142,7 @@ def _drawn(path: Lane, frame: Viewport, number: int) -> dict[str, Any]:
 
 
 def _plan(
-    name: str, drive: Drive, paths: Sequence[Lane], frame: Viewport, box: Extent, listed: bool
+    name: str, drive: Drive, paths: Sequence[Lane], frame: Viewport, box: Extent, listed: bool, states: Sequence[str]
 ) -> dict[str, Any]:
     """What the script needs of one plan: knots, arrows, stops and legs per tractor, and seconds by manner."""
     longest = max(len(xy) for xy in drive.xy) - 1
@@ -165,7 +167,7 @@ def _plan(
             }
             for number, path in enumerate(paths)
         ],
-        "seconds": [[round(drive.seconds[state][number], 1) for state in STATES] for number in range(len(paths))],
+        "seconds": [[round(_seconds(drive, state, number), 1) for state in states] for number in range(len(paths))],
         "missed": _missed(drive, frame, box),
     }
 
@@ -199,9 +201,14 @@ def _legs(drive: Drive, number: int) -> list[list[Any]]:
     ]
 
 
-def bar_rows(drive: Drive) -> list[dict[str, Any]]:
+def _seconds(drive: Drive, state: str, number: int) -> float:
+    """Seconds of a tractor in a state that others of the drives shown may have alone."""
+    return drive.seconds[state][number] if state in drive.seconds else 0.0
+
+
+def bar_rows(drive: Drive, states: Sequence[str] = tuple(STATES)) -> list[dict[str, Any]]:
     """Per tractor its total and, per manner, seconds in words and the share of the longest bar in percent."""
-    totals = [sum(drive.seconds[name][number] for name in STATES) for number in range(len(drive.xy))]
+    totals = [sum(_seconds(drive, name, number) for name in states) for number in range(len(drive.xy))]
     longest = max(totals) or 1.0
     return [
         {
@@ -210,10 +217,10 @@ def bar_rows(drive: Drive) -> list[dict[str, Any]]:
             "parts": [
                 {
                     "state": name,
-                    "text": duration(drive.seconds[name][number]),
-                    "share": round(drive.seconds[name][number] / longest * 100, 3),
+                    "text": duration(_seconds(drive, name, number)),
+                    "share": round(_seconds(drive, name, number) / longest * 100, 3),
                 }
-                for name in STATES
+                for name in states
             ],
         }
         for number, total in enumerate(totals)

@@ -50,6 +50,8 @@ PLAN_KEYS = (
     "p95_s",
     "expected_cost",
     "bound_s",
+    "refills",
+    "refilling_s",
 )
 INTERVAL_KEYS = ("low", "high")
 PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")

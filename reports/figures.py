@@ -14,7 +14,7 @@ import numpy as np
 from reports import palette
 from reports.layers import INK, draw_ground, draw_missed, draw_names, draw_scale, draw_tractors
 from reports.leg_list import heading, text_rows
-from reports.paths import REVERSING, STATES, Extent, check_drive, extent
+from reports.paths import REFILLING_STATUS, REVERSING, STATES, Extent, check_drive, extent
 from reports.results import Drive
 from reports.wording import duration, tractors
 
@@ -221,6 +221,8 @@ def _marks(drive: Drive) -> list[Artist]:
         handles.append(Line2D([], [], color=INK, linewidth=1.5, linestyle="dotted", label="reversing"))
     if STATES["waiting"] in driven:
         handles.append(_mark("s", "waiting", "white"))
+    if REFILLING_STATUS in driven:
+        handles.append(_mark("D", "refill", "white"))
     if count:
         handles.append(_mark("o", "start", "grey"))
     if drive.entrance is not None:

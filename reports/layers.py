@@ -19,7 +19,7 @@ from reports.landmarks import (
     track_labels,
     work_marks,
 )
-from reports.paths import REVERSING, WORKING, Extent, hatching, pieces, round_length, swath, waits
+from reports.paths import REFILLING_STATUS, REVERSING, WORKING, Extent, hatching, pieces, round_length, swath, waits
 from reports.results import Drive, Points
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _draw_path(axes: Axes, drive: Drive, number: int) -> None:
     parts = pieces(xy, status)
     looks: tuple[tuple[str, float, tuple[int, ...]], ...] = (
         ("solid", 1.3, (WORKING,)),
-        ("solid", 0.7, tuple({*range(5)} - {WORKING, REVERSING})),
+        ("solid", 0.7, tuple({*range(REFILLING_STATUS + 1)} - {WORKING, REVERSING})),
         ("dotted", 1.5, (REVERSING,)),
     )
     for style, width, wanted in looks:
@@ -108,6 +108,8 @@ def _draw_path(axes: Axes, drive: Drive, number: int) -> None:
         )
     for x, y, _ in waits(xy, status, drive.step_s):
         axes.plot(x, y, marker="s", markersize=4, markerfacecolor="white", markeredgecolor=colour, zorder=5)
+    for x, y, _ in waits(xy, status, drive.step_s, REFILLING_STATUS):
+        axes.plot(x, y, marker="D", markersize=5, markerfacecolor="white", markeredgecolor=colour, zorder=5)
     axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
     axes.annotate(
         str(number + 1), xy[0], color="white", fontsize=7, fontweight="bold", ha="center", va="center", zorder=8

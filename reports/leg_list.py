@@ -50,7 +50,7 @@ def cells(place: int, step: Step, start: str | None = None) -> tuple[str, ...]:
 
 def metres(step: Step) -> str:
     """How far it leads; nothing of a wait."""
-    return "" if step.kind == "wait" else number(step.length_m, 0)
+    return "" if step.kind in ("wait", "refill") else number(step.length_m, 0)
 
 
 def text_rows(steps: Sequence[Step]) -> list[str]:

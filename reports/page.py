@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from reports import palette
 from reports.drawing import bar_rows, map_picture
 from reports.front import front_picture
 from reports.leg_list import HEADINGS, cells, heading
 from reports.odds import odds_picture
 from reports.palette import TRACTORS
-from reports.paths import check_drive
+from reports.paths import REFILLING, check_drive, states_of
 from reports.results import Drive, PlanResult, Ranking
 from reports.template import rendered
 from reports.wording import (
@@ -83,6 +84,10 @@ _DRAWN = (
     _Column("At 95 %", lambda p: p.p95_s, lambda p: duration(p.p95_s)),
     _Column("Expected cost", lambda p: p.expected_cost, lambda p: price(p.expected_cost)),
 )
+_REFILLED = (
+    _Column("Refills", lambda p: p.refills, lambda p: number(p.refills, 0)),
+    _Column("Refilling", lambda p: p.refilling_s, lambda p: duration(p.refilling_s)),
+)
 
 
 def plan_page(ranking: Ranking, drive: Drive | None, drives: Mapping[Plan, Drive] | None = None) -> str:
@@ -122,7 +127,8 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
     plans, effects = feasible(ranking), effects_words(ranking)
     columns = [*_COLUMNS, _DEADLINE] if any(plan.meets_deadline is not None for plan in plans) else list(_COLUMNS)
     columns += _DRAWN if any(plan.expected_cost is not None for plan in plans) else ()
-    names = _names(plans, shown)
+    columns += _REFILLED if any(plan.refills is not None for plan in plans) else ()
+    names, states = _names(plans, shown), states_of(shown.values())
     first = next(iter(shown.values()), None)
     places = {key: number for number, key in enumerate(shown)}
     return {
@@ -132,7 +138,9 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
         "headline": [bound(text) for text in headline(ranking)],
         "facts": _facts(ranking.best),
         "map": None if first is None else map_picture(dict(zip(names, shown.values(), strict=True))),
-        "bars": [] if first is None else bar_rows(first),
+        "bars": [] if first is None else bar_rows(first, states),
+        "states": states,
+        "state_colours": palette.STATES | ({REFILLING: palette.REFILLING} if REFILLING in states else {}),
         "cards": [] if first is None else _cards(first, ranking.start),
         "headings": HEADINGS,
         "begin_s": begin_s(ranking.start),

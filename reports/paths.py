@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,8 @@ from reports.results import Drive, Points
 
 FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
 STATES = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
+REFILLING, REFILLING_STATUS = "refilling", 5
+"""Told of drives in which a tank is filled or emptied, beside `STATES`."""
 TOLERANCE_M = 0.05
 
 
@@ -80,8 +82,13 @@ def check_drive(drive: Drive, least: int = 1) -> None:
     _check_seconds(drive, count)
 
 
+def states_of(drives: Iterable[Drive]) -> list[str]:
+    """The manners that are told of drives: refilling only where one of them has it."""
+    return [*STATES, REFILLING] if any(any(drive.seconds.get(REFILLING, ())) for drive in drives) else [*STATES]
+
+
 def _check_seconds(drive: Drive, count: int) -> None:
-    for name in STATES:
+    for name in [*STATES, REFILLING] if REFILLING in drive.seconds else STATES:
         if len(drive.seconds.get(name, ())) != count:
             raise ReportError(f"The drive has no {name!r} seconds for each of its {count} tractors; add them.")
         if not all(math.isfinite(value) and value >= 0 for value in drive.seconds[name]):
@@ -118,9 +125,11 @@ def pieces(xy: Points, status: npt.NDArray[np.int64], tolerance_m: float = TOLER
     return found
 
 
-def waits(xy: Points, status: npt.NDArray[np.int64], step_s: float) -> list[tuple[float, float, float]]:
-    """Where a tractor waited: x, y in metres and seconds, one entry per stop."""
-    waiting = np.concatenate(([False], status == WAITING, [False]))
+def waits(
+    xy: Points, status: npt.NDArray[np.int64], step_s: float, wanted: int = WAITING
+) -> list[tuple[float, float, float]]:
+    """Where a tractor waited, or stood in another status: x, y in metres and seconds, one entry per stop."""
+    waiting = np.concatenate(([False], status == wanted, [False]))
     edges = np.flatnonzero(np.diff(waiting.astype(np.int8)))
     return [
         (float(xy[start, 0]), float(xy[start, 1]), float(end - start) * step_s)

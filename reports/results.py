@@ -45,6 +45,8 @@ class PlanResult:
     Draws of what varies from day to day give `finish_probability` (of being done by the deadline and before the rain)
     with its 95 % interval, quantiles of the time (`p50_s`, `p80_s`, `p95_s`) and money in the mean: `paid_cost`, and
     `expected_cost` with ground that is late on top, with its standard error.
+    `refills` counts the stops of all tractors at which a tank was filled or emptied, `refilling_s` their time; None
+    where nothing is carried.
     `bound_s` is the time that a plan takes at least which was not simulated, as another one is quicker than that.
     """
 
@@ -88,6 +90,8 @@ class PlanResult:
     expected_cost_error: float | None = None
     paid_cost: float | None = None
     bound_s: float | None = None
+    refills: int | None = None
+    refilling_s: float | None = None
 
 
 def finish_s(plan: PlanResult) -> float:
@@ -170,8 +174,9 @@ class Step:
     """One thing after another that a tractor does: a row of the list that its driver takes along.
 
     `kind` is "track", "round" (one side of it), "corner" (between two sides of a round), "turn" or "way" (to the next
-    track or round), "wait" or "drive". `number` counts the track or round from 1, `part` names the piece of a track
-    ("a", "b", ...) or the side of a round ("1", "2", ...), "" where there is only one; for turns and ways both are
+    track or round), "wait", "drive", "refill-way" (to where a tank is filled or emptied) or "refill" (of `amount`).
+    `number` counts the track or round from 1, `part` names the piece of a track ("a", "b", ...) or the side of a round
+    ("1", "2", ...), "" where there is only one; for turns and ways both are
     those led to, and `to_round` says which they are. `again` marks what goes on after a wait. It begins at `from_s` and
     takes `seconds`, over `length_m`; `bearing_deg` is the direction worked in, clockwise from north. A turn leads over
     `over` tracks in the `shape` of a "u", "omega" or "switch-back" ("" for none of these); `for_tractors` are those,
@@ -192,6 +197,7 @@ class Step:
     over: int | None = None
     shape: str = ""
     for_tractors: tuple[int, ...] = ()
+    amount: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +225,8 @@ class Drive:
 
     `boundary` and `holes` are rings (n, 2) in metres; `tracks` (k, 2, 2) the swath centre lines. Per tractor `xy`
     (t, 2) of the guided point, `status` (t,) (0 finished, 1 working, 2 turning, 3 waiting, 4 reversing) every
-    `step_s`; `seconds` maps working / turning / waiting / reversing to one value per tractor. `missed` are rings (n, 2)
+    `step_s`; `seconds` maps working / turning / waiting / reversing, and refilling (status 5) where that is
+    done, to one value per tractor. `missed` are rings (n, 2)
     around ground that is left open, counter-clockwise, and clockwise round what is worked inside it; `largest_missed`
     is the largest piece of it. `track_names` are what tracks are called, by default their places from 1; `rounds` are
     those of the headland that are worked, `cells` the parts of a field that has several, `obstacles` rings (n, 2)

@@ -14,6 +14,10 @@ def step_words(step: Step) -> str:
     """A step in a few words."""
     if step.kind == "wait":
         return f"wait{_for(step.for_tractors)}"
+    if step.kind == "refill":
+        return "refill" if step.amount is None else f"refill or unload {step.amount:.0f} l or kg"
+    if step.kind == "refill-way":
+        return "way to where it refills"
     if step.kind == "drive":
         return "drive on"
     goal = goal_words(step)

@@ -47,7 +47,7 @@ class _PlanColumn:
 class _RankingTable:
     """Strategy and turn have a column each where all headings have room, else they share one.
 
-    `deadline`, `left` and `chances` tell whether there is anything to say in the columns on them.
+    `deadline`, `left`, `chances` and `refills` tell whether there is anything to say in the columns on them.
     """
 
     plans: tuple[PlanResult, ...]
@@ -55,9 +55,10 @@ class _RankingTable:
     deadline: bool
     left: bool
     chances: bool
+    refills: bool = False
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        told = self.deadline, self.left, self.chances
+        told = self.deadline, self.left, self.chances, self.refills
         wide = self._table(_columns(True, *told))
         yield wide if wide.fits(options.max_width) else self._table(_columns(False, *told))
 
@@ -85,7 +86,8 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         deadline = any(plan.meets_deadline is not None for plan in shown)
         left = any(plan.missed_m2 is not None for plan in shown)
         chances = any(plan.finish_probability is not None for plan in shown)
-        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline, left, chances)]
+        refills = any(plan.refills is not None for plan in shown)
+        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline, left, chances, refills)]
         more = len(plans) - len(shown)
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown; --all shows every plan."
         legend = "Times are h:mm:ss. * nobody is faster with as few tractors (Pareto front)."
@@ -106,7 +108,7 @@ def _shown(ranking: Ranking, plans: list[PlanResult], most: int | None) -> list[
     return [p for index, p in enumerate(plans) if index < most or p.on_pareto_front or p is ranking.best]
 
 
-def _columns(wide: bool, deadline: bool, left: bool, chances: bool) -> list[_PlanColumn]:
+def _columns(wide: bool, deadline: bool, left: bool, chances: bool, refills: bool) -> list[_PlanColumn]:
     """Rank, fleet, names, time, cost and deadline stay longest: they are the answer."""
     names = (
         [
@@ -130,6 +132,9 @@ def _columns(wide: bool, deadline: bool, left: bool, chances: bool) -> list[_Pla
         _PlanColumn(Column("Overlap %", "Over-\nlap %", drop=8), lambda p: number(p.overlap_pct, 1)),
         _PlanColumn(Column("Clearance m", "Clear\nm", drop=7), lambda p: number(clearance(p), 2)),
     ]
+    if refills:
+        place = [column.column.heading for column in columns].index("Turning")
+        columns.insert(place, _PlanColumn(Column("Refills", "Re-\nfills", drop=3), lambda p: number(p.refills, 0)))
     if left:
         place = [column.column.heading for column in columns].index("Overlap %")
         columns.insert(place, _PlanColumn(Column("Left ha", "Left\nha", drop=4), lambda p: hectares(p.missed_m2)))

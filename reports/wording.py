@@ -252,7 +252,14 @@ def _advice_words(ranking: Ranking) -> list[str]:
 
 def _told(ranking: Ranking, plan: PlanResult) -> str:
     leaves = "" if left(plan) is None else f", leaves {left(plan)}"
-    return f"{_what(plan)}, done in {_when(ranking, plan.time_s)}{_at_cost(plan)}{leaves}"
+    return f"{_what(plan)}, done in {_when(ranking, plan.time_s)}{_refills(plan)}{_at_cost(plan)}{leaves}"
+
+
+def _refills(plan: PlanResult) -> str:
+    """`` with 3 refills``; nothing where nothing is carried."""
+    if plan.refills is None:
+        return ""
+    return f" with {plan.refills or 'no'} refill{'' if plan.refills == 1 else 's'}"
 
 
 def closest(ranking: Ranking) -> str:

@@ -6,6 +6,8 @@
     timing                  the seconds that turns take, simulated
     orders                  which track next, and which tractor takes it
     headland                the rounds round the field and its holes
+    supply                  what a tractor carries and uses at work
+    refilling               refills, and loads to be brought away: orders in loads, ways to the place, the queue there
     separate                what strategies share whose tractors each have tracks of their own
     formations              what strategies share whose tractors work abreast
     record, names, registry what a strategy is to others; all of them by name

@@ -10,6 +10,7 @@ import numpy as np
 
 from fields.layout import Layout, Track
 from fields.rounds import Round
+from strategies.supply import Supply
 from strategies.ways.around import Around
 from strategies.ways.connect import Connector
 from strategies.ways.fence import Fence, inside
@@ -64,7 +65,8 @@ class Job:
     obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
     Ways once worked out are kept in `ways`, as strategies ask for the same ones, and `tables` of turns
     (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared out; jobs of
-    one site have these three in common. `used` counts turns driven by kind.
+    one site have these three in common. `supply` is what every tractor carries, None for nothing. `used` counts turns
+    driven by kind.
     """
 
     layout: Layout
@@ -84,6 +86,7 @@ class Job:
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     tables: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
     sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)
+    supply: Supply | None = None
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:

@@ -11,6 +11,7 @@ from strategies.orders.sequence import Searched, patterned, searched
 from strategies.orders.shares import balanced, cut
 from strategies.orders.table import TurnTable
 from strategies.record import Strategy
+from strategies.refilling.tracks import searched_in_loads
 from strategies.separate import lines_of, plan_of
 from vehicle.missions import Plan
 
@@ -33,7 +34,8 @@ def split_field(job: Job) -> Plan:
 
     def block(first: int, last: int) -> Searched:
         if (first, last) not in known:
-            known[first, last] = searched(_tracks(lines, first, last), job, table)
+            best = searched(_tracks(lines, first, last), job, table)
+            known[first, last] = best if job.supply is None else searched_in_loads(best, job, table, job.supply)
         return known[first, last]
 
     borders = balanced(borders, lambda first, last: block(first, last).seconds)

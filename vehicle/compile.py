@@ -101,6 +101,7 @@ def compile_plan(plan: Plan, tractor: Tractor) -> CompiledPlan:
     counts = np.array([len(mission.legs) for mission in plan.missions])
     ends = np.cumsum(counts)
     states["leg"] = states["first_leg"] = ends - counts
+    states["stand_left"] = [mission.legs[0].stand_s for mission in plan.missions]
     states["last_leg"] = ends - 1
     states["stage"], states["status"] = 1, 3
     for state, mission in zip(states, plan.missions, strict=True):
@@ -127,6 +128,7 @@ def _leg_rows(plan: Plan, tractor: Tractor) -> Array:
     rows = np.zeros(len(legs), dtype=LEG)
     rows["speed"] = [leg.speed_mps for leg in legs]
     rows["lookahead"] = np.where([leg.task.works for leg in legs], guidance.lookahead_m, guidance.turn_lookahead_m)
+    rows["stand"] = [leg.stand_s for leg in legs]
     rows["gear"] = [leg.gear for leg in legs]
     rows["implement"] = [leg.implement for leg in legs]
     index = {name: ground_index(name) for name in {leg.ground for leg in legs}}

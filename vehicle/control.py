@@ -11,7 +11,7 @@ from vehicle.driveline import STOPPED_MPS
 from vehicle.guidance import project, steering_command, target_point, wrapped
 from vehicle.instruments import seen_pose
 from vehicle.jit import compiled
-from vehicle.layout import FINISHED, REVERSING, TURNING, WAITING, WORKING
+from vehicle.layout import FINISHED, REVERSING, STANDING, TURNING, WAITING, WORKING
 from vehicle.speed import approach_speed, follower_speed
 
 ARRIVED_M = 0.08
@@ -56,8 +56,14 @@ def steer(state, model, leg, points, cumulative) -> None:  # type: ignore[no-unt
 
 
 @compiled
+def rolls_on(leg: int, legs) -> bool:  # type: ignore[no-untyped-def]
+    """Whether the leg after this one is begun without a halt."""
+    return legs[leg + 1].gear == legs[leg].gear and legs[leg + 1].stand == 0.0  # type: ignore[no-any-return]
+
+
+@compiled
 def allowed_speed(state, model, legs, gates, states) -> tuple[float, bool]:  # type: ignore[no-untyped-def]
-    """Speed that still respects every leg end, gate and gear change ahead, and whether a closed gate is what binds."""
+    """Speed that still respects every leg end, gate, stand and gear change ahead, and whether a closed gate binds."""
     deceleration = model.acceleration
     brake_range = 0.5 * state.forward * state.forward / deceleration + 1.0
     leg = state.leg
@@ -65,7 +71,7 @@ def allowed_speed(state, model, legs, gates, states) -> tuple[float, bool]:  # t
     while True:
         distance = legs[leg].end - state.progress
         closed = leg < state.last_leg and not gates_open(leg + 1, legs, gates, states)
-        if leg == state.last_leg or closed or legs[leg + 1].gear != legs[leg].gear:
+        if leg == state.last_leg or closed or not rolls_on(leg, legs):
             if distance < ARRIVED_M:
                 return 0.0, closed
             return min(speed, max(approach_speed(distance - ARRIVED_M, 0.0, deceleration), CREEP_MPS)), False
@@ -77,7 +83,7 @@ def allowed_speed(state, model, legs, gates, states) -> tuple[float, bool]:  # t
 
 @compiled
 def advance_leg(state, model, legs, gates, states, time) -> None:  # type: ignore[no-untyped-def]
-    """Enter the next leg when this one is driven, its gates are open and, at a gear change, the tractor stands."""
+    """Enter the next leg when this one is driven, its gates are open and, where it must halt, the tractor stands."""
     while True:
         leg = state.leg
         left = legs[leg].end - state.progress
@@ -86,18 +92,20 @@ def advance_leg(state, model, legs, gates, states, time) -> None:  # type: ignor
             if left < 2.0 * ARRIVED_M and standing:
                 state.done, state.done_time, state.status = 1, time, FINISHED
             return
-        same_gear = legs[leg + 1].gear == legs[leg].gear
-        if same_gear and left > 0.0 and not (left < 2.0 * ARRIVED_M and standing):
+        rolls = rolls_on(leg, legs)
+        if rolls and left > 0.0 and not (left < 2.0 * ARRIVED_M and standing):
             return
-        if not same_gear and not (left < 2.0 * ARRIVED_M and standing):
+        if not rolls and not (left < 2.0 * ARRIVED_M and standing):
             return
         if not gates_open(leg + 1, legs, gates, states):
             return
         state.leg = leg + 1
-        if not same_gear:
+        state.stand_left = legs[leg + 1].stand
+        if legs[leg + 1].gear != legs[leg].gear:
             state.progress = legs[leg].end
             state.segment = legs[leg + 1].first_segment
             state.shift_left, state.align_left = model.shift_time, ALIGN_LIMIT_S
+        if not rolls:
             return
 
 
@@ -118,6 +126,10 @@ def control_tick(me, states, models, legs, gates, points, cumulative, time, peri
     advance_leg(state, model, legs, gates, states, time)
     if state.done == 1:
         state.target_speed = 0.0
+        return
+    if state.stand_left > 0.0:
+        state.stand_left -= period
+        state.target_speed, state.working, state.status = 0.0, 0.0, STANDING
         return
     leg = legs[state.leg]
     speed, held = allowed_speed(state, model, legs, gates, states)

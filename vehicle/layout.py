@@ -119,6 +119,7 @@ STATE = np.dtype(
         ("lateral", "f8"),
         ("shift_left", "f8"),
         ("align_left", "f8"),
+        ("stand_left", "f8"),
         ("done_time", "f8"),
         ("error_x", "f8"),
         ("error_y", "f8"),
@@ -150,6 +151,7 @@ LEG = np.dtype(
         ("speed", "f8"),
         ("lookahead", "f8"),
         ("gap", "f8"),
+        ("stand", "f8"),
         ("gear", "i8"),
         ("implement", "i8"),
         ("ground", "i8"),
@@ -172,4 +174,4 @@ REC_PLACE, REC_POSE = slice(REC_X, REC_ANGLE), slice(REC_X, REC_STEERING)
 BODY = ("x", "y", "angle", "vx", "vy", "spin")
 BODY_X, BODY_Y, BODY_ANGLE, BODY_VX, BODY_VY, BODY_SPIN = range(len(BODY))
 BODY_WIDTH, BODY_PLACE, BODY_VELOCITY = len(BODY), slice(BODY_X, BODY_ANGLE), slice(BODY_VX, BODY_SPIN)
-WORKING, TURNING, WAITING, REVERSING, FINISHED = 1, 2, 3, 4, 0
+WORKING, TURNING, WAITING, REVERSING, STANDING, FINISHED = 1, 2, 3, 4, 5, 0

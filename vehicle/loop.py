@@ -116,7 +116,7 @@ def run_loop(  # type: ignore[no-untyped-def]
         read_count[0] = 0
         call_each(addresses[EACH_BODY], addresses[SPACE], addresses[GET_BODY], addresses[READ_DATA])
         if step % every == 0:
-            total, running = 0.0, 0
+            total, running, standing = 0.0, 0, 0
             for i in range(count):
                 state = states[i]
                 state.x, state.y, state.angle = read[READ_WIDTH * i], read[READ_WIDTH * i + 1], read[READ_WIDTH * i + 2]
@@ -129,6 +129,7 @@ def run_loop(  # type: ignore[no-untyped-def]
                 control_tick(i, states, models, legs, gates, points, cumulative, time, every * dt)
                 total += states[i].progress
                 running += 1 - states[i].done
+                standing += states[i].stand_left > 0.0 and states[i].started == 1
             note(record, rows, states)
             rows += 1
             if count > 1:
@@ -137,7 +138,7 @@ def run_loop(  # type: ignore[no-untyped-def]
                     return TOO_CLOSE, rows, first, second
             if running == 0:
                 return ALL_DONE, rows, -1, -1
-            if total > clock[1] + 0.05:
+            if total > clock[1] + 0.05 or standing > 0:
                 clock[1], clock[2] = total, time
             elif time - clock[2] > stall_s:
                 return STALLED, rows, -1, -1

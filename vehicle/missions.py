@@ -18,8 +18,8 @@ import numpy.typing as npt
 from vehicle.errors import MissionError
 from vehicle.ground import ground_names
 
-TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE = "track", "round", "turn", "way", "drive-in", "drive"
-TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE)
+TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, REFILL = "track", "round", "turn", "way", "drive-in", "drive", "refill"
+TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, REFILL)
 JOINT_M = 0.1  # ends of consecutive legs may differ by this much
 Points = npt.NDArray[np.float64]
 
@@ -47,9 +47,9 @@ class Task:
     """What a leg is for.
 
     `kind` is "track" (working a track), "round" (working a round of the headland), "turn" (to the next track, in one
-    go), "way" (a longer route to it), "drive-in" (from the headland line until the implement is over it) or "drive"
-    (anything else). `number` is the track or round that is worked or led to, None where there is none; `piece` counts
-    the pieces of an interrupted track.
+    go), "way" (a longer route to it), "drive-in" (from the headland line until the implement is over it), "refill" (to
+    where the tank is made good) or "drive" (anything else). `number` is the track or round that is worked or led to,
+    None where there is none; `piece` counts the pieces of an interrupted track.
     """
 
     kind: str = DRIVE
@@ -71,7 +71,8 @@ class Leg:
     """A polyline (n, 2) in metres to be driven in one gear at one target speed.
 
     `gear` is 1 or -1; `implement` tells whether it works. `may_wait` marks a hold point: a tractor that must give way
-    may be told to stand before this leg, where it is in nobody's way.
+    may be told to stand before this leg, where it is in nobody's way. Before it begins, its gates open, it stands for
+    `stand_s` seconds: something is refilled or unloaded.
     """
 
     points: Points
@@ -83,6 +84,7 @@ class Leg:
     may_wait: bool = False
     gates: tuple[Gate, ...] = ()
     follow: Follow | None = None
+    stand_s: float = 0.0
 
     @cached_property
     def length_m(self) -> float:
@@ -165,6 +167,8 @@ def _leg_fault(leg: Leg) -> str:
         return f"gear {leg.gear} is unknown; use 1 (forward) or -1 (reverse)."
     if not (leg.speed_mps > 0 and math.isfinite(leg.speed_mps)):
         return f"speed {leg.speed_mps} m/s is not above 0; gear -1 drives backwards."
+    if not (leg.stand_s >= 0 and math.isfinite(leg.stand_s)):
+        return f"a stand of {leg.stand_s} s before it is no time; use 0 or more."
     if leg.ground not in ground_names():
         return f"ground {leg.ground!r} is unknown; use one of: {', '.join(ground_names())}."
     if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):

@@ -70,6 +70,8 @@ def _leg_to_dict(leg: Leg) -> dict[str, Any]:
         "points_m": leg.points.tolist(),
         "gates": [{"tractor": g.tractor, "leg": g.leg, "after_m": g.after_m} for g in leg.gates],
     }
+    if leg.stand_s:
+        entry["stand_s"] = leg.stand_s
     if leg.follow:
         entry["follow"] = {"tractor": leg.follow.tractor, "leg": leg.follow.leg, "gap_m": leg.follow.gap_m}
     return entry
@@ -138,6 +140,7 @@ def _leg_from_dict(entry: dict[str, Any]) -> Leg:
         may_wait=_exactly(entry, "may_wait", bool),
         gates=tuple(Gate(int(g["tractor"]), int(g["leg"]), float(g["after_m"])) for g in entry["gates"]),
         follow=Follow(int(follow["tractor"]), int(follow["leg"]), float(follow["gap_m"])) if follow else None,
+        stand_s=float(entry.get("stand_s", 0.0)),
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.layout import REC_LEG, REC_POSE, REC_STATUS, REVERSING, TURNING, WAITING, WORKING
+from vehicle.layout import REC_LEG, REC_POSE, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
 from vehicle.missions import Plan
 
 DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
@@ -66,6 +66,11 @@ class Run:
         """Time per tractor in a status of vehicle.layout (tractors,)."""
         step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
         return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
+
+    @property
+    def standing_s(self) -> npt.NDArray[np.float64]:
+        """Seconds per tractor of standing before legs that ask for it: what is refilled or unloaded."""
+        return self.seconds(STANDING)
 
     def time_shares(self) -> dict[str, npt.NDArray[Any]]:
         """Seconds per tractor of working, turning, waiting and reversing."""

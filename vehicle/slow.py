@@ -94,7 +94,8 @@ def _judge(scene: Scene, time: float, stop: tuple[float, float], stall_s: float)
     if (states["done"] == 1).all():
         return ALL_DONE, (-1, -1)
     total = float(states["progress"].sum())
-    if total > scene.clock[1] + 0.05:
+    standing = ((states["stand_left"] > 0.0) & (states["started"] == 1)).any()
+    if total > scene.clock[1] + 0.05 or standing:
         scene.clock[1], scene.clock[2] = total, time
     elif time - scene.clock[2] > stall_s:
         return STALLED, (-1, -1)

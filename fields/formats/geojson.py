@@ -13,7 +13,8 @@ from fields.reading import parse_fault, read_text
 HEADER = "headland"
 """Foreign member (RFC 7946, section 6.1) with the frame of the file; written by ``write_field``."""
 BOUNDARY, ZONE, ENTRANCE, OBSTACLE, EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
-NO_BOUNDARY = (OBSTACLE, ENTRANCE)
+REFILL = "refill"
+NO_BOUNDARY = (OBSTACLE, ENTRANCE, REFILL)
 """Roles of polygons that are certainly no field."""
 LINES = ("LineString", "MultiLineString")
 KINDS_SHOWN, ROLE_SHOWN = 6, 30
@@ -49,9 +50,8 @@ def parse(text: str, label: str) -> Document:
     return Document(
         polygons=polygons,
         zones=zones,
-        entrances=tuple(
-            _member(feature, "geometry").get("coordinates") for feature in features if _use(feature) == ENTRANCE
-        ),
+        entrances=_points(features, ENTRANCE),
+        refills=_points(features, REFILL),
         crs=_crs(root, label),
         frame=_frame(header, label),
         header=header,
@@ -60,6 +60,11 @@ def parse(text: str, label: str) -> Document:
         obstacles=_parts_of(features, OBSTACLE, label),
         edges=_parts_of(features, EDGE, label),
     )
+
+
+def _points(features: list[dict[str, Any]], use: str) -> tuple[Any, ...]:
+    """Coordinates of the points that are read as entrances, or as places to refill."""
+    return tuple(_member(feature, "geometry").get("coordinates") for feature in features if _use(feature) == use)
 
 
 def _features(root: dict[str, Any], label: str) -> list[dict[str, Any]]:
@@ -127,8 +132,8 @@ def _use(feature: dict[str, Any]) -> str:
     """What a feature is read as, "" for nothing. A polygon with a role of something else is no boundary."""
     kind, properties = _member(feature, "geometry").get("type"), _member(feature, "properties")
     role = properties.get("role")
-    if kind == "Point" and role == ENTRANCE:
-        return ENTRANCE
+    if kind == "Point" and role in (ENTRANCE, REFILL):
+        return str(role)
     if role == OBSTACLE and kind in GEOMETRIES and kind != "GeometryCollection":
         return OBSTACLE
     if kind in LINES and properties.get("edge") is not None:

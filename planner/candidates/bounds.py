@@ -1,4 +1,4 @@
-"""The least time a plan can take: every leg at the speed it asks for, and nobody before the gates let it.
+"""The least time a plan can take: every leg at the speed and with the stand it asks for, nobody before its gates open.
 
 No tractor drives a leg faster than the leg's speed, so that no run of a plan is done sooner, whoever gives way in it.
 """
@@ -24,7 +24,8 @@ class _Clock:
         if gate.leg >= len(begun):
             return None
         leg = self.legs[gate.tractor][gate.leg]
-        return begun[gate.leg] + min(gate.after_m, leg.length_m) / leg.speed_mps
+        stood = leg.stand_s if gate.after_m > 0.0 else 0.0
+        return begun[gate.leg] + stood + min(gate.after_m, leg.length_m) / leg.speed_mps
 
     def advance(self, tractor: int) -> bool:
         """Let a tractor drive on to a gate that is not known to open; whether it drove."""
@@ -37,7 +38,7 @@ class _Clock:
             if len(known) < len(opened):
                 break
             begun.append(max([self.free[tractor], *known]))
-            self.free[tractor] = begun[-1] + leg.length_m / leg.speed_mps
+            self.free[tractor] = begun[-1] + leg.stand_s + leg.length_m / leg.speed_mps
         return len(begun) > before
 
 

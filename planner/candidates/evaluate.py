@@ -10,6 +10,7 @@ import numpy as np
 from fields.layout import Layout
 from planner.candidates.choosing import promising
 from planner.candidates.headland import headland_s, with_headland
+from planner.candidates.refills import check_leave, crowded, refilled
 from planner.candidates.slowing import cures, promised_m, slowed
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.candidates.within_reach import built_within_reach
@@ -127,11 +128,13 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
         refine = strategy.refine
         return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
 
+    check_leave(job, strategy)
     give_way = _give_way(site)
     refined, reached = built_within_reach(job, build)
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
-    for choices in with_headland(site, job, refined):
+    for dry in with_headland(site, job, refined):
+        choices = refilled(job, strategy, dry)
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
         driven = [each for each in runs if each.reason is None]
         if driven:
@@ -166,7 +169,7 @@ def _run_plan(
     run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
         run, worst = _steadied(site, run, simulate, repairs, give_way)
-        reason = _fault(site, run, worst)
+        reason = _fault(site, run, worst) or crowded(run, job)
     told = [] if reason else _told(site, run, worst)
     return CandidateRun(run, reason, _turns(job), _joined(refined.remark, *told))
 
@@ -260,7 +263,7 @@ def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
 
 def _patience_s(plan: Plan) -> float:
     """More than the plan takes with only one tractor moving at a time: whoever is not done by then never will be."""
-    driven = sum(leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
+    driven = sum(leg.stand_s + leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
     return 600.0 + 2.0 * driven
 
 
@@ -312,4 +315,6 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         remark=tried.remark,
         rounds=site.layout.rounds,
         headland_s=headland_s(run),
+        refills=None if site.supply is None else len(run.plan.notes.get("refills", ())),
+        refilling_s=None if site.supply is None else float(run.standing_s.sum()),
     )

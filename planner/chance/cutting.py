@@ -102,7 +102,7 @@ def _cut_plan(plan: Plan, places: dict[tuple[int, int], list[Cut]]) -> Plan:
 
 
 def _parts(leg: Leg, metres: list[float]) -> list[Leg]:
-    """A leg in parts; the gates stand before the first."""
+    """A leg in parts; gates and stand come before the first."""
     if not metres:
         return [leg]
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T))))
@@ -111,7 +111,7 @@ def _parts(leg: Leg, metres: list[float]) -> list[Leg]:
     for number, (start, end) in enumerate(pairwise(edges)):
         points = _between(leg.points, along, start, end)
         part = replace(leg, points=points)
-        parts.append(part if number == 0 else replace(part, gates=(), may_wait=False))
+        parts.append(part if number == 0 else replace(part, gates=(), may_wait=False, stand_s=0.0))
     return parts
 
 

@@ -143,7 +143,7 @@ def _driven(walk: _Walk, limit: Array, keep: bool) -> Sample:
     for node in graph.order:
         own, seconds = int(graph.tractor[node]), float(graph.driven_s[node])
         factor, to = walk.factor(node), links_to.get(node, [])
-        begin = walk.waits(to, walk.now[own], at_end=False)
+        begin = walk.waits(to, walk.now[own], at_end=False) + graph.stand_s[node]
         driven = seconds * factor
         end = walk.waits(to, walk.held(own, seconds, begin + driven), at_end=True)
         walk.opens(links_from.get(node, []), own, begin, factor, seconds)

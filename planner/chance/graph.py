@@ -1,6 +1,7 @@
 """Legs and gates of a run as a graph: how long every leg takes by itself, and who waits for whom.
 
-A leg begins when the one before it is driven and every gate before it is open, then takes its own seconds. Waiting is
+A leg begins when the one before it is driven and every gate before it is open; then a tractor stands for as long as the
+leg says, which does not vary, and drives for its own seconds. Waiting is
 taken out of those, and with it what a tractor loses by braking for a closed gate and by moving off again: the first
 is part of the waiting, the second comes back as `Link.delay_s` wherever a gate does hold it. Where a gate opened just
 before a tractor came, the delay is what the run shows.
@@ -16,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.layout import REC_SPEED, WAITING
+from vehicle.layout import REC_SPEED, STANDING, WAITING
 from vehicle.missions import TRACK, Leg, Mission
 from vehicle.run import DONE, Run
 
@@ -46,8 +47,9 @@ class Link:
 class Graph:
     """All legs of a plan, numbered tractor after tractor; arrays (n,) unless said otherwise.
 
-    `driven_s` are seconds of driving without waiting. `group` numbers passes and turns within each tractor: legs of one
-    share their luck; `kind` is PASS, TURN_ONE (over one track) or TURN_MORE. `worked_m` are metres with the implement
+    `driven_s` are seconds of driving without waiting and standing, `stand_s` those of standing before it. `group`
+    numbers passes and turns within each tractor: legs of one share their luck; `kind` is PASS, TURN_ONE (over one
+    track) or TURN_MORE. `worked_m` are metres with the implement
     down. `order` are all nodes, each after those it waits for. `links` are sorted by `after`.
     """
 
@@ -60,6 +62,7 @@ class Graph:
     worked_m: Array
     order: tuple[int, ...]
     links: tuple[Link, ...]
+    stand_s: Array
 
     @property
     def nodes(self) -> int:
@@ -83,11 +86,17 @@ class _Rows:
     waiting: Array
     braking: Array
     starting: Array
+    standing: Array
     restart_s: dict[int, float]
 
     def begun_s(self, leg: int) -> float:
         """When a leg was begun at full speed, in effect."""
-        return float(self.time[self.begin[leg]]) + self.restart_s.get(leg, 0.0)
+        return float(self.time[self.begin[leg]]) + self.stood_s(leg) + self.restart_s.get(leg, 0.0)
+
+    def stood_s(self, leg: int) -> float:
+        """For how long the tractor stood before a leg, its gates open."""
+        end = self.begin[leg + 1] if leg + 1 < len(self.begin) else len(self.standing)
+        return float(self.standing[self.begin[leg] : end].sum())
 
 
 def graph_of(run: Run) -> Graph:
@@ -112,6 +121,7 @@ def graph_of(run: Run) -> Graph:
         worked_m=np.array([leg.length_m * leg.implement for mission in missions for leg in mission.legs]),
         order=_order(first, sum(counts), links, begun),
         links=tuple(links),
+        stand_s=np.array([one.stood_s(leg) for one, count in zip(rows, counts, strict=True) for leg in range(count)]),
     )
 
 
@@ -131,7 +141,7 @@ def _rows(run: Run, tractor: int) -> _Rows:
     braking, starting = np.zeros(count), np.zeros(count)
     restart: dict[int, float] = {}
     gears = np.array([leg.gear for leg in legs])[on]
-    slow = (speed < CRUISING * wanted) & ~waits
+    slow = (speed < CRUISING * wanted) & ~waits & (run.status(tractor)[:count] != STANDING)
     most = round(LONGEST_MOVE_S / step) if step else 0
     for start, end in _runs_of(waits):
         if start and gears[start] == gears[start - 1]:
@@ -144,7 +154,8 @@ def _rows(run: Run, tractor: int) -> _Rows:
             restart[int(on[end])] = float(starting[end:on_way].sum())
     begin = np.minimum(np.searchsorted(on, np.arange(len(legs))), count)
     time = np.append(run.time_s[:count], finish)
-    return _Rows(begin, time, seconds, speed * seconds, seconds * waits, braking, starting, restart)
+    stands = seconds * (run.status(tractor)[:count] == STANDING)
+    return _Rows(begin, time, seconds, speed * seconds, seconds * waits, braking, starting, stands, restart)
 
 
 def _runs_of(flags: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
@@ -169,7 +180,7 @@ def _ahead(flags: npt.NDArray[np.bool_], row: int, most: int) -> int:
 
 def _driven(rows: _Rows) -> Array:
     """Seconds of driving per leg, without waiting and what waiting costs before and after."""
-    own = rows.seconds - rows.waiting - rows.braking - rows.starting
+    own = rows.seconds - rows.waiting - rows.braking - rows.starting - rows.standing
     total = np.concatenate(([0.0], np.cumsum(own)))
     ends = np.append(rows.begin[1:], len(own))
     return np.asarray(total[ends] - total[rows.begin])
@@ -211,7 +222,7 @@ def _links(run: Run, first: tuple[int, ...], rows: list[_Rows]) -> list[Link]:
     for tractor, mission in enumerate(run.plan.missions):
         for index, leg in enumerate(mission.legs):
             after = first[tractor] + index
-            stands = index == 0 or mission.legs[index - 1].gear != leg.gear
+            stands = index == 0 or mission.legs[index - 1].gear != leg.gear or leg.stand_s > 0.0
             for gate in leg.gates:
                 ahead = rows[gate.tractor]
                 offset = _offset(ahead, gate.leg, gate.after_m, run.plan.missions[gate.tractor])
@@ -230,7 +241,7 @@ def _offset(rows: _Rows, leg: int, metres: float, mission: Mission) -> float:
     end = int(rows.begin[leg + 1]) if leg + 1 < len(rows.begin) else len(rows.seconds)
     if end <= start or metres <= 0.0:
         return 0.0
-    own = (rows.seconds - rows.waiting - rows.starting)[start:end]
+    own = (rows.seconds - rows.waiting - rows.starting - rows.standing)[start:end]
     driven = np.concatenate(([0.0], np.cumsum(rows.metres[start:end])))
     share = min(1.0, metres / mission.legs[leg].length_m)
     return float(np.interp(share * driven[-1], driven, np.concatenate(([0.0], np.cumsum(own)))))

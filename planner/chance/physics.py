@@ -86,7 +86,8 @@ def scaled(plan: Plan, graph: Graph, factor: Array, acceleration_mps2: float = A
         own = zip(mission.legs, graph.driven_s[nodes].tolist(), factor[nodes].tolist(), strict=True)
         legs = []
         for index, (leg, driven_s, share) in enumerate(own):
-            standing = (gears[index] != leg.gear) + (gears[index + 2] != leg.gear)
+            halts = index + 1 < len(mission.legs) and mission.legs[index + 1].stand_s > 0.0
+            standing = (gears[index] != leg.gear or leg.stand_s > 0.0) + (gears[index + 2] != leg.gear or halts)
             lag = 0.5 * standing / acceleration_mps2
             legs.append(replace(leg, speed_mps=_speed(leg, driven_s, share, lag)))
         missions.append(Mission(tuple(legs)))

@@ -43,6 +43,7 @@ NO_PLAN_STATUS = 3
 DEFAULT_FIELD = "iwamizawa"
 RAIN = "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
 KEEP = "Of many fields: keep answers in this .jsonl file as they are known; run again, what is in it is not redone."
+REFILL = "Where a tank is filled or emptied: headland, tender or a place LON,LAT (X,Y with --local)."
 BEFORE = "Deadline, hh:mm; not after the start: next day. Best is then the cheapest plan in time (late ground counts)."
 
 
@@ -76,6 +77,7 @@ def plan(
     tractor: TractorOption = "eg105",
     draws: Annotated[Optional[int], typer.Option(help="Draws of what varies; with --before or --rain 10000.")] = None,  # noqa: UP045
     rain: Annotated[Optional[str], typer.Option(help=RAIN)] = None,  # noqa: UP045
+    refill: Annotated[Optional[str], typer.Option(help=REFILL)] = None,  # noqa: UP045
     prefer: Annotated[Optional[str], typer.Option(help="fastest, cheapest or surest: what the best plan is.")] = None,  # noqa: UP045
     farm: FarmOption = None,
     implement: ImplementOption = None,
@@ -116,7 +118,7 @@ def plan(
         field, local, wanted.widths_m[0], tractors, strategies, turn, start, before, price_per_hour,
         price_per_tractor, speed_kmh, turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss,
         gnss_table, operation, headland_order(headland_first, headland_last), corners, tracks_only, cell_bearing or [],
-        draws, rain, prefer,
+        draws, rain, prefer, refill,
     )  # fmt: skip
     if wanted.many or keep is not None:
         _of_one_field(("--html", html), ("--png", png), ("--save", save))
@@ -139,7 +141,7 @@ def _scenario(
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
     order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
-    rain: str | None, prefer: str | None,
+    rain: str | None, prefer: str | None, refill: str | None,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import KMH, Scenario, parse_cell_bearings, parse_clock, parse_counts, parse_strategies
 
@@ -173,6 +175,7 @@ def _scenario(
         draws=draws,
         rain=rain,
         prefer=prefer,
+        refill=refill,
     )
 
 
@@ -195,7 +198,7 @@ def _planned(asked: Asked, hands: Hands, pictures: bool) -> Planned:
     with hands.executor(len(candidates(scenario))) as executor, progress_bar("Simulating plans") as progress:
         return simulate_all(
             scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances, terms=asked.terms,
-            executor=executor, progress=progress, pictures=pictures,
+            supply=asked.supply, executor=executor, progress=progress, pictures=pictures,
         )  # fmt: skip
 
 
@@ -240,8 +243,11 @@ def _saved(planned: Planned, run: Run) -> str:
     """The best plan's file."""
     from dataclasses import asdict
 
+    from planner.refill import on_earth
     from vehicle.plan_file import plan_to_json
 
     field = planned.site.layout.field
-    text = plan_to_json(run.plan, crs=field.crs, origin_m=field.origin_m, scenario=asdict(planned.site.scenario))
+    text = plan_to_json(
+        on_earth(run.plan, field), crs=field.crs, origin_m=field.origin_m, scenario=asdict(planned.site.scenario)
+    )
     return text + "\n"

@@ -8,6 +8,7 @@ from pydantic import Field, StrictInt, model_validator
 
 from planner.farm.values import Section, number, other
 from planner.scenario import FASTEST_KMH, HIGHEST_PRICE, KMH, LONGEST_M, MOST_TRACTORS, SLOWEST_KMH
+from strategies.supply import Supply
 from vehicle.datasheet import Datasheet, tractor_from
 from vehicle.tractor import Implement, Tractor, load_tractor
 
@@ -89,6 +90,12 @@ class FarmImplement(Section):
         if self.capacity is None or self.rate_per_m2 is None:
             return None
         return self.capacity / self.rate_per_m2
+
+    def supply(self, refill_s: float) -> Supply | None:
+        """What it carries, with stops of so many seconds to make that good; None where it carries nothing."""
+        if self.capacity is None or self.rate_per_m2 is None:
+            return None
+        return Supply(self.capacity, self.rate_per_m2, refill_s, self.collects)
 
     @property
     def mounted(self) -> Implement:

@@ -3,7 +3,10 @@
 Table 1: n parallel tracks of equal length, a path through all of them, every turn an omega or a U in closed form: the
 proven optimum (a circuit model in which every arc is allowed; stated to two decimals) beside what the planner's search
 finds, with its own bound. Table 2: fleets on a field whose tracks are slanted and bent at their ends, turns by Dubins:
-the bound is (work + (n - m) x cheapest turn) / m.
+the bound is (work + (n - m) x cheapest turn) / m. Table 3: the tracks of table 1 worked in loads, with ways along the
+lower headland to a depot on it after every load: one after another, the best that a circuit model found (proven for 12
+tracks), and what the planner's search finds. Table 4: 24 tracks in three loads, the order B* of Bochtis, Sorensen and
+Green (Decision Support Systems, 2012, doi 10.1016/j.dss.2011.12.005) beside ours by the same turns.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ import numpy.typing as npt
 from strategies.orders.sequence import skip_pattern
 from strategies.orders.shares import balanced, cut
 from strategies.orders.tours import FAR_S, tour
+from strategies.refilling.loads import Task, split
+from strategies.refilling.search import in_loads
 from strategies.ways.words import MOST_PIECES, MOST_WORDS, forward_words
 
 Floats = npt.NDArray[np.float64]
@@ -28,6 +33,11 @@ PROVEN = (
     (40, 4.5, 5.0, 754.89), (50, 3.0, 4.0, 679.09), (100, 3.0, 4.0, 1357.59),
 )  # fmt: skip
 FLEETS = ((130, 3), (130, 5), (130, 10), (300, 3), (300, 5), (300, 10))
+IN_LOADS = ((12, 4, 0.0, 575.80, 485.04), (24, 8, 103.5, 1001.54, 744.37))
+"""Tracks, tracks per load, metres of the depot along the headland; one after another, and the best known."""
+LOADS_WIDTH_M, LOADS_RADIUS_M = 9.0, 6.0
+STOP_S = 1e4  # for a stop: as few loads as can be
+B_STAR = (1, 3, 5, 7, 8, 6, 4, 2, 9, 11, 13, 15, 16, 14, 12, 10, 17, 19, 21, 23, 24, 22, 20, 18)
 WORK_MPS, TURN_MPS, RADIUS_M, WIDTH_M = 1.4, 1.0, 4.0, 3.0
 
 
@@ -113,8 +123,49 @@ def fleet_rows() -> None:
         print(f"{n:4} {tractors:8} {bound:8.0f} {ours:8.0f} {ours / bound:12.4f} {took:6.2f}")
 
 
+def from_depot(n: int, load: int, depot_m: float) -> Task:
+    """n parallel tracks in loads; every load begins and ends at a depot on the lower headland (metres for seconds)."""
+    turns = parallel(n, LOADS_WIDTH_M, LOADS_RADIUS_M)
+    along = np.abs(LOADS_WIDTH_M * np.arange(n) - depot_m)
+    first, last = np.full(2 * n, FAR_S), np.full(2 * n, FAR_S)
+    first[0::2], last[1::2] = along, along
+    detours = np.minimum(last[:, None] + first[None, :] + STOP_S, FAR_S)
+    return Task(turns, detours, first, last, np.ones(n), float(load), float(load))
+
+
+def turned_only(radius: float) -> Task:
+    """24 tracks in loads of eight, the ways to the depot left out: the 21 turns within loads are compared."""
+    turns, free = parallel(24, LOADS_WIDTH_M, radius), np.zeros(48)
+    return Task(turns, np.full((48, 48), STOP_S), free, free, np.ones(24), 8.0, 8.0)
+
+
+def without_stops(seconds: float, task: Task) -> float:
+    """What is driven between the tracks: the stops that cannot be spared taken out."""
+    return seconds - STOP_S * (math.ceil(float(task.need.sum()) / task.capacity) - 1)
+
+
+def loads_rows() -> None:
+    """Print tables 3 and 4."""
+    print(f"\n{'n':>4} {'load':>5} {'depot m':>8} {'in a row':>9} {'stated':>9} {'best known':>10} {'ours':>9} "
+          f"{'above %':>8} {'CPU s':>6}")  # fmt: skip
+    for n, load, depot_m, stated, known in IN_LOADS:
+        task, row = from_depot(n, load, depot_m), np.arange(n)
+        begun = time.process_time()
+        ours = without_stops(in_loads(task, starts_for(n, LOADS_WIDTH_M, LOADS_RADIUS_M)).seconds, task)
+        took = time.process_time() - begun
+        print(f"{n:4} {load:5} {depot_m:8.1f} {without_stops(split(row, task).seconds, task):9.2f} {stated:9.2f} "
+              f"{known:10.2f} {ours:9.2f} {100.0 * (ours / known - 1.0):8.3f} {took:6.2f}")  # fmt: skip
+    print(f"\n{'n':>4} {'R m':>7} {'B*':>9} {'ours':>9} {'below %':>8}")
+    for radius in (LOADS_RADIUS_M, 10.9):
+        task = turned_only(radius)
+        printed = without_stops(split(np.array(B_STAR) - 1, task).seconds, task)
+        ours = without_stops(in_loads(task, starts_for(24, LOADS_WIDTH_M, radius)).seconds, task)
+        print(f"{24:4} {radius:7.1f} {printed:9.2f} {ours:9.2f} {100.0 * (1.0 - ours / printed):8.2f}")
+
+
 if __name__ == "__main__":
     warm = np.zeros(10)
     tour(parallel(5, 3.0, 4.0), warm, warm, [list(range(5))])
     proven_rows()
     fleet_rows()
+    loads_rows()

@@ -30,7 +30,7 @@ def chain(kind: int, *seconds: float, tractors: int = 1, links: tuple[Link, ...]
         tractors=tractors, first=tuple(range(0, nodes, count)), tractor=np.repeat(np.arange(tractors), count),
         driven_s=np.tile(np.array(seconds, float), tractors), group=np.tile(np.arange(count), tractors),
         kind=np.full(nodes, kind), worked_m=np.tile(np.array(seconds, float), tractors) * (kind == PASS),
-        order=tuple(order), links=links,
+        order=tuple(order), links=links, stand_s=np.zeros(nodes),
     )  # fmt: skip
 
 

@@ -56,6 +56,8 @@ CONTRACT = [
     "p95_s",
     "expected_cost",
     "bound_s",
+    "refills",
+    "refilling_s",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 INTERVAL = [f"finish_probability_interval_{end}" for end in ("low", "high")]

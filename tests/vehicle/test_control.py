@@ -1,11 +1,12 @@
 """What tractors do with a plan: gates, formation, gear changes, stops, stalls, and what the record says about it."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from vehicle.layout import FINISHED, REVERSING, TURNING, WAITING, WORKING
+from vehicle.layout import FINISHED, REVERSING, STANDING, TURNING, WAITING, WORKING
 from vehicle.missions import Follow, Gate, Plan
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
@@ -167,3 +168,35 @@ def test_a_run_that_takes_too_long_is_a_timeout(build: Any, drive: Any) -> None:
     assert run.outcome == "timeout"
     assert run.time_s[-1] == pytest.approx(600.0, abs=0.2)
     assert np.isnan(run.finish_s).all()
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_a_stand_lasts_as_long_as_asked_for_and_is_no_stall(build: Any, drive: Any, slow: bool) -> None:
+    legs = [build.leg((0, 0), (0, 10)), build.leg((0, 10), (0, 20))]
+    legs[1] = replace(legs[1], stand_s=150.0)
+    run: Run = drive(build.plan(legs), slow=slow)
+    stands = np.flatnonzero(run.record[:, 0, STATUS] == STANDING)
+    assert run.outcome == "done", "whoever stands longer than a stall lasts is at work"
+    assert run.standing_s == pytest.approx([150.0], abs=0.11)
+    assert (np.diff(stands) == 1).all() and set(run.record[stands, 0, LEG]) == {1.0}
+    assert run.record[stands, 0, Y] == pytest.approx(10.0, abs=0.2)
+    free: Run = drive(build.plan([legs[0], replace(legs[1], stand_s=0.0)]), slow=slow)
+    assert free.standing_s == pytest.approx([0.0])
+    assert 150.0 < run.duration_s - free.duration_s < 150.0 + 8.0, "and the time to stop and move off again"
+
+
+def test_a_stand_begins_when_the_gates_are_open(build: Any, drive: Any) -> None:
+    lead = [build.leg((9, 0), (9, 40), speed_mps=0.5)]
+    legs = [build.leg((0, 0), (0, 5)), replace(build.leg((0, 5), (0, 9), gates=(Gate(0, 0, 30.0),)), stand_s=20.0)]
+    run: Run = drive(build.plan(lead, legs))
+    begun = first(run.record[:, 1, STATUS] == STANDING)
+    assert run.record[begun, 0, Y] == pytest.approx(30.0, abs=0.2)
+    assert run.standing_s == pytest.approx([0.0, 20.0], abs=0.11)
+
+
+def test_a_stand_may_come_before_the_first_leg_and_at_a_change_of_gear(build: Any, drive: Any) -> None:
+    ahead, back = build.leg((0, 0), (0, 12)), build.leg((0, 12), (0, 4), gear=-1)
+    run: Run = drive(build.plan([replace(ahead, stand_s=7.0), replace(back, stand_s=5.0)]))
+    assert run.outcome == "done"
+    assert run.standing_s == pytest.approx([12.0], abs=0.21)
+    assert (run.record[:69, 0, STATUS] == STANDING).all()
