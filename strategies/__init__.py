@@ -6,6 +6,7 @@
     timing                  the seconds that turns take, simulated
     orders                  which track next, and which tractor takes it
     headland                the rounds round the field and its holes
+    entrance                the ways from the entrance to where work begins, and back
     separate                what strategies share whose tractors each have tracks of their own
     formations              what strategies share whose tractors work abreast
     record, names, registry what a strategy is to others; all of them by name

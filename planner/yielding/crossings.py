@@ -136,6 +136,8 @@ def _stand(table: Crossings, i: int, j: int, found: Array) -> None:
     """Note which stretches of j lead by the hold points of i."""
     holds = np.asarray(table.courses[i].holds)
     for hold in np.flatnonzero(np.isin(holds, found[:, 0])).tolist():
+        if not table.courses[i].stands_at(hold):
+            continue
         places = found[found[:, 0] == holds[hold], 1]
         b = table.courses[j]
         ends = np.asarray(b.holds)
