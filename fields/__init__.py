@@ -9,6 +9,7 @@
     filling             tracks that cover what the rounds leave
     obstacles, obstacles_read   what is cut out of a field, and read from its file
     fences              sides of the outline that nothing crosses
+    entrances           where tractors come in
     free                where the guided point may be, and what of that lies beside the tracks
     read, write         field files, in and out
     source, samples_index   what a name stands for: a sample or a file

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -27,6 +28,7 @@ LEAST_CLEARANCE_M, MOST_CLEARANCE_M = 0.05, 10.0
 SOW = "sow"
 ORDERS_OF = {"till": ORDERS, SOW: (LAST,), "spray": ORDERS, "harvest": (FIRST,), "mow": (FIRST,)}
 """When the headland may be worked: what goes out must not be driven over, what is sown not either."""
+STANDING = ("harvest", "mow")  # what is there before it is worked is not to be driven through
 CORNERS = ("square", "round")
 MOST_MARGIN_M = 100.0
 MOST_DRAWS = 1_000_000
@@ -41,6 +43,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "bool": ((bool,), "True or False"),
     "int": ((Integral,), "a whole number"),
     "float": ((Real,), "a number"),
+    "tuple[float, float]": ((tuple, list), "two numbers in a tuple"),
     "tuple[int, ...]": ((tuple, list, range), "whole numbers in a tuple"),
     "tuple[str, ...]": ((tuple, list), "names in a tuple"),
     "tuple[tuple[int, float], ...]": ((tuple, list), "pairs of a cell's number and degrees in a tuple"),
@@ -57,7 +60,8 @@ class Scenario:
     implements; beside each other on neighbouring tracks they have what the tracks leave. `margin_m` is kept to
     obstacles and holes of the field. The headland is worked in rounds, "first" or "last" by `headland_order` (None: as
     the `operation` allows and is quicker), with square or round `corners`; with `tracks_only` it is left as room for
-    turning. `cell_bearings` are pairs of a cell's number and its bearing in degrees clockwise from north.
+    turning. `cell_bearings` are pairs of a cell's number and its bearing in degrees clockwise from north. The
+    `entrance` (longitude and latitude, or x and y of a field in local metres) takes the place of that of the field.
 
     `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain or a
     preference, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
@@ -96,6 +100,7 @@ class Scenario:
     prefer: str | None = None
     cell_bearings: tuple[tuple[int, float], ...] = ()
     refill: str | None = None
+    entrance: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         _check_types(self)
@@ -104,6 +109,7 @@ class Scenario:
         _check_rounds(self)
         _check_lengths(self)
         _check_cells(self)
+        _check_entrance(self)
         _check_speeds(self)
         _check_prices(self)
         _check_times(self)
@@ -226,6 +232,12 @@ def _check_cells(scenario: Scenario) -> None:
         )
 
 
+def _check_entrance(scenario: Scenario) -> None:
+    place = scenario.entrance
+    if place is not None and not (len(place) == 2 and all(isinstance(v, Real) and math.isfinite(v) for v in place)):
+        raise ScenarioError(f"{named('entrance')} is {brief(place)}; give two numbers, longitude and latitude.")
+
+
 def _check_speeds(scenario: Scenario) -> None:
     speeds = {
         f"speed ({named('speed_mps')})": scenario.speed_mps,
@@ -336,6 +348,17 @@ def parse_cell_bearings(texts: Iterable[str]) -> tuple[tuple[int, float], ...]:
             )
         bearings[int(match[1])] = float(match[2])
     return tuple(sorted(bearings.items()))
+
+
+def parse_place(text: str, parameter: str) -> tuple[float, float]:
+    """ "9.53,56.21" as two numbers; raises ScenarioError about the parameter it is meant for."""
+    try:
+        first, second = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ScenarioError(
+            f"{named(parameter)} {brief(text)} is no place; write longitude and latitude, for instance 9.53,56.21."
+        ) from None
+    return first, second
 
 
 def parse_strategies(text: str) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.entrances import check_entrance, with_entrance_at, with_entrance_on_outline
 from fields.field import Field
 from fields.free import beside_tracks, free_space, rim_of
 from fields.handedness import handedness
@@ -25,7 +26,7 @@ from planner.laying import layouts, quickest
 from planner.outlook import Stakes, stakes_of
 from planner.price.cost import Terms
 from planner.refill import check_load, supplied
-from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
+from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, STANDING, TURNING_MPS, Scenario
 from strategies.headland.shifts import backwards
 from strategies.job import Job, Manner, starting_corner
 from strategies.supply import Supply
@@ -34,6 +35,7 @@ from strategies.ways.around import Around, lay_around
 from strategies.ways.bends import Bender, BendRules
 from strategies.ways.connect import Connector, TurnCosts
 from strategies.ways.fence import Body, Fence
+from strategies.ways.gateway import Gateway, gateway
 from strategies.ways.sizing import Reach, allowed_kinds, headland_for, turning_room
 from vehicle.compile import outline
 from vehicle.gnss import NO_ERROR, Table, default_table, load_table
@@ -47,7 +49,7 @@ SMALL = 4.0  # working widths across: smaller obstacles are driven round in the 
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
 SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
-FARTHEST_ENTRANCE_M = 500.0
+GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -86,6 +88,15 @@ class Site:
         return replace(self._first, tractors=tractors, used={})
 
     @cached_property
+    def gate(self) -> Gateway | None:
+        """The way through the entrance; None where there is none, or the headland is not worked: time is that of
+        the tracks then."""
+        field = self.layout.field
+        if field.entrance is None or self.scenario.tracks_only or self.free.is_empty:
+            return None
+        return gateway(field.outline or field.boundary, self.free, field.entrance)
+
+    @cached_property
     def _first(self) -> Job:
         """The job that others are copies of."""
         anywhere, beside, rim = (
@@ -101,12 +112,13 @@ class Site:
         return Job(
             self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
-            around=self.around, fence=fence, careful=careful, supply=self.supply,
+            standing=self.scenario.operation in STANDING,
+            around=self.around, fence=fence, careful=careful, gate=self.gate, supply=self.supply,
         )  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: without what was worked out here."""
-        return {name: value for name, value in self.__dict__.items() if name != "_first"}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_first", "gate")}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""
@@ -115,8 +127,11 @@ class Site:
             return None, ()
         body = body_of(self.tractor, self.implement)
         spare_m = min(SPARE * self.scenario.margin_m, MOST_SPARE_M)
+        fences = shapely.union_all(field.fences)
+        if self.gate is not None:
+            fences = shapely.difference(fences, shapely.Point(self.gate.at[:2]).buffer(GATE_M))
         obstacles = shapely.union_all([shape.boundary for shape in field.solid])
-        fence = Fence(shapely.union_all(field.fences), obstacles, body, spare_m)
+        fence = Fence(fences, obstacles, body, spare_m)
         forwards = tuple(kind for kind in self.kinds if kind != "switch-back")
         return fence, (Connector(self.free, radius, self.costs, forwards),) if forwards else ()
 
@@ -136,6 +151,8 @@ def prepare(
     with about("field"):
         if not isinstance(field, Field):
             field = read_field(scenario.field if field is None else str(field), local=scenario.local)
+        if scenario.entrance is not None:
+            field = with_entrance_at(field, scenario.entrance)
         _check_field(field)
     with about("gnss_table"):
         position_errors = gnss_errors(scenario)
@@ -148,11 +165,15 @@ def prepare(
     implement = (implement or Implement()).model_copy(update={"width_m": scenario.width_m})
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
+    kinds = allowed_kinds(scenario.turn)
+    headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
+    with about("entrance"):
+        check_entrance(field, headland)
+    if not scenario.tracks_only:
+        field = with_entrance_on_outline(field)
     with about("field"):
         swing = max(0.0, body_of(tractor, implement).swing_m(radius) + SWING_SPARE_M - reach.margin_m)
         field = field.clear_of_obstacles(scenario.margin_m, SMALL * scenario.width_m, swing)
-    kinds = allowed_kinds(scenario.turn)
-    headland = scenario.headland_m or headland_for(scenario.turn, scenario.width_m, radius, reach)
     bare = Manner(
         work_speed_mps=scenario.speed_mps,
         turn_speed_mps=scenario.turning_mps,
@@ -254,12 +275,6 @@ def _check_field(field: Field) -> None:
             raise ScenarioError(
                 f"The field has a ground zone of {zone.name!r}, which is unknown; use one of: "
                 f"{', '.join(ground_names())}."
-            )
-    if field.entrance is not None:
-        away = float(field.boundary.distance(shapely.Point(field.entrance)))
-        if away > FARTHEST_ENTRANCE_M:
-            raise ScenarioError(
-                f"The entrance lies {away:.0f} m from the field; it must be within {FARTHEST_ENTRANCE_M:g} m of it."
             )
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from reports.results import Step
 from vehicle.layout import FINISHED, STANDING, WAITING
-from vehicle.missions import DRIVE, DRIVE_IN, REFILL, ROUND, TRACK, TURN, WAY, Leg, Plan, Task
+from vehicle.missions import DRIVE, DRIVE_IN, ENTER, LEAVE, REFILL, ROUND, TRACK, TURN, WAY, Leg, Plan, Task
 from vehicle.run import Run
 
 CORNER, WAIT, TO_REFILL = "corner", "wait", "refill-way"  # steps that no task is called like
@@ -103,7 +103,8 @@ def _groups(legs: Sequence[Leg]) -> Rows:
     """For every leg the number of the step it belongs to (n,)."""
     group, groups = 0, [0]
     for before, after in pairwise(legs):
-        group += _manner(before.task) != _manner(after.task) or not before.task.same_goal(after.task)
+        alike = _manner(before.task) == _manner(after.task)
+        group += not alike or not (before.task.same_goal(after.task) or after.task.kind in (ENTER, LEAVE))
         groups.append(group)
     return np.array(groups, dtype=np.int64)
 
@@ -112,7 +113,7 @@ def _manner(task: Task) -> str:
     """Legs of a step have the same: what leads over the headland line is part of the track."""
     if task.works or task.kind == DRIVE_IN:
         return ROUND if _round(task) else TRACK
-    return WAY if task.kind in (TURN, WAY) else REFILL if task.kind == REFILL else DRIVE
+    return WAY if task.kind in (TURN, WAY) else task.kind
 
 
 def _stretches(run: Run, tractor: int, groups: Rows) -> Iterator[_Stretch]:
@@ -173,11 +174,15 @@ def _named(legs: Sequence[Leg], first: int, last: int, names: _Names) -> Step:
     step = Step(manner, None, "", 0.0, 0.0, 0.0, 0.0, 0.0)
     if manner == REFILL:
         return replace(step, kind=TO_REFILL)
-    if manner == DRIVE or task.number is None:
-        return replace(step, kind=DRIVE)
+    if manner == ENTER and goal is not None:
+        task = legs[goal].task
+    if manner in (DRIVE, LEAVE) or task.number is None:
+        return replace(step, kind=manner if manner in (ENTER, LEAVE) else DRIVE)
     led = replace(step, number=task.number + (not on_round), to_round=on_round)
     led = replace(led, part=str(task.piece + 1) if on_round else _part(task, names.lettered))
     driven = legs[first : last + 1]
+    if manner == ENTER:
+        return led
     if manner in (ROUND, TRACK):
         return replace(led, bearing_deg=_bearing_deg(driven))
     before = legs[first - 1].task if first else None

@@ -174,7 +174,8 @@ class Step:
     """One thing after another that a tractor does: a row of the list that its driver takes along.
 
     `kind` is "track", "round" (one side of it), "corner" (between two sides of a round), "turn" or "way" (to the next
-    track or round), "wait", "drive", "refill-way" (to where a tank is filled or emptied) or "refill" (of `amount`).
+    track or round), "enter" (from the entrance to the first of them), "leave" (back to
+    it), "wait", "drive", "refill-way" (to where a tank is filled or emptied) or "refill" (of `amount`).
     `number` counts the track or round from 1, `part` names the piece of a track ("a", "b", ...) or the side of a round
     ("1", "2", ...), "" where there is only one; for turns and ways both are
     those led to, and `to_round` says which they are. `again` marks what goes on after a wait. It begins at `from_s` and

@@ -20,6 +20,10 @@ def step_words(step: Step) -> str:
         return "way to where it refills"
     if step.kind == "drive":
         return "drive on"
+    if step.kind == "leave":
+        return "on to the entrance" if step.again else "back to the entrance"
+    if step.kind == "enter" and step.number is None:
+        return "in by the entrance"
     goal = goal_words(step)
     if step.kind in ("track", "round"):
         return f"{goal}, {'the rest' if step.again else heading_words(step.bearing_deg)}"
@@ -27,6 +31,8 @@ def step_words(step: Step) -> str:
         return f"on to {goal}"
     if step.kind == "corner":
         return f"corner to side {step.part}{', backing up' if step.shape == 'switch-back' else ''}"
+    if step.kind == "enter":
+        return f"from the entrance to {goal}"
     if step.kind == "way":
         return f"way to {goal}"
     over = "" if step.over is None else f" over {step.over} track{'s' if step.over > 1 else ''}"

@@ -8,6 +8,7 @@
     headland                the rounds round the field and its holes
     supply                  what a tractor carries and uses at work
     refilling               refills, and loads to be brought away: orders in loads, ways to the place, the queue there
+    entrance                the ways from the entrance to where work begins, and back
     separate                what strategies share whose tractors each have tracks of their own
     formations              what strategies share whose tractors work abreast
     record, names, registry what a strategy is to others; all of them by name

@@ -14,6 +14,7 @@ from strategies.supply import Supply
 from strategies.ways.around import Around
 from strategies.ways.connect import Connector
 from strategies.ways.fence import Fence, inside
+from strategies.ways.gateway import Gateway
 from strategies.ways.paths import Path, Pose
 from strategies.ways.search import shortest_m
 
@@ -61,8 +62,10 @@ class Job:
     (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
     to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
     be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
-    tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
+    tracks that can keep to the headland, however longer it is. With `standing` what is not worked yet stands on the
+    field and is not driven through on the way in. `around` has the passes that are bent round small
     obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
+    Tractors come in and go out by the `gate`; without one they stand where work begins, and stay where it ends.
     Ways once worked out are kept in `ways`, as strategies ask for the same ones, and `tables` of turns
     (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared out; jobs of
     one site have these three in common. `supply` is what every tractor carries, None for nothing. `used` counts turns
@@ -80,9 +83,11 @@ class Job:
     rim: Connector | None = None
     square: bool = True
     spare_tracks: bool = False
+    standing: bool = False
     around: Around = field(default_factory=Around)
     fence: Fence | None = None
     careful: tuple[Connector, ...] = ()
+    gate: Gateway | None = None
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     tables: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
     sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)

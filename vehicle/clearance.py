@@ -81,13 +81,17 @@ def too_close(  # type: ignore[no-untyped-def]
 
     Two are too close within `clearance`, or where they are `beside` each other within `beside_clearance`; where none
     are, the distance returned is 1e9. Pairs whose enclosing circles are farther apart than that and than what either
-    has already come close to are skipped.
+    has already come close to are skipped, and so are tractors off the field.
     """
     best, first, second = 1e9, -1, -1
     for i in range(len(states)):
         a = states[i]
+        if a.away == 1:
+            continue
         for j in range(i):
             b = states[j]
+            if b.away == 1:
+                continue
             limit = max(clearances[i], clearances[j], clearance) + models[a.model].reach + models[b.model].reach
             dx, dy = a.x - b.x, a.y - b.y
             if dx * dx + dy * dy >= limit * limit:
@@ -114,10 +118,14 @@ def look_around(states, models, interval, near, wanted) -> bool:  # type: ignore
         wanted[i] = False
     for i in range(len(states)):
         a = states[i]
+        if a.away == 1:
+            continue
         for j in range(i):
             if wanted[i] and wanted[j]:
                 continue
             b = states[j]
+            if b.away == 1:
+                continue
             limit = models[a.model].reach + models[b.model].reach + NEAR_M
             limit += 2.0 * interval * (abs(a.forward) + abs(b.forward))
             if near[i] and near[j]:

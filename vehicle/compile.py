@@ -104,6 +104,8 @@ def compile_plan(plan: Plan, tractor: Tractor) -> CompiledPlan:
     states["stand_left"] = [mission.legs[0].stand_s for mission in plan.missions]
     states["last_leg"] = ends - 1
     states["stage"], states["status"] = 1, 3
+    states["away"] = [mission.enters for mission in plan.missions]
+    states["leaves"] = [mission.leaves for mission in plan.missions]
     for state, mission in zip(states, plan.missions, strict=True):
         state["x"], state["y"], state["angle"] = _body_start(mission, tractor)
     legs = _leg_rows(plan, tractor)

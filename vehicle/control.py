@@ -91,6 +91,7 @@ def advance_leg(state, model, legs, gates, states, time) -> None:  # type: ignor
         if leg == state.last_leg:
             if left < 2.0 * ARRIVED_M and standing:
                 state.done, state.done_time, state.status = 1, time, FINISHED
+                state.away = state.leaves
             return
         rolls = rolls_on(leg, legs)
         if rolls and left > 0.0 and not (left < 2.0 * ARRIVED_M and standing):
@@ -120,7 +121,7 @@ def control_tick(me, states, models, legs, gates, points, cumulative, time, peri
         if not gates_open(state.leg, legs, gates, states):
             state.status = WAITING
             return
-        state.started = 1
+        state.started, state.away = 1, 0
     model = models[state.model]
     steer(state, model, legs[state.leg], points, cumulative)
     advance_leg(state, model, legs, gates, states, time)

@@ -137,6 +137,9 @@ STATE = np.dtype(
         ("status", "i8"),
         ("started", "i8"),
         ("done", "i8"),
+        # Off the field: not yet come through the entrance, or gone through it; whether it will go.
+        ("away", "i8"),
+        ("leaves", "i8"),
         ("model", "i8"),
         ("first_leg", "i8"),
         ("last_leg", "i8"),

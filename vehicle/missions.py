@@ -19,7 +19,8 @@ from vehicle.errors import MissionError
 from vehicle.ground import ground_names
 
 TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, REFILL = "track", "round", "turn", "way", "drive-in", "drive", "refill"
-TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, REFILL)
+ENTER, LEAVE = "enter", "leave"
+TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, ENTER, LEAVE, REFILL)
 JOINT_M = 0.1  # ends of consecutive legs may differ by this much
 Points = npt.NDArray[np.float64]
 
@@ -47,8 +48,9 @@ class Task:
     """What a leg is for.
 
     `kind` is "track" (working a track), "round" (working a round of the headland), "turn" (to the next track, in one
-    go), "way" (a longer route to it), "drive-in" (from the headland line until the implement is over it), "refill" (to
-    where the tank is made good) or "drive" (anything else). `number` is the track or round that is worked or led to,
+    go), "way" (a longer route to it), "drive-in" (from the headland line until the implement is over it), "enter" (from
+    the entrance of the field to where work begins), "leave" (back to it), "refill" (to where the tank is made good) or
+    "drive" (anything else). `number` is the track or round that is worked or led to,
     None where there is none; `piece` counts the pieces of an interrupted track.
     """
 
@@ -103,9 +105,22 @@ class Leg:
 
 @dataclass(frozen=True)
 class Mission:
-    """The legs of one tractor, in order. It starts at the first point, facing along the first segment."""
+    """The legs of one tractor, in order. It starts at the first point, facing along the first segment.
+
+    One that enters the field is in nobody's way before it begins, one that leaves it is not once it is done.
+    """
 
     legs: tuple[Leg, ...]
+
+    @property
+    def enters(self) -> bool:
+        """Whether the tractor comes through the entrance."""
+        return self.legs[0].task.kind == ENTER
+
+    @property
+    def leaves(self) -> bool:
+        """Whether it goes through the entrance at the end."""
+        return self.legs[-1].task.kind == LEAVE
 
     @property
     def start(self) -> tuple[float, float, float]:
@@ -114,6 +129,13 @@ class Mission:
         (x, y), (x1, y1) = first.points[0], first.points[1]
         heading = math.atan2(first.gear * (y1 - y), first.gear * (x1 - x))
         return float(x), float(y), heading
+
+    @property
+    def end(self) -> tuple[float, float, float]:
+        """x, y and heading at the end, facing along the last segment."""
+        last = self.legs[-1]
+        (x0, y0), (x, y) = last.points[-2], last.points[-1]
+        return float(x), float(y), math.atan2(last.gear * (y - y0), last.gear * (x - x0))
 
 
 @dataclass(frozen=True)

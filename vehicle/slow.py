@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
+from vehicle.bodies import ContactBoxes
 from vehicle.clearance import too_close
 from vehicle.compile import CompiledPlan
 from vehicle.control import control_tick
@@ -28,6 +29,7 @@ class Scene:
 
     space: pymunk.Space
     bodies: list[pymunk.Body]
+    boxes: ContactBoxes
     program: CompiledPlan
     models: Array
     grounds: Array
@@ -60,6 +62,8 @@ def run_slow(
                 control_tick(
                     me, states, models, legs, gates, program.points, program.cumulative, time, scene.every * dt
                 )
+            scene.boxes.wanted[:] = states["away"] == 0
+            scene.boxes.bring()
             note(record, rows, states)
             rows += 1
             outcome, pair = _judge(scene, time, stop, stall_s)

@@ -139,10 +139,9 @@ class World:
                 self.ids = engine.ids
                 return lambda steps, record, stop: self._advance(engine, steps, record, stop)
         self.ids = np.array([body.id for body in self.bodies])
-        self.boxes.bring_all()
         scene = Scene(
-            self.space, self.bodies, self.program, self.models, self.grounds, self.tables, self.position_errors,
-            self.every, self.clock, self.clearances, self.contacts,
+            self.space, self.bodies, self.boxes, self.program, self.models, self.grounds, self.tables,
+            self.position_errors, self.every, self.clock, self.clearances, self.contacts,
         )  # fmt: skip
         return lambda steps, record, stop: run_slow(scene, steps, DT_S, record, stop, STALL_S)
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from planner.site import Site
+from strategies.entrance import with_entrance
 from strategies.errors import StrategyError
 from strategies.headland.rounds import FIRST, PASSAGES, Passage, with_rounds
 from strategies.job import Job
@@ -21,10 +22,11 @@ SAME_M = 20.0  # of rounds left out: so little decides nothing
 def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[list[Refined]]:
     """The plan with the rounds of the headland in every order that may be, to be compared by driving them.
 
-    After these the same with other passages, for where none can be driven. Raises StrategyError where no order can.
+    After these the same with other passages, for where none can be driven. With an entrance the ways in and out are
+    part of all. Raises StrategyError where no order can.
     """
     if not job.rounds:
-        yield [refined]
+        yield [refined] if job.gate is None else [Refined(with_entrance(job, refined.plan), None, refined.remark)]
         return
     for passage in PASSAGES if job.tractors > 1 else PASSAGES[:1]:
         if passage.alone and site.scenario.headland_orders == (FIRST,):
@@ -41,7 +43,7 @@ def _plans(site: Site, job: Job, plan: Plan, passage: Passage) -> list[Plan]:
         if passage.alone and order == FIRST:
             continue  # the others would stand on the headland
         try:
-            plans.append(with_rounds(job, plan, order, passage))
+            plans.append(with_entrance(job, with_rounds(job, plan, order, passage)))
         except StrategyError as error:
             refusal = refusal or error
     if refusal is not None and not plans:

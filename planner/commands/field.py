@@ -12,6 +12,7 @@ from planner.commands.options import (
     Bearing,
     CellBearing,
     Corners,
+    Entrance,
     FarmOption,
     FieldArgument,
     Headland,
@@ -38,6 +39,7 @@ def field(
     corners: Corners = "square",
     tracks_only: TracksOnly = False,
     margin: Margin = 0.3,
+    entrance: Entrance = None,
     tractor: TractorOption = "eg105",
     farm: FarmOption = None,
     implement: ImplementOption = None,
@@ -57,7 +59,7 @@ def field(
     from planner.commands.outputs import check_outputs, inputs, written
     from planner.commands.show import remark, warm_up
     from planner.errors import ScenarioError
-    from planner.scenario import Scenario, parse_cell_bearings
+    from planner.scenario import Scenario, parse_cell_bearings, parse_place
     from planner.site import prepare
 
     check_outputs((png, ".png"), reads=inputs(field=field, tractor=tractor, farm=farm))
@@ -70,6 +72,7 @@ def field(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
         margin_m=margin, corners=corners, tracks_only=tracks_only,
         cell_bearings=parse_cell_bearings(cell_bearing or []),
+        entrance=None if entrance is None else parse_place(entrance, "entrance"),
     )  # fmt: skip
     asked = with_farm(scenario, farm, implement, context)
     warm_up()

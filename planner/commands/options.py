@@ -44,6 +44,12 @@ CellBearing = Annotated[
     typer.Option("--cell-bearing", help="Direction of the tracks in one cell: 2=45; for every such cell."),
 ]
 Margin = Annotated[float, typer.Option("--margin", help="Distance kept to obstacles, holes and fences, metres.")]
+Entrance = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option(
+        "--entrance", help="Where the tractors come in: LON,LAT, or x,y with --local. By default that of the file."
+    ),
+]
 TractorOption = Annotated[
     str, typer.Option("--tractor", help="A tractor that comes with Headland (eg105, mr1000a) or a TOML file.")
 ]

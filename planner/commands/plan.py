@@ -13,6 +13,7 @@ from planner.commands.options import (
     Bearing,
     CellBearing,
     Corners,
+    Entrance,
     FarmOption,
     FieldsArgument,
     Headland,
@@ -74,6 +75,7 @@ def plan(
     radius: Annotated[Optional[float], typer.Option(help="Turning radius to plan with, metres.")] = None,  # noqa: UP045
     clearance: Annotated[float, typer.Option(help="Least distance between machines with implements, metres.")] = 0.5,
     margin: Margin = 0.3,
+    entrance: Entrance = None,
     tractor: TractorOption = "eg105",
     draws: Annotated[Optional[int], typer.Option(help="Draws of what varies; with --before or --rain 10000.")] = None,  # noqa: UP045
     rain: Annotated[Optional[str], typer.Option(help=RAIN)] = None,  # noqa: UP045
@@ -118,7 +120,7 @@ def plan(
         field, local, wanted.widths_m[0], tractors, strategies, turn, start, before, price_per_hour,
         price_per_tractor, speed_kmh, turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss,
         gnss_table, operation, headland_order(headland_first, headland_last), corners, tracks_only, cell_bearing or [],
-        draws, rain, prefer, refill,
+        draws, rain, prefer, refill, entrance,
     )  # fmt: skip
     if wanted.many or keep is not None:
         _of_one_field(("--html", html), ("--png", png), ("--save", save))
@@ -141,9 +143,17 @@ def _scenario(
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
     order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
-    rain: str | None, prefer: str | None, refill: str | None,
+    rain: str | None, prefer: str | None, refill: str | None, entrance: str | None,
 ) -> Scenario:  # fmt: skip
-    from planner.scenario import KMH, Scenario, parse_cell_bearings, parse_clock, parse_counts, parse_strategies
+    from planner.scenario import (
+        KMH,
+        Scenario,
+        parse_cell_bearings,
+        parse_clock,
+        parse_counts,
+        parse_place,
+        parse_strategies,
+    )
 
     return Scenario(
         field=field,
@@ -176,6 +186,7 @@ def _scenario(
         rain=rain,
         prefer=prefer,
         refill=refill,
+        entrance=None if entrance is None else parse_place(entrance, "entrance"),
     )
 
 

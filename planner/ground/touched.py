@@ -6,11 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.site import Site, body_of
+from planner.site import GATE_M, Site, body_of
 from vehicle.run import Run
 
 EVERY = 2  # rows of the 10 Hz record between looks: under half a metre of driving
-GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 SAME_M = 1e-6
 TOUCH_M = 0.01  # overlaps thinner than this are none
 HOLE = "a hole of the field"

@@ -26,6 +26,7 @@ class Course:
 
     `holds` are places in these at which it may stand, the start first and the end of all last, each before leg
     `hold_legs[number]`; between two of them lies a stretch. Of every pose `leg` and `metres` (k,) tell how far it is.
+    One that `enters` the field is not on it at its start, one that `leaves` it not at its end.
     """
 
     poses: npt.NDArray[np.void]
@@ -34,6 +35,12 @@ class Course:
     metres: Floats
     holds: tuple[int, ...]
     hold_legs: tuple[int, ...]
+    enters: bool = False
+    leaves: bool = False
+
+    def stands_at(self, hold: int) -> bool:
+        """Whether a tractor at a hold point is on the field, by its number."""
+        return not ((hold == 0 and self.enters) or (hold == self.stretches and self.leaves))
 
     @property
     def stretches(self) -> int:
@@ -109,4 +116,6 @@ def _course(mission: Mission, run: Run) -> Course:
         driven[kept] - began,
         (*np.searchsorted(kept, rows).tolist(), len(kept) - 1),
         (*holds, len(mission.legs)),
+        mission.enters,
+        mission.leaves,
     )

@@ -110,6 +110,8 @@ def _tables(courses: list[Course], met: dict[tuple[int, int], Array]) -> Crossin
     places = int(base[-1])
     one, other, span_s = met_all.apart(TOGETHER_S)
     hold, stretch, passing_s = met_all.stands()
+    there = np.array([course.stands_at(n) for course in courses for n in range(course.stretches + 1)], dtype=np.bool_)
+    hold, stretch, passing_s = hold[there[hold]], stretch[there[hold]], passing_s[there[hold]]
     return Crossings(
         courses, base, np.concatenate([course.time_s[own] for course, own in zip(courses, holds, strict=True)]),
         Table.of(

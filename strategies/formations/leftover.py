@@ -35,6 +35,10 @@ class _After(TurnTable):
         first = [round(self.job.turn_time(self.before, one), 3) for one in self.passes]
         return np.array([first, [0.0] * len(first)])
 
+    def work_out_ends(self, order: list[int]) -> bool:
+        """Nothing: the tractor is on the field already, and goes on to others from there."""
+        return False
+
 
 def leader_of(slots: Round) -> Slot:
     """The slot of the first row."""

@@ -63,14 +63,14 @@ def with_rounds(job: Job, plan: Plan, order: str, passage: Passage = PASSAGES[0]
     if not job.rounds:
         return plan
     first = order == FIRST
-    ends = [mission.start if first else _end(mission) for mission in plan.missions]
+    ends = [mission.start if first else mission.end for mission in plan.missions]
     shifts = [shift_of(job, share) for share in _shares(job, ends, first, passage)]
     meet = [None if shift is None else (shift.end if first else shift.start)[:2] for shift in shifts]
     own = [shifts[share] for share in _dealt(meet, ends)]
     parts = zip(plan.missions, own, ends, strict=True)
     wholes = [_joined(job, *three, first=first, passage=passage) for three in parts]
     moved = [whole.before for whole in wholes]
-    legs = [_renumbered(whole.legs, moved) for whole in wholes]
+    legs = [renumbered(whole.legs, moved) for whole in wholes]
     for tractor, whole in enumerate(wholes):
         if whole.begin < len(whole.legs):
             leg = replace(legs[tractor][whole.begin], may_wait=True)
@@ -103,10 +103,19 @@ def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[l
 
     def farthest(shares: list[list[Stretch]]) -> float:
         meet = [(share[-1].end if first else share[0].start) if share else None for share in shares]
+        away = [_from_gate_m(job, share, first) for share in shares]
         pairs = zip(_dealt(meet, ends), ends, strict=True)
-        return round(max(math.dist(place, end[:2]) for share, end in pairs if (place := meet[share]) is not None), 2)
+        ways = (math.dist(place, end[:2]) + away[n] for n, end in pairs if (place := meet[n]) is not None)
+        return round(max(ways), 2)
 
     return min(options, key=farthest)
+
+
+def _from_gate_m(job: Job, share: list[Stretch], first: bool) -> float:
+    """How far the way in or out is that a share of the rounds has before it or after it (m); 0 without an entrance."""
+    if job.gate is None or not share:
+        return 0.0
+    return math.dist(job.gate.at[:2], share[0].start if first else share[-1].end)
 
 
 def _sharing(job: Job, outside_in: bool, origin: float) -> list[list[Stretch]]:
@@ -116,13 +125,6 @@ def _sharing(job: Job, outside_in: bool, origin: float) -> list[list[Stretch]]:
         begin = job.layout.field.entrance
         job.sharings[key] = shared(job, outside_in=outside_in, begin=begin, origin=origin)
     return job.sharings[key]  # type: ignore[no-any-return]
-
-
-def _end(mission: Mission) -> Pose:
-    """Pose at the end of a mission, facing along its last segment."""
-    last = mission.legs[-1]
-    (x0, y0), (x, y) = last.points[-2], last.points[-1]
-    return float(x), float(y), math.atan2(last.gear * (y - y0), last.gear * (x - x0))
 
 
 def _dealt(places: Sequence[tuple[float, ...] | None], ends: list[Pose]) -> list[int]:
@@ -179,7 +181,7 @@ def _last_hold(legs: Sequence[Leg]) -> int:
     return next((leg for leg in range(len(legs) - 1, 0, -1) if legs[leg].may_wait), len(legs))
 
 
-def _renumbered(legs: tuple[Leg, ...], moved: list[int]) -> list[Leg]:
+def renumbered(legs: Sequence[Leg], moved: list[int]) -> list[Leg]:
     """Legs whose gates and follow orders count the legs that were put before those they name."""
     return [
         replace(

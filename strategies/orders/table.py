@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,8 @@ import numpy.typing as npt
 from fields.layout import Track
 from strategies.job import Job, Pass
 from strategies.orders.tours import FAR_S, MOST_PROVEN, Tour, tour
+from strategies.ways.paths import Pose
+from strategies.ways.search import shortest_m
 
 Floats = npt.NDArray[np.float64]
 
@@ -42,6 +45,7 @@ class TurnTable:
                 self._work_out(p, q, routes=False)
             job.tables[key] = self.seconds, self.known
         self.seconds, self.known = (each.copy() for each in job.tables[key])
+        self._ends_known: set[tuple[int, int]] = set()
 
     def _work_out(self, p: int, q: int, *, routes: bool) -> None:
         """The seconds of the way from pass p to pass q; without `routes` only where a turn leads there."""
@@ -59,14 +63,47 @@ class TurnTable:
         return bool(missing)
 
     def ends(self) -> Floats:
-        """Seconds between the entrance and the beginning and the end of every pass (2, 2 n); 0 without an entrance."""
+        """Seconds between the entrance and the beginning and the end of every pass (2, 2 n); 0 without an entrance.
+
+        Where tractors drive in by a gate they are those of the shortest ways with the turning radius, and of the ways
+        that would really be driven once these are worked out.
+        """
         entrance = self.job.layout.field.entrance
+        if self.job.gate is not None:
+            return self._gate_ends
         if entrance is None:
             return np.zeros((2, len(self.passes)))
         speed = self.job.manner.turn_speed_mps
         places = ((self.job.entry(one)[:2], self.job.exit(one)[:2]) for one in self.passes)
         return np.array([[_rounded(math.dist(entrance, end) / speed) for end in pair] for pair in places]).T
 
+    @cached_property
+    def _gate_ends(self) -> Floats:
+        """Estimated seconds from the gate to every pass, and back to it from every pass (2, 2 n)."""
+        radius, speed = self.job.manner.radius_m, self.job.manner.turn_speed_mps
+        ways = (self._to_gate(one) for one in self.passes)
+        metres = [[shortest_m(np.array(a), np.array(b), radius) + lead for a, b, lead in pair] for pair in ways]
+        return np.rint(np.array(metres).T / speed / SAME_S) * SAME_S
+
+    def _to_gate(self, one: Pass) -> tuple[tuple[Pose, Pose, float], tuple[Pose, Pose, float]]:
+        """The poses between which the way in to a pass leads, those of the way out, and the metres straight through."""
+        gate = self.job.gate
+        assert gate is not None
+        return (gate.inside, self.job.entry(one), gate.lead_m), (self.job.exit(one), gate.out().start, gate.lead_m)
+
+    def work_out_ends(self, order: list[int]) -> bool:
+        """Work out the ways in and out that an order of passes uses; whether one was only estimated."""
+        if self.job.gate is None:
+            return False
+        missing = {(0, order[0]), (1, order[-1])} - self._ends_known
+        for end, p in sorted(missing):
+            a, b, lead_m = self._to_gate(self.passes[p])[end]
+            path = self.job.way(a, b)
+            if path is not None:
+                seconds = self.job.connector.cost(path) + lead_m / self.job.manner.turn_speed_mps
+                self._gate_ends[end, p] = _rounded(seconds)
+        self._ends_known |= missing
+        return bool(missing)
 
     def best(self, members: list[int], starts: list[list[int]], seed: int = 1, *, roughly: bool = False) -> Tour:
         """The best order through some of the tracks, in passes of this table.
@@ -86,8 +123,10 @@ class TurnTable:
                 turns = self.seconds[np.ix_(rows, rows)]
                 best = tour(turns, first, last, inner, seed, kicked=kicked, proven=proven)
                 inner = [(best.passes // 2).tolist()]
-                if not self.work_out(rows[best.passes].tolist()):
+                order = rows[best.passes].tolist()
+                if not self.work_out(order) | self.work_out_ends(order):
                     break
+                first, last = self.ends()[:, rows]
         return Tour(rows[best.passes], best.seconds, best.bound_s)
 
 
