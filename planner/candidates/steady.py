@@ -30,6 +30,7 @@ class Slip:
 def slips(run: Run, site: Site) -> list[Slip]:
     """Every turn of a run: how far aside its track was begun, or how far it left the field if that is worse."""
     boundary, fences = site.layout.field.ground, FenceCheck(site)
+    shapely.prepare(boundary)
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
         path, at_leg = guided_point(run, site, tractor), run.leg(tractor)
@@ -41,7 +42,8 @@ def slips(run: Run, site: Site) -> list[Slip]:
             aside = abs(float(along[0] * off[1] - along[1] * off[0]))
             start = int(np.argmax(at_leg >= turn_start(mission, leg)))
             turn = path[start : begun + 1]
-            outside = float(shapely.distance(shapely.points(turn), boundary).max())
+            beyond = shapely.points(turn[~shapely.contains_xy(boundary, turn)])
+            outside = float(np.max(shapely.distance(beyond, boundary), initial=0.0))
             crossed = fences.depth_m(run.poses(tractor)[start : begun + 1])
             outside = max(outside, OUTSIDE_M + crossed if crossed else 0.0)
             turns.append(Slip(tractor, leg, aside if outside <= OUTSIDE_M else max(aside, outside + ASIDE_M)))

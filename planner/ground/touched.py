@@ -61,7 +61,11 @@ def obstacle_touched(run: Run, site: Site) -> str | None:
 def _near(poses: Points, site: Site, shape: shapely.Geometry) -> Boxes:
     """Boxes of tractor and implement at those poses at which they could touch a shape."""
     body, axle_m = body_of(site.tractor, site.implement), site.tractor.rear_axle_m
-    poses = poses[shapely.dwithin(shapely.points(poses[:, :2]), shape, body.reach_m + axle_m)]
+    reach_m = body.reach_m + axle_m
+    west, south, east, north = shape.bounds
+    x, y = poses[:, :2].T
+    poses = poses[(x > west - reach_m) & (x < east + reach_m) & (y > south - reach_m) & (y < north + reach_m)]
+    poses = poses[shapely.dwithin(shapely.points(poses[:, :2]), shape, reach_m)]
     ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     return body.placed(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
 

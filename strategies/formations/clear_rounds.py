@@ -35,7 +35,19 @@ AS_WRITTEN = Changes()
 
 
 def clear_grouping(job: Job, changes: Changes = AS_WRITTEN) -> Grouping:
-    """The grouping of a job with every round clear of the ways to it and from it; rounds without room taken apart."""
+    """The grouping of a job with every round clear of the ways to it and from it; rounds without room taken apart.
+
+    That of a formation as it is first written is worked out once for all jobs of a site.
+    """
+    if changes is not AS_WRITTEN:
+        return _clear_grouping(job, changes)
+    key = "clear", job.tractors, job.corner, job.layout.field.entrance, job.layout.tracks
+    if key not in job.formations:
+        job.formations[key] = _clear_grouping(job, changes)
+    return job.formations[key]  # type: ignore[no-any-return]
+
+
+def _clear_grouping(job: Job, changes: Changes) -> Grouping:
     barred = changes.barred
     while True:
         found = grouping(job, divided(job, barred))

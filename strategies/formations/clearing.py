@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.job import Job, Pass
-from strategies.ways.paths import Path, advance
+from strategies.ways.paths import Path
 
 Floats = npt.NDArray[np.float64]
 
@@ -51,19 +51,22 @@ def poses_on(path: Path) -> Floats:
 
     Columns are x, y (m), heading (rad) and whether a tractor is still settling there, as it does so far behind a bend.
     """
-    rows, since = [(*path.start, 0.0)], math.inf
+    rows, since = [np.array([[*path.start, 0.0]])], math.inf
     last = path.segments[-1]
     on = replace(last, length_m=SETTLED_M, curvature=0.0)
     for pose, segment in zip([*path.poses(), path.end], [*path.segments, on], strict=True):
         count = max(1, math.ceil(segment.length_m / STEP_M))
-        for part in range(1, count + 1):
-            driven = segment.length_m * part / count
-            settling = segment.curvature == 0.0 and since + driven <= SETTLED_M
-            if segment is on and not settling:
-                break
-            rows.append((*advance(pose, replace(segment, length_m=driven)), float(settling)))
+        driven = segment.length_m * np.arange(1, count + 1) / count
+        settling = (since + driven <= SETTLED_M) & (segment.curvature == 0.0)
+        if segment is on:
+            driven, settling = driven[settling], settling[settling]
+        bend = 0.5 * segment.curvature * segment.gear * driven
+        angle = pose[2] + bend
+        run = segment.gear * driven * np.sinc(bend / math.pi)
+        x, y = pose[0] + run * np.cos(angle), pose[1] + run * np.sin(angle)
+        rows.append(np.column_stack([x, y, angle + bend, settling]))
         since = 0.0 if segment.curvature != 0.0 else since + segment.length_m
-    return np.array(rows)
+    return np.concatenate(rows)
 
 
 def blocked_on(job: Job, this: Pass, ways: Iterable[Floats]) -> Blocked:

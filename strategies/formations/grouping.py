@@ -94,9 +94,8 @@ def _overlap_m(job: Job, a: Pass, b: Pass) -> float:
     return min(first + a.track.length, second + b.track.length) - max(first, second)
 
 
-def grouped(job: Job, run: Run, corner: Corner, barred: Barred = frozenset()) -> Grouped:
-    """The quickest division of a run into rounds other than those barred, from one of its corners."""
-    from_last, direction = corner
+def grouped(job: Job, run: Run, from_last: bool, barred: Barred = frozenset()) -> dict[Corner, Grouped]:
+    """The quickest divisions of a run into rounds other than those barred, from the two corners at one of its sides."""
     tracks = run[::-1] if from_last else run
     best: dict[tuple[int, int], tuple[float, Round | None]] = {(len(tracks), way): (0.0, None) for way in (1, -1)}
     for first in range(len(tracks) - 1, -1, -1):
@@ -109,7 +108,7 @@ def grouped(job: Job, run: Run, corner: Corner, barred: Barred = frozenset()) ->
                 back_s = _rejoin_s(job, slots) if rest < len(tracks) else 0.0
                 options.append((round_s(job, slots) + back_s + best[rest, -way][0], slots))
             best[first, way] = min(options, key=lambda option: (round(option[0], 3), -len(option[1] or ())))
-    return _picked(tracks, best, direction)
+    return {(from_last, way): _picked(tracks, best, way) for way in (1, -1)}
 
 
 def _picked(tracks: list[Track], best: dict[tuple[int, int], tuple[float, Round | None]], direction: int) -> Grouped:
@@ -172,11 +171,15 @@ class Divided:
 
 
 def divided(job: Job, barred: Barred = frozenset()) -> Divided:
-    """The runs of a job divided, whatever corner of the field it begins at."""
-    runs = runs_of(job)
-    return Divided(
-        runs, {(index, each): grouped(job, run, each, barred) for index, run in enumerate(runs) for each in CORNERS}
-    )
+    """The runs of a job divided, whatever corner of the field it begins at; worked out once for all jobs of a site."""
+    key = "divided", job.tractors, job.layout.tracks, barred
+    if key not in job.formations:
+        runs, known = runs_of(job), dict[tuple[int, Corner], Grouped]()
+        for index, run in enumerate(runs):
+            for from_last in (False, True):
+                known.update({(index, each): one for each, one in grouped(job, run, from_last, barred).items()})
+        job.formations[key] = Divided(runs, known)
+    return job.formations[key]  # type: ignore[no-any-return]
 
 
 def grouping(job: Job, parts: Divided) -> Grouping:

@@ -47,37 +47,51 @@ def _through(v0, v1, p, q, turns):  # type: ignore[no-untyped-def]
 
 @compiled
 def _along(v0, v1, run):  # type: ignore[no-untyped-def]
-    """Seconds at the far end of a run, from those at its beginning; `run` (2, 2) is from a table of `_tables`."""
+    """Seconds at the far end of a run, from those at its beginning; `run` (2, 2) is from a table of `run_tables`."""
     return min(v0 + run[0, 0], v1 + run[1, 0]), min(v0 + run[0, 1], v1 + run[1, 1])
 
 
 @compiled
-def _tables(order, turns, first, last, onward, backward, head, tail):  # type: ignore[no-untyped-def]
-    """Least seconds between places i <= j of an order, forwards (`onward[i, j]`) and backwards (`backward[i, j]`,
-    from j to i), each (2, 2) by direction; from the start to a place (`head`) and from a place to the end (`tail`)."""
-    n = len(order)
-    for i in range(n):
-        for d in range(2):
-            for e in range(2):
-                onward[i, i, d, e] = backward[i, i, d, e] = 0.0 if d == e else 2.0 * FAR_S
-    for i in range(n):
-        for j in range(i + 1, n):
-            p, q = order[j - 1], order[j]
+def run_tables(  # type: ignore[no-untyped-def]
+    order, low, high, turns, first, last, onward, backward, shortest, head, tail
+):  # fmt: skip
+    """Bring the tables up to date with an order whose places low..high have changed.
+
+    Least seconds from place i to place i + w (`onward[i, w]`) and from there back to i (`backward[i, w]`), each (2, 2)
+    by direction, for w below FARTHEST; the least of either over directions (`shortest[i, w]`, (2,)); from the start to
+    a place (`head`) and from a place to the end (`tail`).
+    """
+    n, most = len(order), onward.shape[1]
+    for i in range(max(low - most + 1, 0), high + 1):
+        for w in range(max(low - i, 0), min(most, n - i)):
             for d in range(2):
-                a, b = onward[i, j - 1, d, 0], onward[i, j - 1, d, 1]
-                onward[i, j, d, 0], onward[i, j, d, 1] = _through(a, b, p, q, turns)
-    for j in range(n):
-        for i in range(j - 1, -1, -1):
-            p, q = order[i + 1], order[i]
+                if w == 0:
+                    for e in range(2):
+                        onward[i, 0, d, e] = backward[i, 0, d, e] = 0.0 if d == e else 2.0 * FAR_S
+                    shortest[i, 0, 1] = 0.0
+                    continue
+                a, b = onward[i, w - 1, d, 0], onward[i, w - 1, d, 1]
+                onward[i, w, d, 0], onward[i, w, d, 1] = _through(a, b, order[i + w - 1], order[i + w], turns)
+            shortest[i, w, 0] = onward[i, w].min()
+    for j in range(low, min(high + most, n)):
+        for i in range(min(j - 1, high), max(j - most, -1), -1):
             for d in range(2):
-                a, b = backward[i + 1, j, d, 0], backward[i + 1, j, d, 1]
-                backward[i, j, d, 0], backward[i, j, d, 1] = _through(a, b, p, q, turns)
-    for k in range(n):
-        head[k, 0], head[k, 1] = _along(first[2 * order[0]], first[2 * order[0] + 1], onward[0, k])
+                a, b = backward[i + 1, j - i - 1, d, 0], backward[i + 1, j - i - 1, d, 1]
+                backward[i, j - i, d, 0], backward[i, j - i, d, 1] = _through(a, b, order[i + 1], order[i], turns)
+            shortest[i, j - i, 1] = backward[i, j - i].min()
+    for k in range(low, n):
+        if k == 0:
+            head[0, 0], head[0, 1] = first[2 * order[0]], first[2 * order[0] + 1]
+        else:
+            head[k, 0], head[k, 1] = _through(head[k - 1, 0], head[k - 1, 1], order[k - 1], order[k], turns)
+    for k in range(high, -1, -1):
         for d in range(2):
-            run = onward[k, n - 1]
-            z = order[n - 1]
-            tail[k, d] = min(run[d, 0] + last[2 * z], run[d, 1] + last[2 * z + 1])
+            p = 2 * order[k] + d
+            if k == n - 1:
+                tail[k, d] = last[p]
+            else:
+                q = 2 * order[k + 1]
+                tail[k, d] = min(turns[p, q] + tail[k + 1, 0], turns[p, q + 1] + tail[k + 1, 1])
 
 
 @compiled
@@ -100,15 +114,15 @@ def _left(v0, v1, order, p, k, turns, last, tail):  # type: ignore[no-untyped-de
 @compiled
 def _swapped(order, i, j, m, one, two, turns, first, last, onward, backward, head, tail):  # type: ignore[no-untyped-def]
     """Seconds when the neighbouring runs i..j and j+1..m change places, each turned round where `one`, `two` say."""
-    run, back = onward[j + 1, m], j + 1
+    run, back = onward[j + 1, m - j - 1], j + 1
     end = m
     if two:
-        run, back, end = backward[j + 1, m], m, j + 1
+        run, back, end = backward[j + 1, m - j - 1], m, j + 1
     v0, v1 = _entered(order, i - 1, order[back], turns, first, head)
     v0, v1 = _along(v0, v1, run)
-    begin, stop, other = i, j, onward[i, j]
+    begin, stop, other = i, j, onward[i, j - i]
     if one:
-        begin, stop, other = j, i, backward[i, j]
+        begin, stop, other = j, i, backward[i, j - i]
     v0, v1 = _through(v0, v1, order[end], order[begin], turns)
     v0, v1 = _along(v0, v1, other)
     return _left(v0, v1, order, order[stop], m + 1, turns, last, tail)
@@ -130,41 +144,47 @@ def _between(order, p, q, least) -> float:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _improve(i, order, turns, first, last, onward, backward, head, tail, least, spare):  # type: ignore[no-untyped-def]
+def _improve(i, order, turns, first, last, onward, backward, shortest, head, tail, least):  # type: ignore[no-untyped-def]
     """The best move of runs that begin at place i, carried out; the last place it changed, -1 when none helps.
 
-    The tables must be those of `order`. A move whose new steps take at least what its old ones take at least and
-    `spare` seconds more cannot help: `spare` is what the order takes beyond the least of all its steps.
+    The tables must be those of `order`. A move is judged exactly only where the least of its runs and of its new steps,
+    each over all directions, does not rule it out.
     """
     n = len(order)
     z = order[n - 1]
-    now = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
-    best, bj, bm, b1, b2 = now - GAIN_S, -1, -1, False, False
-    into = _between(order, i - 1, i, least)
+    best, bj, bm, b1, b2 = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1]), -1, -1, False, False
+    begun = min(head[i - 1, 0], head[i - 1, 1]) if i > 0 else 0.0
+    back = np.array([[0.0, 2.0 * FAR_S], [2.0 * FAR_S, 0.0]])  # from place m back to i
     for m in range(i + 1, n):
-        old = into + _between(order, m, m + 1, least) + spare
-        if _between(order, i - 1, m, least) + _between(order, i, m + 1, least) >= old:
+        for e in range(2):
+            p, q = 2 * order[m], 2 * order[m - 1]
+            there, other = back[0, e], back[1, e]
+            back[0, e] = min(turns[p, q] + there, turns[p, q + 1] + other)
+            back[1, e] = min(turns[p + 1, q] + there, turns[p + 1, q + 1] + other)
+        over = begun + (min(tail[m + 1, 0], tail[m + 1, 1]) if m + 1 < n else 0.0)
+        over += _between(order, i - 1, m, least) + _between(order, i, m + 1, least)
+        if over + min(min(back[0, 0], back[0, 1]), min(back[1, 0], back[1, 1])) >= best - GAIN_S:
             continue
         v0, v1 = _entered(order, i - 1, order[m], turns, first, head)
-        v0, v1 = _along(v0, v1, backward[i, m])
+        v0, v1 = _along(v0, v1, back)
         turned = _left(v0, v1, order, order[i], m + 1, turns, last, tail)
-        if turned < best:
+        if turned < best - GAIN_S:
             best, bj, bm, b1, b2 = turned, i - 1, m, False, True
     for m in range(i + 1, min(i + FARTHEST, n)):
-        out = into + _between(order, m, m + 1, least) + spare
+        over = begun + (min(tail[m + 1, 0], tail[m + 1, 1]) if m + 1 < n else 0.0)
         for j in range(i, m):
             if j - i >= LONGEST_RUN and m - j > LONGEST_RUN:
                 continue
-            old = out + _between(order, j, j + 1, least)
             for way in range(4):
                 one, two = way % 2 == 1, way >= 2
                 begin, end = (m, j + 1) if two else (j + 1, m)
                 start, stop = (j, i) if one else (i, j)
                 new = _between(order, i - 1, begin, least) + _between(order, end, start, least)
-                if new + _between(order, stop, m + 1, least) >= old:
+                new += _between(order, stop, m + 1, least)
+                if over + new + shortest[i, j - i, way % 2] + shortest[j + 1, m - j - 1, way // 2] >= best - GAIN_S:
                     continue
                 cost = _swapped(order, i, j, m, one, two, turns, first, last, onward, backward, head, tail)
-                if cost < best:
+                if cost < best - GAIN_S:
                     best, bj, bm, b1, b2 = cost, j, m, one, two
     if bm >= 0:
         _swap(order, i, bj, bm, b1, b2)
@@ -172,33 +192,20 @@ def _improve(i, order, turns, first, last, onward, backward, head, tail, least, 
 
 
 @compiled
-def _spare(order, last, head, least) -> float:  # type: ignore[no-untyped-def]
-    """What an order takes beyond the least of all its steps."""
-    n = len(order)
-    z = order[n - 1]
-    spare = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
-    for k in range(n + 1):
-        spare -= _between(order, k - 1, k, least)
-    return max(spare, 0.0)  # type: ignore[no-any-return]
-
-
-@compiled
-def _descend(order, turns, first, last, onward, backward, head, tail, due, least):  # type: ignore[no-untyped-def]
+def _descend(order, turns, first, last, onward, backward, shortest, head, tail, due, least):  # type: ignore[no-untyped-def]
     """Move after move until none helps; the seconds of the order then.
 
     `due` (n,) marks the places whose moves are to be judged: after a move those that reach into what it changed.
     """
     n = len(order)
-    _tables(order, turns, first, last, onward, backward, head, tail)
+    run_tables(order, 0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
     quiet = i = 0
-    spare = _spare(order, last, head, least)
     while quiet < n:
         changed = -1
         if due[i]:
-            changed = _improve(i, order, turns, first, last, onward, backward, head, tail, least, spare)
+            changed = _improve(i, order, turns, first, last, onward, backward, shortest, head, tail, least)
         if changed >= 0:
-            _tables(order, turns, first, last, onward, backward, head, tail)
-            spare = _spare(order, last, head, least)
+            run_tables(order, i, changed, turns, first, last, onward, backward, shortest, head, tail)
             due[max(i - FARTHEST, 0) : min(changed + 2, n)] = True
             quiet = 0
         else:
@@ -216,13 +223,13 @@ def searched(start, turns, first, last, kicks, enough, seed, between):  # type: 
     Stops when an order takes no more than `enough` seconds. `between` (n + 1, n + 1) is from bounds.least_between.
     """
     n = len(start)
-    onward, backward = np.empty((n, n, 2, 2)), np.empty((n, n, 2, 2))
-    head, tail = np.empty((n, 2)), np.empty((n, 2))
+    onward, backward = np.empty((n, min(n, FARTHEST), 2, 2)), np.empty((n, min(n, FARTHEST), 2, 2))
+    shortest, head, tail = np.empty((n, min(n, FARTHEST), 2)), np.empty((n, 2)), np.empty((n, 2))
     order, kept = start.copy(), start.copy()
     due = np.ones(n, dtype=np.bool_)
     least = np.inf
     for kick in range(kicks + 1):
-        cost = _descend(order, turns, first, last, onward, backward, head, tail, due, between)
+        cost = _descend(order, turns, first, last, onward, backward, shortest, head, tail, due, between)
         if cost < least - GAIN_S:
             least = cost
             kept[:] = order

@@ -15,12 +15,14 @@ import numpy.typing as npt
 import shapely
 
 from strategies.ways.paths import Path, Pose
+from vehicle.jit import compiled
 
 Points = npt.NDArray[np.float64]
 Box = tuple[float, float, float]
 """From where to where ahead of the rear axle, and half the width (m)."""
 
 STEP_M = 0.5
+SLACK_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -59,20 +61,34 @@ class Fence:
         self.body, self.spare_m = body, spare_m
         self._fences, self._lines = fences, shapely.union(fences, obstacles)
         self._known: dict[tuple[Path, bool], bool] = {}  # strategies ask for the same ways
+        self._away: dict[tuple[float, float, bool], float] = {}
         shapely.prepare([self._fences, self._lines])
 
     def crosses(self, way: Path, *, fences_only: bool = False) -> bool:
         """Whether some part of the machine comes to a fence, or an obstacle as well, on a way."""
         if (way, fences_only) not in self._known:
-            self._known[way, fences_only] = self._crosses(way, self._fences if fences_only else self._lines)
+            self._known[way, fences_only] = self._crosses(way, fences_only)
         return self._known[way, fences_only]
 
-    def _crosses(self, way: Path, lines: shapely.Geometry) -> bool:
-        points = way.outline(0.1)
+    def _crosses(self, way: Path, fences_only: bool) -> bool:
+        near_m = self.body.reach_m + self.spare_m
+        # No point of a way is nearer than half of what its ends are away together and it is not long.
+        if self._away_m(way.start, fences_only) + self._away_m(way.end, fences_only) - way.length_m > 2.0 * near_m:
+            return False
+        lines, points = self._fences if fences_only else self._lines, way.outline(0.1)
         line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
-        if not shapely.dwithin(lines, line, self.body.reach_m + self.spare_m):
+        if not shapely.dwithin(lines, line, near_m):
             return False
         return self._hit(_axle(way, self.body.guide_m), lines)
+
+    def _away_m(self, pose: Pose, fences_only: bool) -> float:
+        """How far the lines are from a pose; infinite where there are none."""
+        key = pose[0], pose[1], fences_only
+        if key not in self._away:
+            lines = self._fences if fences_only else self._lines
+            away = math.inf if lines.is_empty else float(shapely.distance(lines, shapely.Point(pose[:2])))
+            self._away[key] = away
+        return self._away[key]
 
     def hits(self, pose: Pose) -> bool:
         """Whether some part of a machine that stands straight, its guided point in a pose, is at one of them."""
@@ -81,27 +97,35 @@ class Fence:
         return self._hit(np.array([[x - back * math.cos(heading), y - back * math.sin(heading), heading]]), self._lines)
 
     def _hit(self, poses: Points, lines: shapely.Geometry) -> bool:
-        return bool(shapely.dwithin(lines, self.body.placed(poses), self.spare_m).any())
+        reach_m = self.body.reach_m - self.body.guide_m + self.spare_m
+        near = shapely.dwithin(lines, shapely.points(poses[:, :2]), reach_m + SLACK_M)
+        return bool(shapely.dwithin(lines, self.body.placed(poses[near]), self.spare_m).any())
 
 
 def _axle(way: Path, guide_m: float) -> Points:
     """Poses (n, 3) of the rear axle on a way: forwards it trails the guided point, in reverse it keeps to the way."""
     x, y, heading = way.start
-    axle = np.array([x - guide_m * math.cos(heading), y - guide_m * math.sin(heading)])
-    poses = [(*axle, heading)]
+    poses = [np.array([[x - guide_m * math.cos(heading), y - guide_m * math.sin(heading), heading]])]
     for gear, points in way.sample(STEP_M):
-        if gear < 0:
-            step = points[:-1] - points[1:]
-            angles = np.arctan2(step[:, 1], step[:, 0])
-            back = guide_m * np.column_stack([np.cos(angles), np.sin(angles)])
-            poses += [(*spot, angle) for spot, angle in zip(points[1:] - back, angles, strict=True)]
-            axle = points[-1] - back[-1]
-            continue
-        for point in points[1:]:
-            off = point - axle
-            axle = point - guide_m * off / math.hypot(*off)
-            poses.append((*axle, math.atan2(off[1], off[0])))
-    return np.array(poses)
+        poses.append(trailed(poses[-1][-1, :2], points, float(gear), guide_m))
+    return np.concatenate(poses)
+
+
+@compiled
+def trailed(axle, points, gear, guide_m):  # type: ignore[no-untyped-def]
+    """Poses (n - 1, 3) of a rear axle that begins at `axle` (2,), at all points (n, 2) of the guided point but one."""
+    out = np.empty((len(points) - 1, 3))
+    x, y = axle[0], axle[1]
+    for k in range(len(out)):
+        if gear < 0.0:
+            angle = math.atan2(points[k, 1] - points[k + 1, 1], points[k, 0] - points[k + 1, 0])
+            x, y = points[k + 1, 0] - guide_m * math.cos(angle), points[k + 1, 1] - guide_m * math.sin(angle)
+        else:
+            dx, dy = points[k + 1, 0] - x, points[k + 1, 1] - y
+            angle, apart = math.atan2(dy, dx), math.hypot(dx, dy)
+            x, y = points[k + 1, 0] - guide_m * dx / apart, points[k + 1, 1] - guide_m * dy / apart
+        out[k, 0], out[k, 1], out[k, 2] = x, y, angle
+    return out
 
 
 def inside(fence: Fence | None, ways: list[Path | None], cost: Callable[[Path], float]) -> Path | None:

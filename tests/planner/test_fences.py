@@ -2,11 +2,14 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError
@@ -14,8 +17,8 @@ from planner.candidates.evaluate import Candidate, evaluate, simulated
 from planner.ground.touched import fence_crossed_m, obstacle_touched
 from planner.scenario import Scenario
 from planner.site import Site, body_of, prepare
-from strategies.ways.fence import Body, Fence
-from strategies.ways.paths import Path, Segment, straight
+from strategies.ways.fence import STEP_M, Body, Fence
+from strategies.ways.paths import Path, Segment, make_path, straight
 from vehicle.compile import outline
 from vehicle.missions import Leg, Mission, Plan
 from vehicle.run import DONE, Run
@@ -145,3 +148,36 @@ def test_what_is_touched_is_named() -> None:
     site = prepare(Scenario(tracks_only=True), Field("f", BOX, obstacles=(pole,)))
     assert obstacle_touched(standing(site, (58.0, 30.0, 0.0)), site) == "obstacle 'P7' (pole)"
     assert obstacle_touched(standing(site, (57.0, 30.0, 0.0)), site) is None
+
+
+MACHINE = Body(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2)
+HEDGE = shapely.LineString([(10.0, -40.0), (12.0, 0.0), (9.0, 40.0)])
+POND = shapely.LinearRing([(-12.0, -3.0), (-9.0, 0.0), (-12.0, 3.0)])
+
+
+def slow_axle(way: Path) -> np.ndarray:
+    """The rear axle's poses, step by step: it points at the guided point, or in reverse follows the way itself."""
+    x, y, heading = way.start
+    axle = np.array([x, y]) - MACHINE.guide_m * np.array([math.cos(heading), math.sin(heading)])
+    poses = [(*axle, heading)]
+    for gear, points in way.sample(STEP_M):
+        for before, point in pairwise(points):
+            ahead = point - axle if gear > 0 else before - point
+            ahead = ahead / np.hypot(*ahead)
+            axle = point - MACHINE.guide_m * ahead
+            poses.append((*axle, math.atan2(ahead[1], ahead[0])))
+    return np.array(poses)
+
+
+pieces = st.builds(Segment, st.floats(0.1, 12.0), st.sampled_from([-0.2, 0.0, 0.2]), st.sampled_from([1, 1, -1]))
+
+
+@given(st.tuples(*[st.floats(-14.0, 14.0)] * 2, st.floats(-3.0, 3.0)), st.lists(pieces, min_size=1, max_size=4))
+def test_what_comes_to_a_fence_is_told_as_by_every_box_of_the_machine(
+    start: tuple[float, float, float], driven: list[Segment]
+) -> None:
+    fence, way = Fence(HEDGE, POND, MACHINE, 0.2), make_path(start, driven, "route")
+    boxes = MACHINE.placed(slow_axle(way))
+    nearest = [shapely.distance(boxes, lines).min() for lines in (shapely.union(HEDGE, POND), HEDGE)]
+    for away, only in zip(nearest, (False, True), strict=True):
+        assert fence.crosses(way, fences_only=only) == (away <= 0.2) or abs(away - 0.2) < 1e-6

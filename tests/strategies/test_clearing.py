@@ -1,25 +1,53 @@
 """Where a tractor stands clear of ways past it, and how a formation is mended where two meet all the same."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from strategies.formations.care import BEGUN_M, FARTHER_M, driven
 from strategies.formations.clear_rounds import AS_WRITTEN, Changes
-from strategies.formations.clearing import ROOM_M, Blocked, blocked_on, poses_on
+from strategies.formations.clearing import ROOM_M, SETTLED_M, STEP_M, Blocked, blocked_on, poses_on
 from strategies.formations.formation import Formation
 from strategies.job import Pass
 from strategies.row_by_row import row_by_row
-from strategies.ways.paths import Path, Segment
+from strategies.ways.paths import Path, Segment, advance
 from vehicle.missions import Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict
 
 
 def straight(x: float, y: float, heading: float, length_m: float) -> Any:
     return poses_on(Path((x, y, heading), (Segment(length_m, 0.0, 1),), "route"))
+
+
+def slow_poses(path: Path) -> list[tuple[float, ...]]:
+    """What `poses_on` has to give, pose after pose."""
+    rows, since = [(*path.start, 0.0)], math.inf
+    on = replace(path.segments[-1], length_m=SETTLED_M, curvature=0.0)
+    for pose, segment in zip([*path.poses(), path.end], [*path.segments, on], strict=True):
+        count = max(1, math.ceil(segment.length_m / STEP_M))
+        for run_m in (segment.length_m * part / count for part in range(1, count + 1)):
+            settling = segment.curvature == 0.0 and since + run_m <= SETTLED_M
+            if settling or segment is not on:
+                rows.append((*advance(pose, replace(segment, length_m=run_m)), float(settling)))
+        since = 0.0 if segment.curvature != 0.0 else since + segment.length_m
+    return rows
+
+
+segments = st.builds(Segment, st.floats(0.01, 30.0), st.sampled_from([-0.25, 0.0, 0.1]), st.sampled_from([1, -1]))
+
+
+@given(st.tuples(*[st.floats(-3.0, 3.0)] * 3), st.lists(segments, min_size=1, max_size=5))
+def test_poses_on_a_way_are_those_reached_segment_by_segment(start: tuple[float, ...], driven: list[Segment]) -> None:
+    path = Path((start[0], start[1], start[2]), tuple(driven), "route")
+    found, slow = poses_on(path), np.array(slow_poses(path))
+    assert found[:, [0, 1, 3]] == pytest.approx(slow[:, [0, 1, 3]], abs=1e-9)
+    assert np.cos(found[:, 2] - slow[:, 2]) == pytest.approx(1.0)
 
 
 class TestBlocked:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies.orders.bounds import held_karp, least_between
 from strategies.orders.circuit import circuit
 from strategies.orders.sequence import skip_pattern
-from strategies.orders.tours import FAR_S, seconds_of, tour
+from strategies.orders.tours import FAR_S, FARTHEST, run_tables, seconds_of, tour
 from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for, turn_m
 
 
@@ -87,3 +87,24 @@ def test_a_fleet_keeps_near_its_bound(n: int, tractors: int) -> None:
     work, turns = slanted(n)
     bound = (float(work.sum()) + (n - tractors) * float(turns.min())) / tractors
     assert bound <= fleet(work, turns, tractors) <= 1.06 * bound
+
+
+@given(st.integers(2, 60), st.integers(0, 2**32 - 1))
+def test_tables_renewed_in_part_are_those_of_the_whole_order(n: int, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    turns, (first, last) = draw.uniform(1.0, 60.0, (2 * n, 2 * n)), draw.uniform(0.0, 20.0, (2, 2 * n))
+    order, most, free = draw.permutation(n), min(n, FARTHEST), np.zeros(2 * n)
+    onward, backward = (np.empty((n, most, 2, 2)) for _ in range(2))
+    shortest, head, tail = np.empty((n, most, 2)), np.empty((n, 2)), np.empty((n, 2))
+    run_tables(order, 0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
+    low, high = sorted(draw.integers(0, n, 2).tolist())
+    order[low : high + 1] = order[low : high + 1][::-1].copy()
+    run_tables(order, low, high, turns, first, last, onward, backward, shortest, head, tail)
+    for i, w in draw.integers(0, (n, most), (20, 2)).tolist():
+        if 0 < w < n - i:
+            run = order[i : i + w + 1]
+            assert shortest[i, w].tolist() == [onward[i, w].min(), backward[i, w].min()]
+            assert onward[i, w].min() == pytest.approx(seconds_of(run, turns, free, free))
+            assert backward[i, w].min() == pytest.approx(seconds_of(run[::-1].copy(), turns, free, free))
+        assert head[i].min() == pytest.approx(seconds_of(order[: i + 1], turns, first, free))
+        assert tail[i].min() == pytest.approx(seconds_of(order[i:], turns, free, last))
