@@ -19,8 +19,9 @@ def filled(region: shapely.Geometry, bearing_rad: float, rules: CombRules) -> Co
     """Pieces over a region (in metres), in track coordinates; None where it is nowhere worth one.
 
     Every piece begins and ends where its swath does, also at slanted edges, and is at least `rules.shortest_m` long:
-    a shorter one reaches over what it covers at both ends. `rules.trim_m` is not used. The cost is the length driven
-    and nothing for what is left, as nothing is.
+    a shorter one reaches over what it covers at both ends. Lines keep `rules.apart_m`, so that the swaths of the outer
+    ones may reach beyond the region, by less than half a width. `rules.trim_m` is not used. The cost is the length
+    driven and nothing for what is left, as nothing is.
     """
     frame = axes(bearing_rad)
     turned = shapely.transform(region, lambda points: points @ frame.T)
@@ -31,7 +32,7 @@ def filled(region: shapely.Geometry, bearing_rad: float, rules: CombRules) -> Co
     low, high = float(edges[..., 1].min()) + half, float(edges[..., 1].max()) - half
     if high < low:
         low = high = 0.5 * (low + high)
-    q = positions(low, high, rules.width_m)
+    q = _apart(positions(low, high, rules.width_m), min(rules.apart_m, rules.width_m))
     west, _, east, _ = turned.bounds
     swaths = shapely.intersection(shapely.box(west - 1.0, q - half, east + 1.0, q + half), turned, grid_size=GRID_M)
     line: list[int] = []
@@ -45,6 +46,14 @@ def filled(region: shapely.Geometry, bearing_rad: float, rules: CombRules) -> Co
     s = np.array(ends)
     cost = float((s[:, 1] - s[:, 0]).sum())
     return Comb(q, np.array(line, dtype=np.int64), s[:, 0], s[:, 1], cost)
+
+
+def _apart(q: FloatArray, least_m: float) -> FloatArray:
+    """Evenly spaced lines no nearer to each other than so much: what they then overlap, the outer ones do outside."""
+    if len(q) < 2 or q[1] - q[0] >= least_m:
+        return q
+    spread: FloatArray = 0.5 * (q[0] + q[-1]) + least_m * (np.arange(len(q)) - 0.5 * (len(q) - 1))
+    return spread
 
 
 def _spans(swath: shapely.Geometry, rules: CombRules) -> list[tuple[float, float]]:

@@ -71,6 +71,7 @@ class Layout:
         inner: region in which the centre lines of tracks may lie; with rounds, what these leave for tracks.
         rounds: number of rounds of the headland that are worked; 0 where it is only room for turning.
         cells: parts of `inner`, each with tracks in one direction, in order of their numbers; one where none are given.
+        apart_m: inside rounds, lines lie no nearer to each other than this or, where that is less, than the width.
     """
 
     field: Field
@@ -81,6 +82,7 @@ class Layout:
     inner: shapely.Geometry
     rounds: int = 0
     cells: tuple[Cell, ...] = ()
+    apart_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.cells:
@@ -113,6 +115,7 @@ def lay_tracks(
     bearing_deg: float | None = None,
     min_length_m: float = 5.0,
     rounds: int = 0,
+    apart_m: float = 0.0,
 ) -> Layout:
     """Lay parallel tracks on a field.
 
@@ -134,6 +137,8 @@ def lay_tracks(
         rounds: rounds of the headland that are worked. With any, the headland is as deep as they are wide, all along
             the outline and every hole, and tracks cover whatever lies inside it: each reaches as far as its swath
             meets that, also where the headland lies aslant.
+        apart_m: with rounds, lines lie no nearer to each other than this or, where that is less, than the width: with
+            a machine's width and some room, machines can pass each other on neighbouring tracks.
 
     Raises:
         FieldError: a value is out of range, or no track is left.
@@ -141,7 +146,7 @@ def lay_tracks(
     _check(width_m, headland_m, bearing_deg, min_length_m)
     region = _room(field, width_m)
     if rounds:
-        return _inside_rounds(field, width_m, headland_m, rounds, bearing_deg, min_length_m)
+        return _inside_rounds(field, width_m, headland_m, rounds, bearing_deg, min_length_m, apart_m)
     edges = region_edges(region)
     trim = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
     rules = CombRules(width_m, trim, min_length_m, EDGE_SLACK_M, field.area_m2)
@@ -176,12 +181,13 @@ def _room(field: Field, width_m: float) -> shapely.Geometry:
 
 
 def _inside_rounds(
-    field: Field, width_m: float, headland_m: float, rounds: int, bearing_deg: float | None, min_length_m: float
-) -> Layout:
+    field: Field, width_m: float, headland_m: float, rounds: int, bearing_deg: float | None, min_length_m: float,
+    apart_m: float,
+) -> Layout:  # fmt: skip
     """Tracks over everything inside the rounds of the headland."""
     depth = rounds * width_m
     region = inner_region(field, depth)
-    rules = CombRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area)
+    rules = CombRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area, apart_m)
     edges = region_edges(region)
     choice = _choose(field, edges, rules, bearing_deg) if len(edges) else None
     if choice is None and len(edges):
@@ -194,7 +200,7 @@ def _inside_rounds(
             f"({named('headland_m')}).",
         )
     tracks = from_longer_side(tracks_of(teeth, axes(choice[0])))
-    return Layout(field, choice[0], width_m, depth, tracks, region, rounds)
+    return Layout(field, choice[0], width_m, depth, tracks, region, rounds, apart_m=apart_m)
 
 
 def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:

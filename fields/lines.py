@@ -63,6 +63,8 @@ class CombRules:
         shortest_m: pieces shorter than this are dropped.
         edge_m: distance of the outer lines from the lateral extremes of the edges handed over.
         field_area_m2: area that the whole field would offer, square metres.
+        apart_m: lines over a region that is filled lie no nearer to each other than this or, where that is less, than
+            the width.
     """
 
     width_m: float
@@ -70,6 +72,7 @@ class CombRules:
     shortest_m: float
     edge_m: float
     field_area_m2: float
+    apart_m: float = 0.0
 
 
 def region_edges(region: shapely.Geometry) -> FloatArray:

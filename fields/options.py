@@ -45,7 +45,9 @@ def lay_options(plain: Layout) -> list[Layout]:
         away = min(abs(math.remainder(angles[place] - other, math.pi)) for other in chosen)
         if cost[place] <= PROMISING * cost.min() and away > APART_RAD and len(chosen) < MOST_BEARINGS:
             chosen.append(float(angles[place]))
-    others = [lay_tracks(field, width_m, 0.0, _compass(angle), rounds=rounds) for angle in chosen[1:]]
+    others = [
+        lay_tracks(field, width_m, 0.0, _compass(angle), rounds=rounds, apart_m=plain.apart_m) for angle in chosen[1:]
+    ]
     options = [plain, *others]
     parts = divided(plain.inner, angles, width_m)
     if len({part.bearing_rad for part in parts}) > 1:
@@ -76,7 +78,7 @@ def lay_cells(plain: Layout, parts: Sequence[Part]) -> Layout:
 
 def _covered(plain: Layout, cells: Iterable[tuple[shapely.Geometry, float]]) -> list[_Laid]:
     """Tracks over regions in their directions; what is not worth a track is left out."""
-    rules = CombRules(plain.width_m, 0.0, SHORTEST_M, 0.5 * plain.width_m, plain.inner.area)
+    rules = CombRules(plain.width_m, 0.0, SHORTEST_M, 0.5 * plain.width_m, plain.inner.area, plain.apart_m)
     return [
         _Laid(region, bearing, from_longer_side(tracks_of(teeth, axes(bearing))))
         for region, bearing in cells
@@ -107,7 +109,10 @@ def with_bearings(layout: Layout, bearings_deg: Mapping[int, float]) -> Layout:
                 parameter="cell_bearings",
             )
     if count == 1:
-        return lay_tracks(layout.field, layout.width_m, layout.headland_m, bearings_deg[1], rounds=layout.rounds)
+        return lay_tracks(
+            layout.field, layout.width_m, layout.headland_m, bearings_deg[1], rounds=layout.rounds,
+            apart_m=layout.apart_m,
+        )  # fmt: skip
     turned = (
         half_turn(math.radians(90.0 - bearings_deg[cell.number]) % math.pi)
         if cell.number in bearings_deg else cell.bearing_rad for cell in layout.cells

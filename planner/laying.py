@@ -30,16 +30,17 @@ WORSE = 1.005  # layouts this much dearer than the plain one by estimate are not
 GRID_M = 1e-6
 
 
-def layouts(scenario: Scenario, field: Field, headland_m: float) -> list[Layout]:
+def layouts(scenario: Scenario, field: Field, headland_m: float, apart_m: float = 0.0) -> list[Layout]:
     """The layouts to compare, first the plain one: one bearing, and as many rounds as the headland takes.
 
     Without rounds, and where bearing and headland are asked for, there is no other. A bearing that is asked for is that
-    of every layout, a headland as well. Raises FieldError where no track is left.
+    of every layout, a headland as well. Tracks are `apart_m` from each other, so that machines can pass on them, or as
+    far as the working width lets them. Raises FieldError where no track is left.
     """
     width, bearing = scenario.width_m, scenario.bearing_deg
     if scenario.tracks_only:
         return [lay_tracks(field, width, headland_m, bearing)]
-    plain = _plain(scenario, field, headland_m)
+    plain = _plain(scenario, field, headland_m, apart_m)
     found = [plain]
     if bearing is None:
         options = (option for option in _options(scenario, plain) if option is not plain)
@@ -47,30 +48,30 @@ def layouts(scenario: Scenario, field: Field, headland_m: float) -> list[Layout]
     if len(plain.tracks) > MOST_TRACKS:
         return [found[_cheapest([effort_m(layout) for layout in found])]]
     if scenario.headland_m is None and plain.rounds < MOST_ROUNDS:
-        found += _deeper(scenario, field, plain.rounds + 1)
+        found += _deeper(scenario, field, plain.rounds + 1, apart_m)
     together = accumulate(len(layout.tracks) for layout in found)
     return [layout for layout, tracks in zip(found, together, strict=True) if tracks <= MOST_TOGETHER]
 
 
-def _plain(scenario: Scenario, field: Field, headland_m: float) -> Layout:
+def _plain(scenario: Scenario, field: Field, headland_m: float, apart_m: float) -> Layout:
     """One bearing inside as many rounds as the headland takes and the field has room for."""
     width, bearing = scenario.width_m, scenario.bearing_deg
     most = min(max(1, math.ceil(headland_m / width - 1e-6)), MOST_ROUNDS)
     for count in range(most, 1, -1):
         try:
             depth = headland_m if count == most else count * width
-            return lay_tracks(field, width, depth, bearing, rounds=count)
+            return lay_tracks(field, width, depth, bearing, rounds=count, apart_m=apart_m)
         except FieldError:
             if scenario.headland_m is not None:
                 raise
-    return lay_tracks(field, width, width, bearing, rounds=1)
+    return lay_tracks(field, width, width, bearing, rounds=1, apart_m=apart_m)
 
 
-def _deeper(scenario: Scenario, field: Field, rounds: int) -> list[Layout]:
+def _deeper(scenario: Scenario, field: Field, rounds: int, apart_m: float) -> list[Layout]:
     """The most promising layout inside so many rounds; none where these leave no room for tracks."""
     width = scenario.width_m
     try:
-        plain = lay_tracks(field, width, rounds * width, scenario.bearing_deg, rounds=rounds)
+        plain = lay_tracks(field, width, rounds * width, scenario.bearing_deg, rounds=rounds, apart_m=apart_m)
     except FieldError:
         return []
     return _options(scenario, plain)[:1] if scenario.bearing_deg is None else [plain]

@@ -50,6 +50,7 @@ SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, pla
 SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
+ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -198,7 +199,8 @@ def prepare(
             position_errors, rounds, rim, around, stakes, supply,
         )  # fmt: skip
 
-    sites = [on(layout) for layout in layouts(scenario, field, headland)]
+    passing_m = max(implement.contact_width_m, tractor.width_m) + LEAST_CLEARANCE_M / ROOM_KEPT
+    sites = [on(layout) for layout in layouts(scenario, field, headland, passing_m)]
     best = sites[quickest([site.job(1) for site in sites])]
     chosen = on(with_bearings(best.layout, dict(scenario.cell_bearings))) if scenario.cell_bearings else best
     check_load(supply, chosen.layout)

@@ -20,7 +20,7 @@ from planner.ground.touched import fence_crossed_m, obstacle_touched
 from planner.ground.trampled import trampled_m2
 from planner.outlook import with_outlook
 from planner.scenario import LEAST_CLEARANCE_M
-from planner.site import Site
+from planner.site import ROOM_KEPT, Site
 from planner.yielding.deconflict import GiveWay, without_conflicts
 from planner.yielding.giving_way import Rules, giving_way
 from reports.results import PlanResult
@@ -34,7 +34,6 @@ from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
-ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
 CROSSED_M = 0.02  # a width of wire

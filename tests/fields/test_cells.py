@@ -30,3 +30,14 @@ def test_a_track_runs_as_its_cell_does() -> None:
     layout = Layout(field, 0.0, 3.0, 9.0, tracks, field.boundary, 3, cells)
     assert [layout.bearing_of(track) for track in tracks] == [0.0, math.pi / 2]
     assert [cell.bearing_deg for cell in layout.cells] == [90.0, 0.0]
+
+
+@pytest.mark.parametrize(("apart_m", "spacing"), [(0.0, 2.0), (2.85, 2.85), (9.0, 3.0)])
+def test_lines_inside_rounds_are_as_far_apart_as_asked_and_cover_all(apart_m: float, spacing: float) -> None:
+    """7 m inside three rounds take three lines of 3 m; what they overlap may lie between them or outside."""
+    layout = lay_tracks(rectangle(200, 25), 3.0, 9.0, 90.0, rounds=3, apart_m=apart_m)
+    across = [track.start[1] for track in layout.tracks]
+    assert sorted(across) == pytest.approx([12.5 - spacing, 12.5, 12.5 + spacing])
+    lines = [shapely.LineString([track.start, track.end]) for track in layout.tracks]
+    swaths = shapely.union_all(shapely.buffer(lines, 1.5, cap_style="flat"))
+    assert layout.inner.difference(swaths).area == pytest.approx(0.0, abs=1e-6)
