@@ -14,12 +14,13 @@ from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, named
 from fields.fences import check_way_in
-from fields.obstacles import Obstacle, ground_left
+from fields.obstacles import Ground, Obstacle, ground_left
 from fields.outline import SMALLEST_M2
 from fields.projection import project
 
 FloatArray = npt.NDArray[np.float64]
 
+LEAST_KEPT = 0.1  # of the ground, or a margin is wider than the field
 FENCE_M = 0.001  # half of what a fence itself takes
 USUAL_POINTS, MOST_POINTS = 2_000, 5_000
 FINEST_M, COARSEST_M = 0.01, 0.16
@@ -125,6 +126,18 @@ class Field:
         holes = (self.outline or self.boundary).interiors
         return (*(shapely.Polygon(hole) for hole in holes), *(one.shape for one in self.obstacles))
 
+    @property
+    def without_margin_m2(self) -> float:
+        """What obstacles and fences themselves leave in one piece, square metres."""
+        if self.outline is None:
+            return float(self.boundary.area)
+        return float(ground_left(self.outline, self._kept, 0.0).boundary.area)
+
+    @property
+    def _kept(self) -> tuple[Obstacle, ...]:
+        """What a margin is kept to beside holes: obstacles, and fences as thin ones."""
+        return (*self.obstacles, *(Obstacle("fence", line, FENCE_M) for line in self.fences))
+
     def clear_of_obstacles(self, margin_m: float, small_m: float = 0.0, swing_m: float = 0.0) -> Field:
         """The field whose boundary is the ground that may be worked: a margin is kept to obstacles, holes and fences.
 
@@ -140,8 +153,7 @@ class Field:
         _check_margin(margin_m, self)
         if not self.obstacles and not self.fences and not (self.boundary.interiors and (margin_m or small_m)):
             return self
-        kept = (*self.obstacles, *(Obstacle("fence", line, FENCE_M) for line in self.fences))
-        left = ground_left(self.boundary, kept, margin_m, small_m, swing_m)
+        left = ground_left(self.boundary, self._kept, margin_m, small_m, swing_m)
         if left.boundary.area < SMALLEST_M2:
             what = "Obstacles and fences" if self.fences else "Obstacles"
             raise FieldError(
@@ -149,6 +161,7 @@ class Field:
                 f"field '{self.name}' in one piece; a field needs at least {SMALLEST_M2:g} m2, so check the obstacles "
                 "or use a smaller margin."
             )
+        _check_left(left, margin_m, self)
         told = f"Obstacles cut off {left.cut_off_m2:.0f} m2 of the field, which are not worked."
         remarks = (*self.remarks, told) if left.cut_off_m2 >= 1.0 else self.remarks
         return replace(
@@ -196,6 +209,19 @@ def _check_margin(margin_m: float, field: Field) -> None:
         raise FieldError(
             f"The margin ({named('margin_m')}) is {margin_m:g} m and field '{field.name}' {across_m:.0f} m across; use "
             "a smaller margin."
+        )
+
+
+def _check_left(left: Ground, margin_m: float, field: Field) -> None:
+    """Refuse a margin that takes nearly all of what obstacles and fences themselves leave."""
+    worked_m2 = left.beyond.area - math.fsum(part.area for part in left.small)
+    if margin_m == 0.0 or worked_m2 >= LEAST_KEPT * field.boundary.area:
+        return
+    bare_m2 = replace(field, outline=field.boundary).without_margin_m2
+    if worked_m2 < LEAST_KEPT * bare_m2:
+        raise FieldError(
+            f"The margin ({named('margin_m')}) of {margin_m:g} m is too wide for field '{field.name}': it leaves "
+            f"{worked_m2:.0f} of {bare_m2:.0f} m2 in one piece; use a smaller margin."
         )
 
 

@@ -1,7 +1,8 @@
-"""Obstacles of a field file in local metres, their sizes checked."""
+"""Obstacles of a field file in local metres, their sizes checked, and those that are off the field told."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,9 @@ from fields.frame import Frame
 from fields.obstacles import AREA, MOST_M, POINT, USUAL_RADIUS_M, USUAL_WIDTH_M, Obstacle
 from fields.outline import polygon, position, rings
 from fields.reading import brief
+
+BESIDE_M = 20.0  # what stands farther from a field is reached by nothing that turns in it
+MOST_NAMED = 5
 
 
 def read_obstacle(raw: RawObstacle, frame: Frame, label: str) -> Obstacle:
@@ -46,6 +50,58 @@ def _size(raw: RawObstacle, key: str, kind: str, usual: dict[str, float], what: 
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value <= MOST_M:
         raise FieldError(f"The '{key}' of {what} is {brief(value)}; it must be a number above 0, at most {MOST_M:g}.")
     return float(value)
+
+
+def on_field(
+    read: Sequence[Obstacle], shape: shapely.Polygon, several: bool, label: str
+) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """Obstacles in and close beside a field, and remarks on the others and on those that only stand beside it.
+
+    In a file of several fields those of other fields are counted only. Raises FieldError where all are away from the
+    one field of a file: then its coordinates or theirs are wrong.
+    """
+    outline = shapely.Polygon(shape.exterior)
+    told = [(one, float(outline.distance(one.shape))) for one in read]
+    kept = tuple(one for one, away_m in told if away_m <= BESIDE_M)
+    away = [(str(one), away_m) for one, away_m in told if away_m > BESIDE_M]
+    beside = [(str(one), away_m) for one, away_m in told if 0.0 < away_m <= BESIDE_M]
+    if several:
+        one = len(away) == 1
+        lie = f"{'An obstacle' if one else f'{len(away)} obstacles'} of {label} {'lies' if one else 'lie'}"
+        return kept, (f"{lie} away from this field and {'is' if one else 'are'} left out.",) if away else ()
+    if away and len(away) == len(told):
+        least = min(away_m for _, away_m in away)
+        raise FieldError(
+            f"{_named([name for name, _ in away])} of {label} {'lies' if len(away) == 1 else 'all lie'} outside the "
+            f"field, {least:.0f} m away{'' if len(away) == 1 else ' or more'}; check the coordinates (easting or "
+            "longitude first), or take the role 'obstacle' away."
+        )
+    return kept, (*_left_out(away), *_beside(beside))
+
+
+def _left_out(away: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+    """A sentence on obstacles outside a field, each with its distance in metres; none for none."""
+    if not away:
+        return ()
+    one = len(away) == 1
+    told = _named([f"{name}, {away_m:.0f} m away," if one else name for name, away_m in away])
+    return (f"{told} {'lies' if one else 'lie'} outside the field and {'is' if one else 'are'} left out.",)
+
+
+def _beside(told: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+    """A sentence on obstacles close beside a field."""
+    if not told:
+        return ()
+    stand = f"{_named([name for name, _ in told])} {'stands' if len(told) == 1 else 'stand'}"
+    return (f"{stand} beside the field, not in it; only what reaches over the boundary keeps off.",)
+
+
+def _named(names: Sequence[str]) -> str:
+    """The first few of some names, and how many more there are."""
+    shown = [name if place == 0 else name[0].lower() + name[1:] for place, name in enumerate(names[:MOST_NAMED])]
+    more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
+    parts = [*shown, *more]
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def polygons_inside(document: Document, chosen: RawPolygon, frame: Frame, shape: shapely.Polygon) -> list[Obstacle]:

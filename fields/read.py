@@ -15,7 +15,7 @@ from fields.fences import NEAR_M, read_fences
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
 from fields.obstacles import Obstacle
-from fields.obstacles_read import polygons_inside, read_obstacle
+from fields.obstacles_read import on_field, polygons_inside, read_obstacle
 from fields.outline import check_area, polygon, position, rings
 from fields.samples_index import sample_names
 from fields.source import field_file, source_of
@@ -56,6 +56,8 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
     several = len(document.polygons) > 1
     inside = polygons_inside(document, chosen, frame, shape) if several else []
     fences, told = read_fences(chosen, document.edges, frame, shape, several, label)
+    obstacles, away = _obstacles(document, frame, shape, several, label)
+    grounds, elsewhere = _grounds(document, frame, shape, several, label)
     return Field(
         name=name or _name(chosen, source.name),
         boundary=shape,
@@ -63,11 +65,11 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
         origin_m=frame.origin_m,
         entrance=_one_place(document.entrances, "entrance", frame, shape, several, label),
         refill=_one_place(document.refills, "refill", frame, shape, several, label),
-        grounds=_grounds(document, frame, shape, several, label),
+        grounds=grounds,
         default_ground=str(chosen.properties.get("default_ground") or "soil"),
         source=str(chosen.properties.get("source") or document.source),
-        remarks=(*_remarks(document), *_inside_remark(len(inside)), *told),
-        obstacles=(*_obstacles(document, frame, shape, several, label), *inside),
+        remarks=(*_remarks(document), *_inside_remark(len(inside)), *told, *away, *elsewhere),
+        obstacles=(*obstacles, *inside),
         fences=fences,
     )
 
@@ -181,24 +183,27 @@ def _outline(document: Document, raw: RawPolygon, local: bool, label: str) -> tu
 
 def _grounds(
     document: Document, frame: Frame, shape: shapely.Polygon, several: bool, label: str
-) -> tuple[GroundZone, ...]:
-    """Ground zones in local metres, in the order of the file."""
-    zones = []
+) -> tuple[tuple[GroundZone, ...], tuple[str, ...]]:
+    """Ground zones in local metres, in the order of the file, and remarks on those far from the field."""
+    zones, remarks = [], []
     for raw in document.zones:
         ground = str(raw.properties["ground"]).strip()
         parts = rings(raw.coordinates, f"ground zone '{ground}' of {label}")
         area = polygon([frame.local(part) for part in parts], f"ground zone '{ground}' of {label}")
-        if not several or area.distance(shape) <= NEAR_M:
+        away_m = float(area.distance(shape))
+        if not several or away_m <= NEAR_M:
             zones.append(GroundZone(ground, area))
-    return tuple(zones)
+        if not several and away_m > NEAR_M:
+            remarks.append(f"Ground zone '{ground}' lies {away_m:.0f} m outside the field.")
+    return tuple(zones), tuple(remarks)
 
 
 def _obstacles(
     document: Document, frame: Frame, shape: shapely.Polygon, several: bool, label: str
-) -> tuple[Obstacle, ...]:
-    """Obstacles in local metres, in the order of the file."""
+) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """Obstacles in local metres, in the order of the file, and remarks on those off the field."""
     read = [read_obstacle(raw, frame, label) for raw in document.obstacles]
-    return tuple(one for one in read if not several or one.shape.distance(shape) <= NEAR_M)
+    return on_field(read, shape, several, label)
 
 
 def _one_place(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from planner.chance.settings import Chances, like
-from planner.errors import ScenarioError
+from planner.errors import ScenarioError, named
 from planner.farm.file import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
@@ -52,6 +52,8 @@ def asked(
     Without the name of an implement the first that fits is taken. Raises ScenarioError, VehicleError.
     """
     own = _own(scenario, farm, given, implement)
+    if own is not None and "tractors" in given:
+        _check_count(own, max(scenario.tractors))
     mounted = _mounted(farm, own, implement)
     found = {key: value for key, value in _values(farm, own, mounted).items() if key not in given and value is not None}
     bar = mounted.mounted
@@ -80,6 +82,15 @@ def _own(scenario: Scenario, farm: FarmFile, given: Container[str], implement: s
         return farm.tractor(scenario.tractor)
     wanted = None if implement is None else farm.implement(implement)
     return next(each for each in farm.tractors if wanted is None or farm.fits(each, wanted))
+
+
+def _check_count(own: FarmTractor, most: int) -> None:
+    """Refuse more tractors than the farm has of the kind."""
+    if most > own.count:
+        raise ScenarioError(
+            f"{named('tractors')} asks for {most}, and the farm has {own.count} x {own.name}; ask for {own.count} at "
+            "most, or change its count in the farm file."
+        )
 
 
 def _mounted(farm: FarmFile, own: FarmTractor | None, name: str | None) -> FarmImplement:

@@ -10,9 +10,10 @@ import contextlib
 import errno
 import io
 import os
+import re
 import sys
 import traceback
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import typer
 
@@ -31,6 +32,7 @@ from planner.commands.validate import validate
 from planner.interrupts import heard, was_interrupt
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
+HELP_SHOWN = "NoArgsIsHelpError"  # typer raises it after it has printed the help
 DEBUG = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints where it happened
 
 app = typer.Typer(
@@ -61,7 +63,9 @@ def main() -> None:
     _print_any_character()
     try:
         with heard():
-            app()
+            status = app(standalone_mode=False)
+        if isinstance(status, int):
+            sys.exit(status)
     except KeyboardInterrupt as interrupt:
         _interrupted(interrupt)
     except SystemExit as end:
@@ -75,6 +79,8 @@ def main() -> None:
     except Exception as error:
         if was_interrupt(error):
             _interrupted(error)
+        if type(error).__name__ == HELP_SHOWN:
+            sys.exit(BAD_INPUT_STATUS)
         _fail(*_told(error))
 
 
@@ -85,6 +91,8 @@ def _told(error: Exception) -> tuple[str, int]:
         from planner.commands.options import option_of
 
         return error.spoken(option_of), getattr(error, "status", BAD_INPUT_STATUS)
+    if hasattr(error, "format_message"):
+        return _misuse(error), BAD_INPUT_STATUS
     debug, done = os.environ.get(DEBUG) == "1", _written_before(error)
     if debug:
         traceback.print_exception(error)
@@ -100,6 +108,15 @@ def _told(error: Exception) -> tuple[str, int]:
     words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     again = "" if debug else f"; {DEBUG}=1 shows where it happened, please report it"
     return f"A fault of Headland ({words}); {done}{again}.", FAULT_STATUS
+
+
+def _misuse(error: Any) -> str:
+    """The sentence of words of the command line that typer cannot use."""
+    words = " ".join(str(error.format_message()).split()).rstrip(".")
+    words = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", words)
+    context = getattr(error, "ctx", None)
+    command = getattr(context, "command_path", None) or "headland"
+    return f"{words}; {command} --help shows what there is."
 
 
 def _lacks_memory(error: BaseException) -> bool:

@@ -13,7 +13,7 @@ from planner.chance.settings import Chances
 from planner.price.advice import advice
 from planner.price.choice import Figures, best
 from planner.price.cost import Terms, cost, hired
-from planner.scenario import CHEAPEST, Scenario, clock
+from planner.scenario import CHEAPEST, FASTEST, Scenario, clock
 from reports.results import PlanResult, Ranking
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
@@ -100,7 +100,8 @@ def advised(ranking: Ranking, stakes: Stakes | None) -> Ranking:
     told = replace(ranking, currency=stakes.terms.prices.currency, draws=stakes.question.draws, chosen=chosen)
     best_of_all = told.best
     taken = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
-    return replace(told, advice=advice(_figures(plans, stakes), stakes.limit, stakes.prefer, taken) or None)
+    prefer = stakes.prefer if stakes.decides else FASTEST  # what the best plan was chosen by
+    return replace(told, advice=advice(_figures(plans, stakes), stakes.limit, prefer, taken) or None)
 
 
 def _figures(plans: Iterable[PlanResult], stakes: Stakes) -> list[Figures]:

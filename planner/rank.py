@@ -9,6 +9,7 @@ from typing import Any
 from fields.layout import Layout
 from planner.candidates.evaluate import Candidate
 from planner.describe import cells
+from planner.errors import ScenarioError, named
 from planner.ground.trampled import TYRE_M
 from planner.outlook import advised
 from planner.refill import carried, supply_words
@@ -20,6 +21,7 @@ from vehicle.effects import REST_KEY
 from vehicle.tractor import Tractor
 
 SAME_S = 0.05
+MUCH = 0.25  # of the field taken by a margin, for that to be at fault where no plan works
 LEAST_WORKED_PCT = 50.0  # below half of the field a plan does not do what its reader takes it to do
 
 
@@ -41,9 +43,11 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
 
     A plan that leaves ground open is charged for it at its own rate: time and hourly cost grow by missed area over
     worked area. Plans that leave equal shares open are thus ordered by what was driven. Marks the front of that time
-    against count.
+    against count. Raises ScenarioError where no plan works and the margin to obstacles takes much of the field.
     """
     results = [placed(told(result), site) for result in results]
+    if not any(result.feasible for result in results):
+        check_margin(site)
     feasible = sorted((r for r in results if r.feasible), key=quickness)
     front = _front(feasible)
     ranked = [
@@ -64,6 +68,17 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         scenario=asked(site),
     )
     return advised(ranking, site.stakes)
+
+
+def check_margin(site: Site) -> None:
+    """Refuse a margin that takes much of the field where no plan works on the rest: it is what is asked too much."""
+    field, margin_m = site.layout.field, site.scenario.margin_m
+    left = field.ground.area / field.without_margin_m2
+    if left < 1.0 - MUCH:
+        raise ScenarioError(
+            f"The margin ({named('margin_m')}) of {margin_m:g} m leaves {100.0 * left:.0f} % of field '{field.name}', "
+            "and no plan works there; use a smaller margin."
+        )
 
 
 def told(result: PlanResult) -> PlanResult:

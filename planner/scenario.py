@@ -34,6 +34,7 @@ MOST_MARGIN_M = 100.0
 MOST_DRAWS = 1_000_000
 FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
 PREFERENCES = (FASTEST, CHEAPEST, SUREST)
+DRAWN = ("rain", "prefer")  # what only draws tell
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -289,6 +290,10 @@ def _check_times(scenario: Scenario) -> None:
 def _check_draws(scenario: Scenario) -> None:
     if scenario.draws is not None and not 0 <= scenario.draws <= MOST_DRAWS:
         raise ScenarioError(f"{named('draws')} is {scenario.draws}; use 0 to {MOST_DRAWS}.")
+    if scenario.draws == 0 and (unused := next((name for name in DRAWN if getattr(scenario, name) is not None), None)):
+        raise ScenarioError(
+            f"{named('draws')} is 0, and {named(unused)} is judged by draws; give 1 or more, or leave out one of them."
+        )
     if scenario.prefer is not None and scenario.prefer not in PREFERENCES:
         close = nearest(scenario.prefer, PREFERENCES)
         raise ScenarioError(

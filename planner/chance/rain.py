@@ -7,7 +7,7 @@ import io
 import math
 import re
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, time
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +59,7 @@ def parse_rain(text: str, start_s: int | None) -> Rain:
     text = text.strip()
     rate = re.fullmatch(r"([0-9.eE+-]+)\s*/\s*h", text)
     if rate:
-        return Rain(per_s=_number(rate[1], "rate", text) / HOUR_S)
+        return Rain(per_s=_number(rate[1], "rate", brief(text)) / HOUR_S)
     if re.fullmatch(r"\d{1,2}:\d{2}", text):
         return Rain((_after(text, start_s),), (1.0,))
     if "=" in text:
@@ -81,12 +81,13 @@ def members(text: str, called: str, start_s: int | None) -> Rain:
     onsets, dry = [], 0
     for row in rows:
         value = (row[names[column]] or "").strip()
+        at = f"row {rows.line_num} of {called}"
         if not value:
             dry += 1
         elif column == "hours":
-            onsets.append(_number(value, "hours", called) * HOUR_S)
+            onsets.append(_number(value, "hours", at) * HOUR_S)
         else:
-            onsets.append(_member(value, called, start_s))
+            onsets.append(_member(value, at, start_s))
     count = len(onsets) + dry
     if not onsets or count > MOST_MEMBERS:
         raise ScenarioError(
@@ -99,9 +100,9 @@ def members(text: str, called: str, start_s: int | None) -> Rain:
 def _with_percentages(text: str, start_s: int | None) -> Rain:
     onsets, shares = [], []
     for part in text.split(","):
-        time, _, share = part.partition("=")
-        onsets.append(_after(time.strip(), start_s))
-        shares.append(_number(share.strip().removesuffix("%"), "percentage", part) / WHOLE_PCT)
+        at, _, share = part.partition("=")
+        onsets.append(_after(at.strip(), start_s))
+        shares.append(_number(share.strip().removesuffix("%"), "percentage", brief(part)) / WHOLE_PCT)
     total = WHOLE_PCT * sum(shares)
     if not 0.0 < total <= WHOLE_PCT + 1e-6:
         raise ScenarioError(
@@ -112,23 +113,23 @@ def _with_percentages(text: str, start_s: int | None) -> Rain:
 
 def _after(text: str, start_s: int | None) -> float:
     """Seconds from the start to a clock time."""
-    time = parse_clock(text, "rain")
+    seconds = parse_clock(text, "rain")
     if start_s is None:
         raise ScenarioError(
             f"{named('rain')} at {text} needs a start; give {named('start_s')} as well.", parameter="start_s"
         )
-    return float((time - start_s) % DAY_S or DAY_S)
+    return float((seconds - start_s) % DAY_S or DAY_S)
 
 
-def _member(value: str, called: str, start_s: int | None) -> float:
+def _member(value: str, at: str, start_s: int | None) -> float:
     """Seconds from the start to the time of a row; of a date only the time of day counts."""
-    if re.fullmatch(r"\d{1,2}:\d{2}", value):
-        return _after(value, start_s)
+    match = re.fullmatch(r"(\d{1,2}):(\d{2})", value)
     try:
-        moment = datetime.fromisoformat(value)
+        moment = time(int(match[1]), int(match[2])) if match else datetime.fromisoformat(value)
     except ValueError:
         raise ScenarioError(
-            f"{named('rain')} file {called} has the time {brief(value)}; write hh:mm or 2025-05-01T17:00."
+            f"{named('rain')} has the time {brief(value)} in {at}; write hh:mm or 2025-05-01T17:00, or nothing for a "
+            "dry one."
         ) from None
     return _after(f"{moment.hour:02d}:{moment.minute:02d}", start_s)
 
@@ -139,9 +140,9 @@ def _number(value: str, what: str, where: str) -> float:
         number = float(value)
     except ValueError:
         number = math.nan
-    if not 0.0 <= number <= (MOST_HOURS if what != "percentage" else WHOLE_PCT):
+    most = MOST_HOURS if what != "percentage" else WHOLE_PCT
+    if not 0.0 <= number <= most:
         raise ScenarioError(
-            f"{named('rain')} has the {what} {brief(value)} in {brief(where)}; give a number from 0 to "
-            f"{MOST_HOURS if what != 'percentage' else WHOLE_PCT:g}."
+            f"{named('rain')} has the {what} {brief(value)} in {where}; give a number from 0 to {most:g}."
         )
     return number

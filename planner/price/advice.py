@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from planner.price.choice import Figures, best, best_by_count
-from planner.scenario import CHEAPEST
+from planner.price.choice import Figures, best, best_by_count, same_chance, same_money, same_time
+from planner.scenario import CHEAPEST, FASTEST, SUREST
 
 _COUNTS = ("No tractor", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
 _ORDINALS = ("", "first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LEAST_MONEY = 0.005
 MINUTE_S = 60.0
+EQUAL = ", as good as equal,"
+BETTER, NEITHER, WORSE = 1, 0, -1
 
 
 def advice(
@@ -18,10 +21,11 @@ def advice(
 ) -> str:
     """The sentence for feasible plans, "" without any.
 
-    `limit` says when work must be done, as "before 17:00" or "before the rain". Money is what is paid; the choice also
-    counts late ground (`Figures.expected`); `taken` is the plan that was chosen (strategy, tractors) where that is
-    known. Example: "2 tractors: 97 % before 17:00, 128.90. One saves 1.50 but
-    finishes in time only 61 % of the time; a third adds 9.40 and 2 %."
+    `limit` says when work must be done, as "before 17:00" or "before the rain"; `taken` is the plan that was chosen
+    (strategy, tractors) where that is known. What is preferred comes first, in the figure that it is chosen by: the
+    expected cost (`Figures.expected`), the time, or how sure it is; what is too near in that to be told apart is
+    called equal. Example: "2 tractors: 97 % before 17:00, 128.90 expected (120.10 paid). One saves 1.50, as good as
+    equal, but finishes in time only 61 % of the time; a third adds 9.40 and 2 %."
     """
     if not plans:
         return ""
@@ -29,12 +33,11 @@ def advice(
     chosen, by_count = known or best(plans, prefer), best_by_count(plans, prefer)
     fewer = max((count for count in by_count if count < chosen.tractors), default=None)
     more = min((count for count in by_count if count > chosen.tractors), default=None)
-    parts = [] if fewer is None else [_fewer(by_count[fewer], chosen)]
-    if more is not None:
-        part = _more(by_count[more], chosen)
-        parts.append(part if parts else part[0].upper() + part[1:])
-    headline = f"{_tractors(chosen.tractors)}: {_certainty(chosen, limit)}, {chosen.paid:.2f}."
-    return f"{headline} {'; '.join(parts)}." if parts else headline
+    parts = [_change(by_count[count], chosen, prefer) for count in (fewer, more) if count is not None]
+    headline = f"{_tractors(chosen.tractors)}: {_certainty(chosen, limit, prefer)}, {_price(chosen)}."
+    if not parts:
+        return headline
+    return f"{headline} {parts[0][0].upper() + parts[0][1:]}{''.join(f'; {part}' for part in parts[1:])}."
 
 
 def percent(share: float) -> str:
@@ -56,62 +59,98 @@ def _tractors(count: int) -> str:
     return f"{count} tractor{'s' if count > 1 else ''}"
 
 
-def _certainty(plan: Figures, limit: str) -> str:
+def _certainty(plan: Figures, limit: str, prefer: str) -> str:
     if plan.probability is None:
         return f"{hours(plan.p50_s)} as often as not, {hours(plan.p95_s)} at 95 %"
-    return f"{percent(plan.probability)} {limit or 'in time'}"
+    sure = f"{percent(plan.probability)} {limit or 'in time'}"
+    return f"{hours(plan.p50_s)} as often as not, {sure}" if prefer == FASTEST else sure
 
 
-def _fewer(plan: Figures, chosen: Figures) -> str:
-    """What fewer tractors would change."""
-    one = plan.tractors == 1
-    who = _COUNTS[plan.tractors] if plan.tractors < len(_COUNTS) else str(plan.tractors)
-    saved = chosen.paid - plan.paid
-    money = f"{who} {_paying(-saved, one)}"
-    if plan.probability is None or chosen.probability is None:
-        slower = plan.p50_s - chosen.p50_s
-        joint = "but" if slower > 0.0 and saved > -LEAST_MONEY else "and"
-        return f"{money} {joint} {_verb('take', one)} {_time(slower)}"
-    if percent(plan.probability) == percent(chosen.probability):
-        return f"{money} and {'is' if one else 'are'} as sure"
-    worse = plan.probability < chosen.probability
-    joint = "but" if worse and saved > -LEAST_MONEY else "and"
-    only = "only " if worse else ""
-    return f"{money} {joint} {_verb('finish', one)} in time {only}{percent(plan.probability)} of the time"
+def _price(plan: Figures) -> str:
+    """What is expected, and of that what is paid where ground may be late."""
+    if abs(plan.expected - plan.paid) < LEAST_MONEY:
+        return f"{plan.paid:.2f}"
+    return f"{plan.expected:.2f} expected ({plan.paid:.2f} paid)"
 
 
-def _more(plan: Figures, chosen: Figures) -> str:
-    """What more tractors would change."""
-    one = plan.tractors == chosen.tractors + 1 and plan.tractors < len(_ORDINALS)
-    who = f"a{'n' if plan.tractors == 8 else ''} {_ORDINALS[plan.tractors]}" if one else _tractors(plan.tractors)
-    added = plan.paid - chosen.paid
-    money = f"{who} {_paying(added, one, 'add')}"
-    if plan.probability is None or chosen.probability is None:
-        return f"{money} and {_verb('take', one)} {_time(plan.p50_s - chosen.p50_s)}"
-    points = round(100.0 * plan.probability) - round(100.0 * chosen.probability)
+@dataclass(frozen=True)
+class _Told:
+    """What another fleet changes in one figure: in words, and whether for the better."""
+
+    words: str
+    sign: int
+
+
+def _change(plan: Figures, chosen: Figures, prefer: str) -> str:
+    """What fewer or more tractors would change: first in what is preferred."""
+    fewer = plan.tractors < chosen.tractors
+    one = plan.tractors == 1 if fewer else plan.tractors == chosen.tractors + 1 and plan.tractors < len(_ORDINALS)
+    limited = plan.probability is not None and chosen.probability is not None
+    money = _money(plan, chosen, one, told=prefer == CHEAPEST)
+    time = _slower(plan, chosen, one, prefer)
+    if prefer == FASTEST:
+        first, second = time, money
+    elif prefer == SUREST:
+        first, second = _sure(plan, chosen, one) if limited else time, money
+    else:
+        first, second = money, _surer(plan, chosen, one) if limited else time
+    joint = "but" if first.sign * second.sign < 0 else "and"
+    return f"{_who(plan, fewer, one)} {first.words} {joint} {second.words}"
+
+
+def _who(plan: Figures, fewer: bool, one: bool) -> str:
+    if fewer:
+        return _COUNTS[plan.tractors].lower() if plan.tractors < len(_COUNTS) else str(plan.tractors)
+    return f"a{'n' if plan.tractors == 8 else ''} {_ORDINALS[plan.tractors]}" if one else _tractors(plan.tractors)
+
+
+def _money(plan: Figures, chosen: Figures, one: bool, *, told: bool) -> _Told:
+    """More money ("costs 1.50 more", "adds 1.50"), less ("saves 1.50"), or none; near is `told` to be equal."""
+    added = plan.expected - chosen.expected
+    if abs(added) < LEAST_MONEY:
+        return _Told(f"{_verb('cost', one)} the same", NEITHER)
+    equal = EQUAL if told and same_money(plan, chosen) else ""
+    if added < 0.0:
+        return _Told(f"{_verb('save', one)} {-added:.2f}{equal}", BETTER)
+    words = f"{_verb('cost', one)} {added:.2f} more" if plan.tractors < chosen.tractors else f"{_verb('add', one)} {added:.2f}"
+    return _Told(words + equal, WORSE)
+
+
+def _surer(plan: Figures, chosen: Figures, one: bool) -> _Told:
+    """How much surer it is, beside its money: more tractors in percent on top."""
+    points = round(100.0 * (plan.probability or 0.0)) - round(100.0 * (chosen.probability or 0.0))
+    if plan.tractors < chosen.tractors:
+        return _sure(plan, chosen, one, told=False)
+    added = plan.expected - chosen.expected > LEAST_MONEY
     if points == 0:
-        return f"{money} and {'no certainty' if added > LEAST_MONEY else 'nothing else changes'}"
-    if added > LEAST_MONEY and points > 0:
-        return f"{money} and {points} %"
-    return f"{money} {'and' if points > 0 else 'but'} {_verb('add' if points > 0 else 'lose', one)} {abs(points)} %"
+        return _Told("no certainty" if added else "nothing else changes", NEITHER)
+    if added and points > 0:
+        return _Told(f"{points} %", NEITHER)
+    return _Told(f"{_verb('add' if points > 0 else 'lose', one)} {abs(points)} %", BETTER if points > 0 else WORSE)
+
+
+def _sure(plan: Figures, chosen: Figures, one: bool, *, told: bool = True) -> _Told:
+    """How often it finishes in time; near is `told` to be equal."""
+    own, other = plan.probability or 0.0, chosen.probability or 0.0
+    if percent(own) == percent(other):
+        return _Told(f"{'is' if one else 'are'} as sure", NEITHER)
+    equal = EQUAL if told and same_chance(plan, chosen) else ""
+    only = "only " if own < other else ""
+    words = f"{_verb('finish', one)} in time {only}{percent(own)} of the time{equal}"
+    return _Told(words, WORSE if own < other else BETTER)
+
+
+def _slower(plan: Figures, chosen: Figures, one: bool, prefer: str) -> _Told:
+    """How much longer or less long it takes, as often as not or, where the surest is preferred, at 95 %."""
+    own, other = (plan.p95_s, chosen.p95_s) if prefer == SUREST else (plan.p50_s, chosen.p50_s)
+    slower = own - other
+    if abs(slower) < 0.5 * MINUTE_S:
+        return _Told(f"{_verb('take', one)} as long", NEITHER)
+    equal = EQUAL if prefer != CHEAPEST and same_time(own, other) else ""
+    words = f"{_verb('take', one)} {hours(abs(slower))} {'longer' if slower > 0.0 else 'less'}{equal}"
+    return _Told(words, WORSE if slower > 0.0 else BETTER)
 
 
 def _verb(word: str, one: bool) -> str:
     """A verb for one or several."""
     return word if not one else f"{word}es" if word.endswith("sh") else f"{word}s"
-
-
-def _paying(added: float, one: bool, word: str = "cost") -> str:
-    """More money ("costs 1.50 more", "adds 1.50"), less ("saves 1.50"), or none."""
-    if abs(added) < LEAST_MONEY:
-        return f"{_verb('cost', one)} the same"
-    if added < 0.0:
-        return f"{_verb('save', one)} {-added:.2f}"
-    return f"{_verb(word, one)} {added:.2f}{' more' if word == 'cost' else ''}"
-
-
-def _time(slower_s: float) -> str:
-    """How much longer or less long."""
-    if abs(slower_s) < 0.5 * MINUTE_S:
-        return "as long"
-    return f"{hours(abs(slower_s))} {'longer' if slower_s > 0.0 else 'less'}"

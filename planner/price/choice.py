@@ -84,6 +84,25 @@ def clearly_less(plan: Figures, other: Figures) -> bool:
     return (other.probability or 0.0) - (plan.probability or 0.0) > errors + MODEL_SHARE
 
 
+def same_money(plan: Figures, other: Figures) -> bool:
+    """Whether the expected costs of two plans are too near to tell apart."""
+    return _too_near(plan.expected, other.expected, math.hypot(plan.expected_error, other.expected_error))
+
+
+def same_chance(plan: Figures, other: Figures) -> bool:
+    """Whether two plans are as sure, as far as draws and model can tell."""
+    return not clearly_less(plan, other) and not clearly_less(other, plan)
+
+
+def same_time(plan_s: float, other_s: float) -> bool:
+    """Whether two times are too near to tell apart."""
+    return _too_near(plan_s, other_s, 0.0)
+
+
+def _too_near(value: float, other: float, error: float) -> bool:
+    return abs(value - other) <= ERRORS * error + MODEL_SHARE * abs(min(value, other))
+
+
 def _near(
     plans: Sequence[Figures], value: Callable[[Figures], float], error: Callable[[Figures], float]
 ) -> list[Figures]:

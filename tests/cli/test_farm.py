@@ -98,6 +98,7 @@ def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Headland, folder
         (("plan", "--implement", "harrow"), "add --farm FILE"),
         (("plan", "--farm", "farm.toml", "--implement", "harow"), "did you mean 'harrow'?"),
         (("plan", "--farm", "farm.toml", "--tractor", "Carier"), "did you mean 'Carrier'?"),
+        (("plan", "--farm", "farm.toml", "--tractors", "1-3"), "--tractors asks for 3, and the farm has 1 x Carrier"),
         (("plan", "--farm", "farm.toml", "--save", "farm.toml"), "would overwrite the farm file"),
         (("plan", "--farm", "bad.toml"), "prices.fuel_per_l = -1.0: give a number from 0"),
         (("farm", "check", "bad.toml"), "chances.speed_cw is not known (did you mean 'speed_cv'?)"),

@@ -112,14 +112,14 @@ def result(tractors: int, minutes: float, probability: float, paid: float, late:
 
 class TestRanking:
     stakes = stakes_of(scenario(before_s=EIGHT + 3600))
-    plans = (result(2, 40.0, 0.97, 128.90, 2.0), result(1, 59.0, 0.61, 127.40, 31.0), result(3, 30.0, 0.99, 138.30, 0))
+    plans = (result(2, 40.0, 0.97, 120.10, 8.8), result(1, 59.0, 0.61, 96.40, 31.0), result(3, 30.0, 0.99, 138.30, 0))
 
     def test_the_advised_plan_is_the_best(self) -> None:
         told = advised(Ranking("f", 1.0, 1, self.plans, allowed_s=3600.0), self.stakes)
         assert told.best is self.plans[0]
         assert told.advice == (
-            "2 tractors: 97 % before 09:00, 128.90. One saves 1.50 but finishes in time only 61 % of the time; "
-            "a third adds 9.40 and 2 %."
+            "2 tractors: 97 % before 09:00, 128.90 expected (120.10 paid). One saves 1.50, as good as equal, but "
+            "finishes in time only 61 % of the time; a third adds 9.40 and 2 %."
         )
         assert (told.currency, told.draws, told.missed_by_s) == ("EUR", 500, None)
 
