@@ -1,6 +1,6 @@
 """A day of several fields and fleets: who works which field, in what order, how sure each is, what stays undone.
 
-    from planner.day import DayFile, load_day, plan_day
+    from planner.day import load_day, plan_day, prepare_day
 
 file        the day file: fields, fleets, roads, light, rain; read and checked
 example     the day file that comes with Headland
@@ -19,7 +19,7 @@ words       advice, and why a field is not done
 planning    plan_day: all of it
 """
 
+from planner.day.file import DayFile, load_day
+from planner.day.planning import Ready, plan_day, prepare_day
 
-
-
-
+__all__ = ["DayFile", "Ready", "load_day", "plan_day", "prepare_day"]
