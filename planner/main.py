@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 import typer
 
+from planner.commands.day import day
 from planner.commands.design import design
 from planner.commands.diagnose import diagnose
 from planner.commands.drive import drive
@@ -56,6 +57,7 @@ app.command()(design)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")
+app.add_typer(day, name="day")
 
 
 def main() -> None:

@@ -1,0 +1,200 @@
+"""From file, places and field times to the day as numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.field import Field
+from planner.chance.draws import Sample, draw
+from planner.chance.rain import Rain as Onset
+from planner.chance.rain import parse_rain
+from planner.chance.settings import Chances, like
+from planner.chance.streams import stream
+from planner.day.clock import Clock, clock_of
+from planner.day.file import DayField, DayFile, machines_of, placed, start_of
+from planner.day.problem import Problem, Rain
+from planner.day.times import FieldTime, Table
+from planner.farm.file import FarmFile
+from planner.price.cost import HOUR_S, Terms, paid_per_draw
+from planner.price.machine import rates
+from planner.scenario import DAY_S
+
+FEW_DRAWS = 1000  # behind the mean time and price of a field, by which the day is planned
+MOST_ONSETS = 24  # times of rain by which it is planned; draws use all
+KM = 1000.0
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """When a day begins and ends (seconds of the day), its clock, when it is light, and when it begins to rain."""
+
+    start_s: int
+    end_s: int
+    clock: Clock
+    light: tuple[int, int] | None
+    onset: Onset | None
+
+    def windows(self, texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
+        """Windows of a field within the day and its light, in working seconds, apart and in order."""
+        asked = [placed(text, self.start_s) for text in texts] or [(self.start_s, self.end_s)]
+        found: list[tuple[int, int]] = []
+        for opens, closes in sorted(asked):
+            lit = self.light or (opens, closes)
+            begin, end = max(opens, lit[0], self.start_s), min(closes, lit[1], self.end_s)
+            begin, end = math.ceil(self.clock.working(begin)), math.floor(self.clock.working(end))
+            if found and begin <= found[-1][1]:
+                found[-1] = found[-1][0], max(end, found[-1][1])
+            elif begin < end:
+                found.append((begin, end))
+        return tuple(found)
+
+
+def frame_of(day: DayFile, farm: FarmFile) -> Frame:
+    """The frame of a day; raises ScenarioError."""
+    start = start_of(day, farm)
+    ends = farm.times.shift_s[1]
+    end = start + DAY_S if ends is None else ends % DAY_S + (DAY_S if ends % DAY_S <= start else 0)
+    light = None if day.light is None else placed(day.light, start)
+    onset = None if day.rain is None else parse_rain(day.rain, start)
+    return Frame(start, end, clock_of(farm.times.breaks_s, start), light, onset)
+
+
+def chances_of(farm: FarmFile, *, late: bool = False) -> Chances:
+    """What varies on a field; fleets are `late` once a day, not on every field."""
+    chances = like(farm.chances)
+    return chances if late else chances.without("late start")
+
+
+def job_seed(seed: int, field: str, fleet: str) -> int:
+    """The seed of one fleet on one field: what varies there is its own."""
+    return int(stream(seed, "job of the day", field, fleet).integers(2**62))
+
+
+def means(
+    found: FieldTime, terms: Terms, chances: Chances, seed: int
+) -> tuple[int, float] | None:
+    """Seconds and price of a field in the mean of draws; None where no plan can be driven."""
+    if found.graph is None:
+        return None
+    sample: Sample = draw(found.graph, chances, draws=FEW_DRAWS, seed=seed)
+    return math.ceil(float(sample.finish_s.mean())), float(paid_per_draw(sample, terms).mean())
+
+
+def terms_of(day: DayFile, farm: FarmFile, fleet: int) -> Terms:
+    """At what prices a fleet works; its ways are counted for themselves."""
+    return Terms(farm.prices, *machines_of(day.fleets[fleet], farm))
+
+
+def per_ha(field: DayField, farm: FarmFile) -> float:
+    """What a hectare loses that is not done."""
+    if field.value_per_ha is not None:
+        return field.value_per_ha
+    if field.loss_per_ha is not None:
+        return field.loss_per_ha
+    return farm.prices.late_per_ha + farm.prices.seed_per_ha
+
+
+def problem_of(
+    day: DayFile, farm: FarmFile, fields: Sequence[Field], km: Array, table: Table, frame: Frame, seed: int
+) -> Problem:
+    """The day as numbers. `km` (n + 1, n + 1) has the yard last; without one its ways are 0."""
+    chances = chances_of(farm)
+    mean = [
+        [None if found is None else
+         means(found, terms_of(day, farm, k), chances, job_seed(seed, field.name, day.fleets[k].name))
+         for field, found in zip(fields, row, strict=True)]
+        for k, row in enumerate(table)
+    ]  # fmt: skip
+    stake = [per_ha(said, farm) * field.area_ha for said, field in zip(day.fields, fields, strict=True)]
+    return Problem(
+        work_s=tuple(tuple(None if one is None else one[0] for one in row) for row in mean),
+        paid=tuple(tuple(0.0 if one is None else one[1] for one in row) for row in mean),
+        put_off=tuple(
+            stake[f] + _later(said, [row[f] for row in mean]) for f, said in enumerate(day.fields)
+        ),
+        stake=tuple(stake),
+        windows=tuple(frame.windows(said.windows) for said in day.fields),
+        move_s=_moves(km, farm),
+        move_cost=tuple(_move_costs(day, farm, k, km) for k in range(len(day.fleets))),
+        begin_s=math.ceil(frame.clock.working(frame.start_s)),
+        home_by_s=math.floor(frame.clock.working(frame.end_s)),
+        rain=Rain(tuple(_onsets(frame))),
+    )  # fmt: skip
+
+
+def _later(said: DayField, mean: Iterable[tuple[int, float] | None]) -> float:
+    """What the same work costs on another day; what only brings a value is not done then."""
+    prices = [one[1] for one in mean if one is not None]
+    return 0.0 if said.value_per_ha is not None or not prices else min(prices)
+
+
+def _moves(km: Array, farm: FarmFile) -> tuple[tuple[int, ...], ...]:
+    """Seconds from place to place: folded, driven, unfolded; home ends with the road, and begins with it."""
+    times, yard = farm.times, len(km) - 1
+    rows = []
+    for a in range(len(km)):
+        fold = 0.0 if a == yard else times.fold_s
+        rows.append(tuple(
+            0 if a == b else math.ceil(fold + _drive_s(km[a, b], farm) + (0.0 if b == yard else times.unfold_s))
+            for b in range(len(km))
+        ))  # fmt: skip
+    return tuple(rows)
+
+
+def _drive_s(km: float, farm: FarmFile) -> float:
+    return km / farm.times.road_speed_kmh * HOUR_S
+
+
+def _move_costs(day: DayFile, farm: FarmFile, fleet: int, km: Array) -> tuple[tuple[float, ...], ...]:
+    """What the ways of a fleet cost: people, and machines on their own wheels or a lorry by the kilometre."""
+    prices, count = farm.prices, day.fleets[fleet].count
+    own = rates(prices, *machines_of(day.fleets[fleet], farm))
+    carried = prices.transport_per_km > 0.0 or prices.transport_per_tractor > 0.0
+    hourly = own.machine if prices.per_hour is None else prices.per_hour
+    people = prices.supervision_share * prices.supervision_per_hour
+    fuel = 0.0 if carried or prices.per_hour is not None else own.fuel_on_road
+    seconds = _moves(km, farm)
+    return tuple(
+        tuple(
+            count * (
+                seconds[a][b] / HOUR_S * (people + hourly) + _drive_s(km[a, b], farm) / HOUR_S * fuel
+                + km[a, b] * prices.transport_per_km
+            )
+            for b in range(len(km))
+        )
+        for a in range(len(km))
+    )  # fmt: skip
+
+
+def _onsets(frame: Frame) -> Iterable[tuple[int, float]]:
+    """Times of rain in working seconds with their shares, at most `MOST_ONSETS`."""
+    onset = frame.onset
+    if onset is None:
+        return
+    if onset.per_s > 0.0:
+        share = 1.0 / MOST_ONSETS
+        times = [(-math.log1p(-(number + 0.5) * share) / onset.per_s, share) for number in range(MOST_ONSETS)]
+    else:
+        times = _thinned(sorted(zip(onset.onset_s, onset.shares, strict=True)))
+    for seconds, share in times:
+        yield math.floor(frame.clock.working(frame.start_s + seconds)), share
+
+
+def _thinned(times: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Times with shares, many of them by quantiles in the middle of equal shares of all."""
+    if len(times) <= MOST_ONSETS:
+        return times
+    whole = sum(share for _, share in times)
+    upto = np.cumsum([share for _, share in times])
+    middles = (np.arange(MOST_ONSETS) + 0.5) * whole / MOST_ONSETS
+    found = np.minimum(np.searchsorted(upto, middles), len(times) - 1).tolist()
+    return [(times[place][0], whole / MOST_ONSETS) for place in found]
+
+
+

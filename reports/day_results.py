@@ -1,0 +1,99 @@
+"""Result types of a day of several fields and fleets: plain frozen data, no behaviour.
+
+Times are seconds of the day on which it begins: past midnight they are above 86,400.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from reports.results import Points
+
+
+@dataclass(frozen=True)
+class DayJob:
+    """One field worked by one fleet (`machine`) with so many tractors, in the mean from `start_s` to `end_s`.
+
+    The fleet leaves the place before at `leaves_s`, for `km` of road. `finish_probability` is that of being done before
+    the rain and the end of its window, with its 95 % interval; `p50_end_s` and `p95_end_s` are when it is done as often
+    as not and in 95 of 100 draws. `time_s` is what the simulated plan takes without anything that varies, `cost` what
+    the work costs, `worked_pct` the share of the field that the plan works.
+    """
+
+    field: str
+    machine: str
+    strategy: str
+    tractors: int
+    area_ha: float
+    leaves_s: float
+    km: float
+    start_s: float
+    end_s: float
+    time_s: float
+    finish_probability: float
+    finish_probability_interval: tuple[float, float]
+    p50_end_s: float
+    p95_end_s: float
+    cost: float
+    worked_pct: float | None = None
+
+
+@dataclass(frozen=True)
+class NotDone:
+    """A field that is left, what that costs, and why in a sentence."""
+
+    field: str
+    area_ha: float
+    cost: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class FleetDay:
+    """What a fleet is in words, when it leaves and is home, and how far it drives; None where it stays."""
+
+    name: str
+    words: str
+    leaves_s: float | None
+    home_s: float | None
+    km: float
+
+
+@dataclass(frozen=True, eq=False)
+class MapPlace:
+    """A place on the map, in metres: a field with its outline (n, 2), or the yard without one."""
+
+    name: str
+    x_m: float
+    y_m: float
+    outline: Points | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DayResult:
+    """The answer to a day file.
+
+    `cost` is expected of the whole day: work, ways, ground that the rain takes and fields that are left; by the draws.
+    `gap_pct` is by how much less another day could cost at most, by the mean times. `windows` are the hours in which
+    each field may be worked, in the order of `fields`; `breaks` are those of the people.
+    """
+
+    start_s: float
+    end_s: float
+    jobs: tuple[DayJob, ...]
+    not_done: tuple[NotDone, ...]
+    fleets: tuple[FleetDay, ...]
+    gap_pct: float
+    cost: float
+    all_probability: float | None
+    currency: str
+    draws: int
+    seed: int
+    advice: str
+    remarks: tuple[str, ...] = ()
+    fields: tuple[str, ...] = ()
+    windows: tuple[tuple[tuple[float, float], ...], ...] = ()
+    breaks: tuple[tuple[float, float], ...] = ()
+    rain: tuple[tuple[float, float], ...] = ()
+    places: tuple[MapPlace, ...] = ()
+    closest: str = ""

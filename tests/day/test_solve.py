@@ -1,0 +1,121 @@
+"""The best order of fields: days worked out by hand, all orders tried, search beside proof."""
+
+from __future__ import annotations
+
+import pytest
+
+from planner.day.exact import proven
+from planner.day.insertion import repaired
+from planner.day.problem import HASTE, Problem, Rain, empty
+from planner.day.search import searched
+from planner.day.solve import simple_bound, solved
+from tests.day.days import DAY, at_random, by_hand, every_day, least_cost
+
+LINE = [[0, 600, 900], [600, 0, 300], [900, 300, 0]]  # two fields on one road; the last place is the depot
+
+
+def test_two_fields_and_one_fleet() -> None:
+    """Depot - near field 300 s - far field 600 s further: 300 + 1000 + 600 + 2000 + 900 s, near before far."""
+    problem = by_hand([[2000, 1000]], LINE, put_off=[100.0, 100.0], per_move_s=0.01)
+    day = solved(problem)
+    assert day.routes == ((1, 0),) and day.gap_pct == 0.0
+    assert problem.starts(0, (1, 0)) == [300, 1900]
+    assert day.cost == pytest.approx(0.01 * (300 + 600 + 900) + HASTE * (1300 + 3900))
+
+
+def test_a_window_forces_the_order() -> None:
+    problem = by_hand([[2000, 1000]], LINE, put_off=[100.0, 100.0], windows=[[(0, 3000)], [(0, DAY)]], per_move_s=0.01)
+    assert solved(problem).routes == ((0, 1),)
+    assert problem.starts(0, (0, 1)) == [900, 3500]
+    later = by_hand([[2000, 1000]], LINE, put_off=[100.0, 100.0], windows=[[(0, 2899), (9000, 11000)], [(0, DAY)]])
+    assert later.starts(0, (0,)) == [9000], "the first window is a second too short"
+    assert later.starts(0, (1, 0)) == [300, 9000]
+
+
+def test_a_field_that_is_too_far_is_left() -> None:
+    """The way there and back costs 0.05 x (600 + 900 - 300) = 60 more than the near field alone."""
+    for worth, done in ((59.0, ((1,),)), (61.0, ((1, 0),))):
+        day = solved(by_hand([[2000, 1000]], LINE, put_off=[worth, 100.0], per_move_s=0.05))
+        assert day.routes == done and day.gap_pct == 0.0
+
+
+def test_two_fleets_share_the_fields_when_the_day_is_short() -> None:
+    """Each has 300 + 1000 + 300 s for its field; both fields by one fleet take 300 + 1000 + 100 + 1000 + 300 s."""
+    move = [[0, 100, 300], [100, 0, 300], [300, 300, 0]]
+    short = by_hand([[1000, 1000]] * 2, move, put_off=[50.0, 50.0], per_move_s=0.01, home_by_s=2699)
+    assert sorted(map(len, solved(short).routes)) == [1, 1]
+    long = by_hand([[1000, 1000]] * 2, move, put_off=[50.0, 50.0], per_move_s=0.01, home_by_s=2700)
+    assert sorted(map(len, solved(long).routes)) == [0, 2], "one way less, though it is done later"
+
+
+def test_rain_takes_what_is_not_done() -> None:
+    """Rain for certain after 1500 s: of 1000 s of work begun at 1300 s 0.8 are lost, of 2000 s begun at 900 s 0.7."""
+    rain = Rain(((1500, 1.0),))
+    assert rain.undone(1300, 1000) == pytest.approx(0.8)
+    assert Rain(((1500, 0.5), (1600, 0.25))).undone(900, 2000) == pytest.approx(0.5 * 0.7 + 0.25 * 0.65)
+    assert rain.undone(400, 1000) == 0.0 and rain.undone(1500, 1000) == 1.0
+    costs = by_hand([[2000, 1000]], LINE, put_off=[90.0, 90.0], stake=[80.0, 80.0], rain=rain)
+    assert costs.route_cost(0, (1, 0)) == pytest.approx(80.0 + HASTE * (1300 + 3900))
+    assert solved(costs).routes == ((1, 0),)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_proven_day_is_the_best_of_all(seed: int) -> None:
+    problem = at_random(seed, fields=3 + seed % 3, fleets=1 + seed % 2)
+    best, day = least_cost(problem), solved(problem)
+    assert day.cost == pytest.approx(best, abs=1e-4) and day.gap_pct == 0.0
+    assert day.cost == problem.cost(day.routes)
+    assert proven(problem, empty(problem), 5.0).bound <= best + 1e-4, "without a hint as well"
+    assert simple_bound(problem) <= best + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_search_reaches_the_proven_day(seed: int) -> None:
+    problem = at_random(100 + seed, fields=7, fleets=2)
+    day = solved(problem)
+    assert day.gap_pct == 0.0
+    assert problem.cost(searched(problem, effort=60_000)) == pytest.approx(day.cost, abs=1e-4)
+
+
+def test_search_is_never_worse_than_its_start() -> None:
+    problem = at_random(7, fields=14, fleets=3)
+    start = repaired(problem, empty(problem), range(problem.fields), regret=False)
+    one = searched(problem, start, effort=2_000)
+    assert cost_of(problem, one) <= cost_of(problem, start)
+    good = searched(problem, effort=60_000)
+    assert cost_of(problem, searched(problem, good, effort=2_000)) <= cost_of(problem, good)
+
+
+def test_many_fields_have_a_bound_below_them() -> None:
+    problem = at_random(5, fields=10, fleets=2)
+    one, again = solved(problem), solved(problem)
+    assert one == again
+    assert 0.0 <= one.gap_pct <= 100.0
+    assert one.cost * (1.0 - one.gap_pct / 100.0) >= simple_bound(problem) - 1e-6
+    exact = solved(problem, few=10)
+    assert one.cost >= exact.cost * (1.0 - exact.gap_pct / 100.0) - 1e-4
+
+
+def test_no_field_twice_and_none_outside_its_window() -> None:
+    problem = at_random(11, fields=12, fleets=3)
+    routes = solved(problem).routes
+    done = [field for route in routes for field in route]
+    assert len(done) == len(set(done))
+    for fleet, route in enumerate(routes):
+        starts = problem.starts(fleet, route)
+        assert starts is not None
+        for field, start in zip(route, starts, strict=True):
+            work = problem.work_s[fleet][field]
+            assert work is not None
+            assert any(opens <= start and start + work <= closes for opens, closes in problem.windows[field])
+
+
+def test_every_day_counts_what_it_should() -> None:
+    """Two fields, one fleet: none, either, both in two orders."""
+    assert len(list(every_day(by_hand([[1, 1]], LINE, put_off=[1.0, 1.0])))) == 5
+
+
+def cost_of(problem: Problem, routes: tuple[tuple[int, ...], ...]) -> float:
+    cost = problem.cost(routes)
+    assert cost is not None
+    return cost
