@@ -26,7 +26,7 @@ from planner.scenario import Scenario
 from planner.tasks import LOST, Progress
 from vehicle.tractor import Implement, Tractor, as_tractor
 
-ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m")
+ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
 NO_NAME = "field"
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -159,7 +159,7 @@ def _unpacked(content: dict[str, Any] | None) -> FieldTime | None:
             tractors=int(own["tractors"]), first=tuple(own["first"]), order=tuple(own["order"]),
             links=tuple(Link(**link) for link in own["links"]),
             tractor=_whole(own["tractor"]), group=_whole(own["group"]), kind=_whole(own["kind"]),
-            driven_s=_floats(own["driven_s"]), worked_m=_floats(own["worked_m"]),
+            driven_s=_floats(own["driven_s"]), worked_m=_floats(own["worked_m"]), stand_s=_floats(own["stand_s"]),
         )  # fmt: skip
         return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
     except (KeyError, TypeError, ValueError):
