@@ -43,8 +43,9 @@ class Homeward:
     all that depends on as planner.yielding.ways_home has it.
     """
 
-    def __init__(self, plan: Plan, crossings: Crossings) -> None:
-        """For the gates of a plan, none of them left out yet."""
+    def __init__(self, plan: Plan, crossings: Crossings, *, deep: bool = False) -> None:
+        """For the gates of a plan, none of them left out yet; `deep` as in planner.yielding.ways_home."""
+        self.deep = deep
         self.crossings, self.courses = crossings, crossings.courses
         self.homes: State = tuple(course.stretches for course in self.courses)
         self.waits, self.others = _waits_of(plan, self.courses)
@@ -54,13 +55,13 @@ class Homeward:
 
     def safe(self, state: State) -> bool:
         """Whether an order is found in which all get home from where they stand, one moving at a time."""
-        return bool(safe(self.net, np.array(state, dtype=np.int64)))
+        return bool(safe(self.net, np.array(state, dtype=np.int64), self.deep))
 
     def loosen(self) -> bool:
         """Leave out gates of the plan until all get home from the start; False where that does not help."""
         state = np.zeros(len(self.homes), dtype=np.int64)
         for _ in range(MOST_LOOSENED):
-            if by_turns(self.net, state.copy(), state):
+            if by_turns(self.net, state.copy(), self.deep, state):
                 return True
             left_out = self._knot(state.tolist())
             if not left_out:

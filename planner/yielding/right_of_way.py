@@ -63,21 +63,26 @@ class RightOfWay:
     def timetable(self) -> Timetable | None:
         """The quickest timetable; None where tractors stand so that they could not even get home one after another.
 
-        Gates of the plan that would keep them from that are left out (`homeward.loosened`).
+        Gates of the plan that would keep them from that are left out (`homeward.loosened`). Where no timetable is
+        found, ways home are looked for more deeply.
         """
-        if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
-            return None
-        manners = MANNERS if len(self.courses) <= SMALL_FLEET else MANNERS[:1]
-        tables = [self._filled(manner) for manner in manners]
-        found = [(begun_s, free_s, gates) for begun_s, free_s, gates in tables if not np.isnan(free_s).any()]
-        return self._told(*min(found, key=lambda table: _merit(table[1]))) if found else None
+        for deep in (False, True):
+            self.homeward = Homeward(self.plan, self.crossings, deep=deep)
+            if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
+                continue
+            manners = MANNERS if len(self.courses) <= SMALL_FLEET else MANNERS[:1]
+            tables = [self._filled(manner) for manner in manners]
+            found = [table for table in tables if not np.isnan(table[1]).any()]
+            if found:
+                return self._told(*min(found, key=lambda table: _merit(table[1])))
+        return None
 
     def _filled(self, manner: Manner) -> tuple[Floats, Floats, Floats]:
         """A timetable in which the entry comes next that can be soonest, as planner.yielding.turns_taken has it."""
         net = self.homeward.net
         most = CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         concerned = net.near | self.homeward.others
-        return filled(net, concerned, most, self.margins, (manner.eager, float(manner.on)))  # type: ignore[no-any-return]
+        return filled(net, concerned, most, self.margins, (manner.eager, float(manner.on)), self.homeward.deep)  # type: ignore[no-any-return]
 
     def _told(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
         """A timetable with tractors, legs and metres for what is numbered through."""

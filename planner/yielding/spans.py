@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from planner.yielding.ways_home import copied, first_row
 from vehicle.jit import compiled
 
 Array = npt.NDArray[Any]
@@ -75,10 +76,18 @@ def mark_used(found, used_a, used_b) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _before(holds, place) -> int:  # type: ignore[no-untyped-def]
+    """Number of the last hold point that is not after a place."""
+    return first_row(holds, np.int64(0), len(holds), place + 1) - 1  # type: ignore[no-any-return]
+
+
+@compiled
 def _grown(keys, spans):  # type: ignore[no-untyped-def]
     """The same rows with room for as many again."""
     more, longer = np.empty((2 * len(keys), keys.shape[1]), dtype=np.int64), np.empty((2 * len(keys), 2))
-    more[: len(keys)], longer[: len(keys)] = keys, spans
+    for row in range(len(keys)):
+        copied(keys[row], more[row])
+        copied(spans[row], longer[row])
     return more, longer
 
 
@@ -90,12 +99,12 @@ def _spans(found, time_a, time_b, holds_a, holds_b):  # type: ignore[no-untyped-
     for row in range(len(found)):
         i, first, last = found[row, 0], found[row, 1], found[row, 2]
         for at_a in range(2):
-            s = np.searchsorted(holds_a, i, side="right") - 1 - at_a
+            s = _before(holds_a, i) - at_a
             if s < 0 or s > len(holds_a) - 2 or (at_a == 1 and holds_a[s + 1] != i):
                 continue
             began = time_a[holds_a[s]]
             a_from, a_to = time_a[i] - began, time_a[min(i + 1, holds_a[s + 1])] - began
-            u = max(0, np.searchsorted(holds_b, first, side="right") - 2)
+            u = max(0, _before(holds_b, first) - 1)
             while u < len(holds_b) - 1 and holds_b[u] <= last:
                 for at_b in range(2):
                     if at_b == 0:
@@ -134,7 +143,8 @@ def _joined(keys, spans, together) -> int:  # type: ignore[no-untyped-def]
         if same and spans[row, 0] <= spans[count - 1, 1] + together:
             spans[count - 1, 1] = max(spans[count - 1, 1], spans[row, 1])
             continue
-        keys[count], spans[count] = keys[row], spans[row]
+        copied(keys[row], keys[count])
+        copied(spans[row], spans[count])
         count += 1
     return count
 
@@ -158,14 +168,14 @@ def _passing(keys, times, count, since, hold, stretch, first, last, time, holds)
 @compiled
 def _passed_first(found, time_b, holds_a, holds_b):  # type: ignore[no-untyped-def]
     """Which stretches of the second course lead by the hold points of the first, and when."""
-    keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), 0
-    row = 0
+    keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), np.int64(0)
+    row, places = np.int64(0), found[:, 0]
     for hold in range(len(holds_a)):
-        row += np.searchsorted(found[row:, 0], holds_a[hold])
+        row = first_row(places, row, len(found), holds_a[hold])
         since = count
         while row < len(found) and found[row, 0] == holds_a[hold]:
             first, last = found[row, 1], found[row, 2]
-            u = max(0, np.searchsorted(holds_b, first, side="right") - 2)
+            u = max(0, _before(holds_b, first) - 1)
             while u < len(holds_b) - 1 and holds_b[u] <= last:
                 low, high = max(first, holds_b[u]), min(last, holds_b[u + 1])
                 if low <= high:
@@ -182,9 +192,9 @@ def _passed_second(found, time_a, holds_a, holds_b):  # type: ignore[no-untyped-
     latest = np.full((len(holds_b), 2), -1)
     for row in range(len(found)):
         i = found[row, 0]
-        hold = np.searchsorted(holds_b, found[row, 1])
+        hold = _before(holds_b, found[row, 1] - 1) + 1
         while hold < len(holds_b) and holds_b[hold] <= found[row, 2]:
-            right = np.searchsorted(holds_a, i, side="right") - 1
+            right = _before(holds_a, i)
             for s in range(right - 1 if holds_a[right] == i else right, right + 1):
                 if s < 0 or s > len(holds_a) - 2:
                     continue

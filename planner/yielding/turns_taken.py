@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from planner.yielding.ways_home import harmless, safe, tenths
+from planner.yielding.ways_home import copied, first_row, harmless, safe, tenths
 from vehicle.jit import compiled
 
 BEHIND_S = 3.0  # who follows leaves so much time behind the one before
@@ -25,24 +25,18 @@ NEVER = math.inf
 
 
 @compiled
-def _row(at, start, end, place):  # type: ignore[no-untyped-def]
-    """The first row from `start` to `end` of what concerns `place` or a later one."""
-    return start + np.searchsorted(at[start:end], place)
-
-
-@compiled
 def _apart(net, state, begun_s, margins, mine, shift, soonest, spans, count):  # type: ignore[no-untyped-def]
     """Add the spans in which a stretch must not be begun because of stretches that others have begun."""
     start, row = net.apart_start[mine], net.apart_start[mine + 1]
     while row > start:
         other = net.owner[net.apart_at[row - 1]]
         first = net.base[other]
-        row = _row(net.apart_at, start, row, first + state[other])
+        row = first_row(net.apart_at, start, row, first + state[other])
         while row > start and net.apart_at[row - 1] >= first:
             place = net.apart_at[row - 1]
             lasts_s = net.begins_s[place + 1] - net.begins_s[place]
             if begun_s[place] + lasts_s + 2.0 * margins[0] + START_S < soonest:
-                row = _row(net.apart_at, start, row, first)
+                row = first_row(net.apart_at, start, row, first)
                 break
             row -= 1
             spans[count, 0] = begun_s[place] + net.apart_s[row, 0] - margins[1] - shift
@@ -90,7 +84,7 @@ def _outside(spans, count, soonest):  # type: ignore[no-untyped-def]
 @compiled
 def _begin(net, state, begun_s, free_s, margins, one, length, soonest, spans):  # type: ignore[no-untyped-def]
     """The earliest time from `soonest` on at which a tractor can begin so many stretches in one go."""
-    base, at, count = net.base[one], state[one], 0
+    base, at, count = net.base[one], state[one], np.int64(0)
     began = net.begins_s[base + at]
     for mine in range(base + at, base + at + length):
         shift = net.begins_s[mine] - began
@@ -155,15 +149,40 @@ def _next(net, state, free_s, eager, entries, tried):  # type: ignore[no-untyped
 
 
 @compiled
-def _leaves_a_way_home(net, state, one, length, after) -> bool:  # type: ignore[no-untyped-def]
-    """Whether all still get home when a tractor has gone on by so many stretches."""
-    after[:] = state
+def _leaves_a_way_home(net, state, one, length, deep, after, unsafe) -> bool:  # type: ignore[no-untyped-def]
+    """Whether all still get home when a tractor has gone on by so many stretches.
+
+    What a deep look finds to be otherwise is marked `unsafe`, and not looked at again until that may have changed.
+    """
+    if unsafe[one, length]:
+        return False
+    copied(state, after)
     after[one] += length
-    return harmless(net, one, after) or safe(net, after)
+    found = harmless(net, one, after) or safe(net, after, deep)
+    unsafe[one, length] = deep and not found
+    return found  # type: ignore[no-any-return]
 
 
 @compiled
-def _chosen(net, state, begun_s, free_s, margins, manner, entries, refused, spans, after):  # type: ignore[no-untyped-def]
+def _came_by(net, state, one, first, end, unsafe) -> None:  # type: ignore[no-untyped-def]
+    """Look again at what was unsafe only because of stretches, from `first` to `end`, that a tractor has now entered.
+
+    What leaves no way home leaves none after moves that it does not keep anybody from.
+    """
+    for other in range(len(state)):
+        for length in range(unsafe.shape[1]):
+            if other == one:
+                unsafe[other, length] = False
+            elif unsafe[other, length]:
+                hold = net.base[other] + state[other] + length
+                row = first_row(net.stands_at, net.stands_start[hold], net.stands_start[hold + 1], first)
+                unsafe[other, length] = row == net.stands_start[hold + 1] or net.stands_at[row] >= end
+
+
+@compiled
+def _chosen(  # type: ignore[no-untyped-def]
+    net, state, begun_s, free_s, margins, manner, deep, entries, refused, unsafe, spans, after
+):  # fmt: skip
     """The tractor whose entry can be first and leaves everybody a way home; -1 for none.
 
     Where the manner is to go `on`, the entry may become longer for that.
@@ -175,13 +194,13 @@ def _chosen(net, state, begun_s, free_s, margins, manner, entries, refused, span
             return -1
         tried[one] = True
         first, most = int(entries[one, 0]), min(CHAIN, net.base[one + 1] - net.base[one] - 1 - state[one])
-        if _leaves_a_way_home(net, state, one, first, after):
+        if _leaves_a_way_home(net, state, one, first, deep, after, unsafe):
             return one
         for length in range(first + 1, most + 1 if manner[1] > 0.0 else 0):
             begin = _begin(net, state, begun_s, free_s, margins, one, length, entries[one, 1], spans)
-            if begin <= entries[one, 1] + START_S and _leaves_a_way_home(net, state, one, length, after):
+            if begin <= entries[one, 1] + START_S and _leaves_a_way_home(net, state, one, length, deep, after, unsafe):
                 _entry(net, state, free_s, one, length, begin, longer)
-                entries[one] = longer
+                copied(longer, entries[one])
                 return one
         refused[one] = True
 
@@ -190,8 +209,8 @@ def _chosen(net, state, begun_s, free_s, margins, manner, entries, refused, span
 def _guard(net, state, begun_s, behind, mine, other, begin):  # type: ignore[no-untyped-def]
     """What keeps a tractor behind another which it is predicted to follow closely: a stretch and seconds; -1 for none."""
     start, first = net.apart_start[mine], net.base[other]
-    start = _row(net.apart_at, start, net.apart_start[mine + 1], first)
-    row = _row(net.apart_at, start, net.apart_start[mine + 1], first + state[other])
+    start = first_row(net.apart_at, start, net.apart_start[mine + 1], first)
+    row = first_row(net.apart_at, start, net.apart_start[mine + 1], first + state[other])
     while row > start:
         place = net.apart_at[row - 1]
         if begun_s[place] + (net.begins_s[place + 1] - net.begins_s[place]) < begin - GUARDED_S:
@@ -212,7 +231,8 @@ def _noted(gates, count, mine, place, after):  # type: ignore[no-untyped-def]
     """The gates with one more: before stretch `mine`, open when another has been on the stretch `place` for so long."""
     if count == len(gates):
         more = np.empty((2 * len(gates), 3))
-        more[:count] = gates
+        for row in range(count):
+            copied(gates[row], more[row])
         gates = more
     gates[count, 0], gates[count, 1], gates[count, 2] = mine, place, after
     return gates, count + 1
@@ -247,7 +267,8 @@ def _enter(net, state, begun_s, free_s, behind, refused, refused_for, one, entry
                 if place >= 0:
                     gates, count = _noted(gates, count, mine + number, place, after)
     gates, count = _cleared(net, state, begun_s, behind, refused_for, one, entry, gates, count)
-    begun_s[mine : mine + length] = entry[1 : 1 + length]
+    for number in range(length):
+        begun_s[mine + number] = entry[1 + number]
     state[one] += length
     free_s[one] = entry[1 + CHAIN]
     for other in range(len(state)):
@@ -264,10 +285,11 @@ def _enter(net, state, begun_s, free_s, behind, refused, refused_for, one, entry
 
 
 @compiled
-def filled(net, concerned, most, margins, manner):  # type: ignore[no-untyped-def]
+def filled(net, concerned, most, margins, manner, deep):  # type: ignore[no-untyped-def]
     """A timetable in which the entry comes next that can be soonest.
 
-    `margins` are seconds behind and ahead, `manner` how eager and whether to go on; `concerned` (n, n) tells whether
+    `margins` are seconds behind and ahead, `manner` how eager and whether to go on, `deep` how ways home
+    are looked for; `concerned` (n, n) tells whether
     what one may do can depend on another, `most` how many spans one entry can depend on. Returns when each stretch is
     begun (p,), when each tractor stands for good (n,; nan where no entry was left), and gates (k, 3): before which
     stretch, open when which other has been begun for so long.
@@ -276,21 +298,25 @@ def filled(net, concerned, most, margins, manner):  # type: ignore[no-untyped-de
     state, free_s, begun_s = np.zeros(count, dtype=np.int64), np.zeros(count), np.full(len(net.owner), np.nan)
     entries, known = np.zeros((count, CHAIN + 2)), np.zeros(count, dtype=np.bool_)
     refused, refused_for = np.zeros(count, dtype=np.bool_), np.zeros((count, count), dtype=np.bool_)
+    unsafe = np.zeros((count, CHAIN + 1), dtype=np.bool_)
     spans, after = np.empty((most, 2)), np.empty(count, dtype=np.int64)
-    gates, written = np.empty((64, 3)), 0
+    gates, written = np.empty((64, 3)), np.int64(0)
     left = len(net.owner) - count
     while left > 0:
         for one in range(count):
             if not known[one]:
                 _earliest(net, state, begun_s, free_s, margins, refused_for, one, spans, entries[one])
                 known[one] = True
-        one = _chosen(net, state, begun_s, free_s, margins, manner, entries, refused, spans, after)
+        one = _chosen(net, state, begun_s, free_s, margins, manner, deep, entries, refused, unsafe, spans, after)
         if one < 0:
-            return begun_s, np.full(count, np.nan), gates[:written]
+            free_s[0] = np.nan
+            break
+        first = net.base[one] + state[one]
         left -= int(entries[one, 0])
         gates, written = _enter(
             net, state, begun_s, free_s, margins[0], refused, refused_for, one, entries[one], gates, written
         )
+        _came_by(net, state, one, first, net.base[one] + state[one], unsafe)
         for other in range(count):
             if other == one or refused[other] or concerned[other, one]:
                 known[other] = False

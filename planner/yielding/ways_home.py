@@ -65,6 +65,25 @@ def tenths(x: float) -> int:
 
 
 @compiled
+def first_row(at, start, end, place) -> int:  # type: ignore[no-untyped-def]
+    """The first of the rows from `start` to `end` that is about `place` or a later one."""
+    while start < end:
+        middle = (start + end) // 2
+        if at[middle] < place:
+            start = middle + 1
+        else:
+            end = middle
+    return start  # type: ignore[no-any-return]
+
+
+@compiled
+def copied(values, into) -> None:  # type: ignore[no-untyped-def]
+    """Copy a row of numbers; a loop compiles sooner than an assignment of arrays."""
+    for number in range(len(values)):
+        into[number] = values[number]
+
+
+@compiled
 def last_passes(base, owner, start, at):  # type: ignore[no-untyped-def]
     """`Net.last_pass` from the table of hold points and who comes by."""
     last = np.full((len(owner), len(base) - 1), -1, dtype=np.int32)
@@ -81,7 +100,7 @@ def last_waits(base, owner, start, at):  # type: ignore[no-untyped-def]
     last = np.full((len(owner), len(base) - 1), -1, dtype=np.int32)
     for place in range(len(owner) - 1, -1, -1):
         if place + 1 < len(owner) and owner[place + 1] == owner[place]:
-            last[place] = last[place + 1]
+            copied(last[place + 1], last[place])
         for row in range(start[place], start[place + 1]):
             other = owner[at[row]]
             last[place, other] = max(last[place, other], at[row] - base[other])
@@ -129,7 +148,9 @@ def one_by_one(net, state) -> bool:  # type: ignore[no-untyped-def]
         if needs[one] == 0:
             ready[some] = one
             some += 1
-    left = count - home.sum() - some
+    left = -some
+    for one in range(count):
+        left += 0 if home[one] else 1
     while some > 0:
         some -= 1
         gone = ready[some]
@@ -156,8 +177,8 @@ def _reach(net, state, one) -> int:  # type: ignore[no-untyped-def]
         stood = base[other] + state[other]
         if net.last_pass[stood, one] < state[one]:
             continue
-        start, end = net.stands_start[stood], net.stands_start[stood + 1]
-        row = start + np.searchsorted(net.stands_at[start:end], place)
+        end = net.stands_start[stood + 1]
+        row = first_row(net.stands_at, net.stands_start[stood], end, place)
         if row < end:
             until = min(until, net.stands_at[row])
     return until - base[one]  # type: ignore[no-any-return]
@@ -192,33 +213,53 @@ def _sorted_in(moves, when, count, harm, one, hold, begins_s) -> int:  # type: i
     """Write a move before those that are to be tried sooner; returns how many there are now."""
     row = count
     while row > 0 and _sooner(moves[row - 1], when[row - 1], harm, begins_s, one, hold):
-        moves[row], when[row] = moves[row - 1], when[row - 1]
+        copied(moves[row - 1], moves[row])
+        when[row] = when[row - 1]
         row -= 1
     moves[row, 0], moves[row, 1], moves[row, 2], when[row] = harm, one, hold, begins_s
     return count + 1  # type: ignore[no-any-return]
 
 
 @compiled
-def _moves(net, state, moves, when) -> int:  # type: ignore[no-untyped-def]
+def _for_good(net, state, one, reach) -> int:  # type: ignore[no-untyped-def]
+    """The farthest hold point up to `reach` by which nobody else comes any more; where the tractor is if there is none."""
+    for hold in range(reach, state[one], -1):
+        free = True
+        for other in range(len(state)):
+            if net.last_pass[net.base[one] + hold, other] >= state[other]:
+                free = False
+                break
+        if free:
+            return hold
+    return state[one]  # type: ignore[no-any-return]
+
+
+@compiled
+def _moves(net, state, deep, moves, when) -> int:  # type: ignore[no-untyped-def]
     """Number of the moves that may be done next, the best last: rows (blocks, tractor, hold point), when they begin.
 
     A tractor goes on to where it waits for others by plan, or else as far as it does not stand in the way of what
-    another has to do before it waits for anybody.
+    another has to do before it waits for anybody. When looking `deep`, none goes home while others have to come by
+    there; and where one can go on to where nobody comes by any more, that alone is the next move, as it keeps nobody
+    from anything.
     """
-    count = 0
+    count, no_harm = np.int64(0), np.int64(0)
     for one in range(len(state)):
-        place = net.base[one] + state[one]
-        reach = _reach(net, state, one) if place < net.base[one + 1] - 1 else state[one]
+        place, home = net.base[one] + state[one], net.base[one + 1] - net.base[one] - 1
+        reach = _reach(net, state, one) if state[one] < home else state[one]
         if reach == state[one]:
             continue
-        hold, blocked = reach, _blocks(net, state, one, reach)
-        if blocked:
-            while hold > state[one] and _blocks(net, state, one, hold):
-                hold -= 1
-            hold = reach if hold == state[one] else hold
-        count = _sorted_in(moves, when, count, 1 if blocked else 0, one, reach, net.begins_s[place])
-        if hold != reach:
-            count = _sorted_in(moves, when, count, 0, one, hold, net.begins_s[place])
+        hold = _for_good(net, state, one, reach) if deep else state[one]
+        if hold > state[one]:
+            return _sorted_in(moves, when, no_harm, no_harm, one, hold, net.begins_s[place])  # type: ignore[no-any-return]
+        reach -= 1 if deep and reach == home else 0
+        hold = reach
+        while hold > state[one] and _blocks(net, state, one, hold):
+            hold -= 1
+        if hold > state[one]:
+            count = _sorted_in(moves, when, count, no_harm, one, hold, net.begins_s[place])
+        if hold < reach:
+            count = _sorted_in(moves, when, count, no_harm + 1, one, reach, net.begins_s[place])
     return count
 
 
@@ -230,7 +271,10 @@ def _new(states, slots, count) -> bool:  # type: ignore[no-untyped-def]
         code = (code ^ np.uint64(states[count, one])) * np.uint64(1099511628211)
     slot = np.int64((code >> np.uint64(20)) % np.uint64(len(slots)))
     while slots[slot] >= 0:
-        if (states[slots[slot]] == states[count]).all():
+        same = True
+        for one in range(states.shape[1]):
+            same = same and states[slots[slot], one] == states[count, one]
+        if same:
             return False
         slot = (slot + 1) % len(slots)
     slots[slot] = count
@@ -247,17 +291,27 @@ def _driven(net, state) -> int:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def by_turns(net, start, reached) -> bool:  # type: ignore[no-untyped-def]
+def most_states(count, deep) -> int:  # type: ignore[no-untyped-def]
+    """How many states are looked at for a fleet of so many: when deep, more where each has more moves to choose from."""
+    return MOST_STATES * (1 + count * count // 50 if deep else 1)  # type: ignore[no-any-return]
+
+
+@compiled
+def by_turns(net, start, deep, reached) -> bool:  # type: ignore[no-untyped-def]
     """Whether an order of moves in which all get home is found; `reached` becomes the farthest on that was found."""
     count = len(start)
-    room = MOST_STATES + 2 * count + 1
+    most = most_states(count, deep)
+    room = most + 2 * count + 1
     states, slots = np.empty((room, count), dtype=np.int64), np.full(4 * room, -1)
-    stack, seen, some = np.empty(room, dtype=np.int64), 1, 1
+    stack, seen, some = np.empty(room, dtype=np.int64), np.int64(0), 1
     moves, when = np.empty((2 * count + 1, 3), dtype=np.int64), np.empty(2 * count + 1)
-    states[0], stack[0], reached[:] = start, 0, start
-    _new(states, slots, 0)
+    copied(start, states[0])
+    copied(start, reached)
+    stack[0] = 0
+    _new(states, slots, seen)
+    seen += 1
     farthest = _driven(net, start)
-    while some > 0 and seen < MOST_STATES:
+    while some > 0 and seen < most:
         some -= 1
         state = states[stack[some]]
         home = True
@@ -265,11 +319,12 @@ def by_turns(net, start, reached) -> bool:  # type: ignore[no-untyped-def]
             home = home and state[one] == net.base[one + 1] - net.base[one] - 1
         driven = _driven(net, state)
         if home or driven > farthest:
-            farthest, reached[:] = driven, state
+            farthest = driven
+            copied(state, reached)
         if home:
             return True
-        for row in range(_moves(net, state, moves, when)):
-            states[seen] = state
+        for row in range(_moves(net, state, deep, moves, when)):
+            copied(state, states[seen])
             states[seen, moves[row, 1]] = moves[row, 2]
             if _new(states, slots, seen):
                 stack[some] = seen
@@ -279,6 +334,6 @@ def by_turns(net, start, reached) -> bool:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def safe(net, state) -> bool:  # type: ignore[no-untyped-def]
+def safe(net, state, deep) -> bool:  # type: ignore[no-untyped-def]
     """Whether an order is found in which all get home from where they stand, one moving at a time."""
-    return one_by_one(net, state) or by_turns(net, state, np.empty(len(state), dtype=np.int64))
+    return one_by_one(net, state) or by_turns(net, state, deep, np.empty(len(state), dtype=np.int64))
