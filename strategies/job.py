@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from fields.layout import Layout, Track
 from fields.rounds import Round
@@ -17,6 +18,9 @@ from strategies.ways.fence import Fence, inside
 from strategies.ways.gateway import Gateway
 from strategies.ways.paths import Path, Pose
 from strategies.ways.search import shortest_m
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 PLAIN_TURN_S = 40.0  # a turn in the headland that is quicker than this is not compared with one across tracks
 DETOUR, DETOUR_S = 1.25, 5.0  # how much longer than one across tracks a way round them may take, factor and seconds
@@ -119,6 +123,29 @@ class Job:
             return best
         return inside(self.fence, [each.direct(a, b) for each in self.careful], self.connector.cost)
 
+    def turn_costs(self, starts: Floats, ends: Floats, pairs: Ints) -> Floats:
+        """The connector's cost (k,) of what `turn` finds for many pairs; infinite where it finds nothing.
+
+        `pairs` (k, 2) are numbers of `starts` (n, 3) and `ends` (m, 3); those with one start follow one another.
+        """
+        beside = np.full((len(pairs), 2), np.inf)
+        if self.headland:
+            beside = self.headland.direct_costs(starts, ends, pairs)
+        best, dear = beside.copy(), np.flatnonzero(beside[:, 0] > PLAIN_TURN_S)
+        if len(dear) and not self.spare_tracks:
+            across = self.connector.direct_costs(starts, ends, pairs[dear])
+            better = np.isfinite(across[:, 0]) & (beside[dear, 0] > DETOUR * across[:, 0] + DETOUR_S)
+            best[dear[better]] = across[better]
+        found = np.flatnonzero(np.isfinite(best[:, 0]))
+        if self.fence is not None and len(found):
+            near = self.fence.may_cross(starts[pairs[found, 0]], ends[pairs[found, 1]], best[found, 1])
+            for k in found[near].tolist():
+                p, q = pairs[k]
+                path = self.turn(_pose(starts[p]), _pose(ends[q]))
+                best[k, 0] = math.inf if path is None else self.connector.cost(path)
+        seconds: Floats = best[:, 0]
+        return seconds
+
     def _turn(self, a: Pose, b: Pose) -> Path | None:
         cost = self.connector.cost
         beside = self.headland.direct(a, b) if self.headland else None
@@ -173,6 +200,11 @@ class Job:
         lines = max(1, round(across / self.layout.width_m))
         extra = max(0, lines - len(table) + 1) * self.layout.width_m
         return table[min(lines, len(table) - 1)] + (extra + abs(along)) / speed
+
+
+def _pose(row: Floats) -> Pose:
+    x, y, heading = row.tolist()
+    return x, y, heading
 
 
 def starting_corner(layout: Layout) -> tuple[bool, int] | None:

@@ -49,12 +49,12 @@ def obstacle_touched(run: Run, site: Site) -> str | None:
     field = site.layout.field
     names = [str(one)[0].lower() + str(one)[1:] for one in field.obstacles]
     holes = [HOLE] * (len(field.solid) - len(names))
+    courses = [run.poses(tractor)[::EVERY].copy() for tractor in range(run.plan.tractors)]
     for shape, name in zip(field.solid, [*holes, *names], strict=True):
         core = shape.buffer(-TOUCH_M)
         shapely.prepare(core)
-        for tractor in range(run.plan.tractors):
-            if shapely.intersects(_near(run.poses(tractor)[::EVERY], site, core), core).any():
-                return name
+        if any(shapely.intersects(_near(poses, site, core), core).any() for poses in courses):
+            return name
     return None
 
 

@@ -21,6 +21,7 @@ from strategies.ways.paths import Pose
 from strategies.ways.search import shortest_m
 
 Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 
 NEAR_LINES = 10  # orders that are best turn over fewer lines; more only where a field is in pieces
 MOST_ROUNDS = 13
@@ -41,25 +42,31 @@ class TurnTable:
         key = near_lines, tuple(tracks)
         if key not in job.tables:
             self.seconds, self.known = _estimates(job, self.passes), np.zeros((len(self.passes),) * 2, dtype=bool)
-            for p, q in _near_turns(self.passes, near_lines):
-                self._work_out(p, q, routes=False)
+            self._turns(np.array(list(_near_turns(self.passes, near_lines)), dtype=np.int64).reshape(-1, 2))
             job.tables[key] = self.seconds, self.known
         self.seconds, self.known = (each.copy() for each in job.tables[key])
         self._ends_known: set[tuple[int, int]] = set()
 
-    def _work_out(self, p: int, q: int, *, routes: bool) -> None:
-        """The seconds of the way from pass p to pass q; without `routes` only where a turn leads there."""
-        a, b = self.job.exit(self.passes[p]), self.job.entry(self.passes[q])
-        path = self.job.way(a, b) if routes else self.job.turn(a, b)
-        if path is not None or routes:
-            self.seconds[p, q] = FAR_S if path is None else _rounded(self.job.connector.cost(path))
-            self.known[p, q] = True
+    def _turns(self, pairs: Ints) -> None:
+        """The seconds of the turns between pairs (k, 2) of passes, where one leads from the first to the second."""
+        exits, entries = (np.array([end(one) for one in self.passes]) for end in (self.job.exit, self.job.entry))
+        seconds = self.job.turn_costs(exits, entries, pairs)
+        found = np.isfinite(seconds)
+        p, q = pairs[found].T
+        self.seconds[p, q] = np.rint(seconds[found] / SAME_S) * SAME_S
+        self.known[p, q] = True
+
+    def _work_out(self, p: int, q: int) -> None:
+        """The seconds of the way from pass p to pass q."""
+        path = self.job.way(self.job.exit(self.passes[p]), self.job.entry(self.passes[q]))
+        self.seconds[p, q] = FAR_S if path is None else _rounded(self.job.connector.cost(path))
+        self.known[p, q] = True
 
     def work_out(self, order: list[int]) -> bool:
         """Work out whatever an order of passes uses and is only estimated; whether there was any."""
         missing = [(p, q) for p, q in pairwise(order) if not self.known[p, q]]
         for p, q in missing:
-            self._work_out(p, q, routes=True)
+            self._work_out(p, q)
         return bool(missing)
 
     def ends(self) -> Floats:

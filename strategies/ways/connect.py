@@ -29,7 +29,7 @@ from strategies.ways.paths import (
     straight,
 )
 from strategies.ways.routes import Corners, corner_poses, ring_poses
-from strategies.ways.search import RULES, best_word, cost_s, shortest_forward, shortest_m
+from strategies.ways.search import RULES, best_costs, best_word, cost_s, shortest_forward, shortest_m
 from strategies.ways.turns import TURN_KINDS
 from strategies.ways.words import MOST_PIECES, driven_s, stays_inside
 
@@ -133,6 +133,14 @@ class Connector:
         """As `connect`, without the search for routes: None where only a route would do."""
         best = self._best_word(a, b)
         return None if best is None or self._roundabout(best, a, b) else best
+
+    def direct_costs(self, starts: Floats, ends: Floats, pairs: Ints) -> Floats:
+        """`cost` and metres (k, 2) of what `direct` finds for many pairs; infinite where it finds nothing.
+
+        `pairs` (k, 2) are numbers of `starts` (n, 3) and `ends` (m, 3); those with one start follow one another.
+        """
+        costs: Floats = best_costs(starts, ends, pairs, self._rules, self._edges)
+        return costs
 
     def _joined(self, a: Pose, b: Pose) -> bool:
         """Whether both ends lie in one piece of the region."""

@@ -81,6 +81,14 @@ class Fence:
             return False
         return self._hit(_axle(way, self.body.guide_m), lines)
 
+    def may_cross(self, starts: Points, ends: Points, length_m: Points) -> npt.NDArray[np.bool_]:
+        """Which ways of so many metres (k,) from `starts` to `ends` (k, 2+) come near enough to be looked at."""
+        places, which = np.unique(np.concatenate([starts[:, :2], ends[:, :2]]), axis=0, return_inverse=True)
+        away = shapely.distance(self._lines, shapely.points(places))[which]
+        near_m = self.body.reach_m + self.spare_m + SLACK_M
+        near: npt.NDArray[np.bool_] = away[: len(starts)] + away[len(starts) :] - length_m <= 2.0 * near_m
+        return near
+
     def _away_m(self, pose: Pose, fences_only: bool) -> float:
         """How far the lines are from a pose; infinite where there are none."""
         key = pose[0], pose[1], fences_only

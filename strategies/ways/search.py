@@ -13,6 +13,7 @@ import numpy.typing as npt
 from strategies.ways.words import (
     MOST_PIECES,
     MOST_WORDS,
+    TAU,
     awkward_s,
     backing_words,
     cusped_words,
@@ -164,6 +165,12 @@ def best_word(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
     """
     if not inside(a[0], a[1], edges) or not inside(b[0], b[1], edges):
         return -1
+    return best_inside(a, b, rules, edges, best)
+
+
+@compiled
+def best_inside(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
+    """As `best_word` between poses that are known to lie inside; `edges` are all that are within reach of them."""
     apart = math.hypot(b[0] - a[0], b[1] - a[1])
     edges = edges_near(a, b, apart + REACH * rules.radius + 2.0 * rules.steps[2], edges)
     out, kinds, costs = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64), np.empty(MOST_WORDS)
@@ -178,6 +185,46 @@ def best_word(a, b, rules, edges, best) -> int:  # type: ignore[no-untyped-def]
         other = _with_straights(a, b, rules, edges, bar, best)
         kind = other if other >= 0 else kind
     return kind
+
+
+@compiled
+def shortest_m(a, b, radius) -> float:  # type: ignore[no-untyped-def]
+    """Length of the shortest forward word, whether it fits anywhere or not (m)."""
+    out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
+    forward_words(a, b, radius, out, kinds, 0)
+    total = 0.0
+    for piece in range(MOST_PIECES):
+        total += out[0, piece, 0]
+    return total
+
+
+@compiled
+def best_costs(starts, ends, pairs, rules, edges):  # type: ignore[no-untyped-def]
+    """Seconds, as of `cost_s`, and metres (k, 2) of the best words of many pairs; infinite where there is none.
+
+    `pairs` (k, 2) are numbers of `starts` (n, 3) and `ends` (m, 3); those with one start follow one another. A word so
+    much longer than the shortest that a route may beat it is none, nor one with so much reversing.
+    """
+    out, row, spare = np.full((len(pairs), 2), np.inf), np.empty((MOST_PIECES, 3)), 2.0 * TAU * rules.radius
+    ends_held = np.array([inside(ends[q, 0], ends[q, 1], edges) for q in range(len(ends))])
+    k = 0
+    while k < len(pairs):
+        a, last, far = starts[pairs[k, 0]], k, 0.0
+        while last < len(pairs) and pairs[last, 0] == pairs[k, 0]:
+            b = ends[pairs[last, 1]]
+            far = max(far, math.hypot(b[0] - a[0], b[1] - a[1]))
+            last += 1
+        if inside(a[0], a[1], edges):
+            near = edges_near(a, a, 2.0 * far + REACH * rules.radius + 2.0 * rules.steps[2], edges)
+            for place in range(k, last):
+                b = ends[pairs[place, 1]]
+                if not ends_held[pairs[place, 1]] or best_inside(a, b, rules, near, row) < 0:
+                    continue
+                length, reverse = row[:, 0].sum(), (row[:, 0] * (row[:, 2] < 0.0)).sum()
+                if length <= shortest_m(a, b, rules.radius) + spare and reverse <= spare:
+                    out[place, 0], out[place, 1] = cost_s(row, rules), length
+        k = last
+    return out
 
 
 @compiled
@@ -199,14 +246,3 @@ def fitting_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no-
             best[:] = out[k]
             return kinds[k]  # type: ignore[no-any-return]
     return -1
-
-
-@compiled
-def shortest_m(a, b, radius) -> float:  # type: ignore[no-untyped-def]
-    """Length of the shortest forward word, whether it fits anywhere or not (m)."""
-    out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
-    forward_words(a, b, radius, out, kinds, 0)
-    total = 0.0
-    for piece in range(MOST_PIECES):
-        total += out[0, piece, 0]
-    return total

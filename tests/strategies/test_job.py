@@ -4,14 +4,16 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import box
+from shapely import Polygon, box
 
 from fields import Field
 from strategies.job import Job, Pass, starting_corner
-from strategies.ways.connect import Connector
+from strategies.ways.connect import Connector, TurnCosts
+from strategies.ways.fence import Body, Fence
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 WHOLE = [(0.0, 100.0)]
@@ -94,6 +96,32 @@ class TestWay:
     def test_is_none_where_nothing_fits(self, jobs: Any) -> None:
         job = replace(jobs.rectangle(3), connector=Connector(box(0, 0, 2, 2), 4.3, jobs.rectangle(3).connector.costs))
         assert job.way((1.0, 1.0, 0.0), (50.0, 1.0, 0.0)) is None
+
+
+BEND = Polygon([(0, 0), (90, 0), (90, 40), (45, 44), (40, 90), (0, 90)], [box(18, 15, 26, 24).exterior.coords])
+places = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 90.0), st.floats(-3.14, 3.14))
+
+
+class TestManyTurns:
+    @QUICK
+    @given(
+        st.lists(places, min_size=1, max_size=4), st.lists(places, min_size=1, max_size=4), st.booleans(), st.booleans()
+    )
+    def test_cost_what_each_turn_costs(
+        self, jobs: Any, starts: list[Any], ends: list[Any], spared: bool, fenced: bool
+    ) -> None:
+        costs = TurnCosts(1.5, 1.0, 4.0)
+        beside, body = BEND.difference(box(8, 8, 80, 30)).buffer(-1.5), Body(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2)
+        fence = Fence(BEND.exterior, BEND.interiors[0], body, 0.2) if fenced else None
+        job = replace(
+            jobs.drawn([WHOLE]), connector=Connector(BEND.buffer(-1.5), 4.3, costs), spare_tracks=spared, fence=fence,
+            headland=Connector(beside, 4.3, costs),
+        )  # fmt: skip
+        pairs = [(p, q) for p in range(len(starts)) for q in range(len(ends))]
+        found = job.turn_costs(np.array(starts), np.array(ends), np.array(pairs))
+        for (p, q), seconds in zip(pairs, found.tolist(), strict=True):
+            turn = job.turn(starts[p], ends[q])
+            assert seconds == pytest.approx(math.inf if turn is None else job.connector.cost(turn))
 
 
 class TestStartingCorner:
