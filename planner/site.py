@@ -47,6 +47,7 @@ SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 FARTHEST_ENTRANCE_M = 500.0
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+WIDER = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well
 AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -102,9 +103,18 @@ class Site:
             around=self.around, fence=fence, careful=careful,
         )  # fmt: skip
 
+    @cached_property
+    def roomier(self) -> tuple[Connector, ...]:
+        """Finders of turns that are easier to follow, those that keep to the headland first, of these the tightest."""
+        radius = self.manner.radius_m
+        regions = [region for region in (self.beside, self.rim, self.free) if not region.is_empty]
+        return tuple(
+            Connector(region, wider * radius, self.costs, self.kinds) for region in regions for wider in WIDER
+        )
+
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: without what was worked out here."""
-        return {name: value for name, value in self.__dict__.items() if name != "_first"}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_first", "roomier")}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""

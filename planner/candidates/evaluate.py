@@ -10,7 +10,7 @@ import numpy as np
 from fields.layout import Layout
 from planner.candidates.choosing import promising
 from planner.candidates.headland import headland_s, with_headland
-from planner.candidates.slowing import cures, promised_m, slowed
+from planner.candidates.slowing import cures, left_m, mended
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.candidates.within_reach import built_within_reach
 from planner.ground.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
@@ -222,13 +222,18 @@ def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: G
 def _steadied(
     site: Site, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
 ) -> tuple[Run, Slip | None]:
-    """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
+    """The run with turns that it followed badly driven otherwise where that helps, and the worst that is left.
+
+    Where the headland is worked and missed ground is charged, what is left open beside a track begun less than a third
+    of the width aside costs less than driving more carefully.
+    """
     turns = slips(run, site)
-    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
-    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
-        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs, give_way)
+    most_m = max(ASIDE_M, FARTHEST_ASIDE * site.layout.width_m) if site.rounds else ASIDE_M
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > most_m or slip.outside], site)
+    if cured and left_m(turns, cured) <= left_m(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(mended(run.plan, cured), simulate, most_repairs, give_way)
         left = turns if fault else slips(again, site)
-        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        if left_m(left) <= left_m(turns) - SMALLEST_GAIN_M and worst_aside(left) <= worst_aside(turns):
             run, turns = again, left
     return run, max(turns, key=lambda slip: slip.metres, default=None)
 
