@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 GAUSS = ((-math.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (math.sqrt(0.6), 5 / 18))  # exact for polynomials up to degree five
 MARK_M = 10.0
-EVEN = 1e-4  # of the fourth power of the outline's radius of gyration: what is nearer to 0 is symmetric
+EVEN = 1e-6  # in radii of gyration: what is nearer to 0 is symmetric but for rounding; a small hole tells little more
 
 
 def handedness(rings: Sequence[FloatArray], marks: Sequence[tuple[float, float]] = ()) -> int:
