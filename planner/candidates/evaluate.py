@@ -178,6 +178,11 @@ def _joined(*remarks: str | None) -> str | None:
 def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
     """What a reader would not expect of the run of a feasible plan."""
     told = []
+    if run.min_clearance_m < site.scenario.clearance_m:
+        told.append(
+            f"side by side on neighbouring tracks tractors come within {run.min_clearance_m:.2f} m of each other, as "
+            f"these leave {max(0.0, _between_m(site)):.2f} m between machines"
+        )
     if loosened := run.plan.notes.get("loosened"):
         times = "once" if loosened == 1 else f"{loosened} times"
         told.append(f"{times} tractors go on before one that could not get past them is in place")
@@ -195,9 +200,12 @@ def _begun(run: Run, slip: Slip) -> str:
 
 def beside_clearance_m(site: Site) -> float:
     """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
-    machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
-    room = ROOM_KEPT * (_spacing_m(site.layout) - machine_m)
-    return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
+    return min(max(ROOM_KEPT * _between_m(site), LEAST_CLEARANCE_M), site.scenario.clearance_m)
+
+
+def _between_m(site: Site) -> float:
+    """What neighbouring tracks leave between machines on their lines (m); negative where they leave nothing."""
+    return _spacing_m(site.layout) - max(site.implement.contact_width_m, site.tractor.width_m)
 
 
 def _spacing_m(layout: Layout) -> float:
