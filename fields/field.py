@@ -21,7 +21,7 @@ from fields.projection import project
 FloatArray = npt.NDArray[np.float64]
 
 FENCE_M = 0.001  # half of what a fence itself takes
-LEAST_FENCE_MARGIN_M = 0.1  # what guidance may err by: a smaller margin would be crossed
+LEAST_FENCE_MARGIN_M = 0.2  # what guidance may err by: a smaller margin would be crossed
 USUAL_POINTS, MOST_POINTS = 2_000, 5_000
 FINEST_M, COARSEST_M = 0.01, 0.16
 """A centimetre is less than any receiver tells; at 16 cm an outline still is that of the same field."""

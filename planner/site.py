@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.field import Field
+from fields.field import LEAST_FENCE_MARGIN_M, Field
 from fields.free import beside_tracks, free_space, rim_of
 from fields.handedness import handedness
 from fields.layout import Layout
@@ -122,7 +122,7 @@ class Site:
         if not field.fences and not field.solid:
             return None, ()
         body = body_of(self.tractor, self.implement)
-        spare_m = min(SPARE * self.scenario.margin_m, MOST_SPARE_M)
+        spare_m = min(SPARE * max(self.scenario.margin_m, LEAST_FENCE_MARGIN_M), MOST_SPARE_M)
         obstacles = shapely.union_all([shape.boundary for shape in field.solid])
         fence = Fence(shapely.union_all(field.fences), obstacles, body, spare_m)
         forwards = tuple(kind for kind in self.kinds if kind != "switch-back")
