@@ -16,7 +16,7 @@ class Cell:
 
     Attributes:
         number: 1 and up.
-        bearing_rad: direction +u of its tracks as a mathematical angle, radians, in (-pi/2, pi/2].
+        bearing_rad: direction +u of its tracks as a mathematical angle, radians, in (-pi, pi].
         region: ground that its tracks are to cover; with a headland for turning only, where their centre lines may
             lie. Cells do not overlap.
     """

@@ -22,6 +22,7 @@ FloatArray = npt.NDArray[np.float64]
 
 LEAST_KEPT = 0.1  # of the ground, or a margin is wider than the field
 FENCE_M = 0.001  # half of what a fence itself takes
+LEAST_FENCE_MARGIN_M = 0.2  # what guidance may err by: a smaller margin would be crossed
 USUAL_POINTS, MOST_POINTS = 2_000, 5_000
 FINEST_M, COARSEST_M = 0.01, 0.16
 """A centimetre is less than any receiver tells; at 16 cm an outline still is that of the same field."""
@@ -142,8 +143,9 @@ class Field:
         """The field whose boundary is the ground that may be worked: a margin is kept to obstacles, holes and fences.
 
         Those less than `small_m` across stay in the boundary and become `small`. The boundary keeps `swing_m` more to
-        all others: so far more than half its width a machine reaches out of a bend. Where obstacles cut the field in
-        pieces the largest is kept, and a remark tells what the others measure.
+        all others: so far more than half its width a machine reaches out of a bend. To fences LEAST_FENCE_MARGIN_M is
+        kept in any case. Where obstacles cut the field in pieces the largest is kept, and a remark tells what the
+        others measure.
 
         Raises:
             FieldError: the margin is out of range or wider than the field, too little ground is left, or a fence has
@@ -153,7 +155,9 @@ class Field:
         _check_margin(margin_m, self)
         if not self.obstacles and not self.fences and not (self.boundary.interiors and (margin_m or small_m)):
             return self
-        left = ground_left(self.boundary, self._kept, margin_m, small_m, swing_m)
+        fence_m = max(FENCE_M, LEAST_FENCE_MARGIN_M - margin_m)
+        kept = (*self.obstacles, *(Obstacle("fence", line, fence_m) for line in self.fences))
+        left = ground_left(self.boundary, kept, margin_m, small_m, swing_m)
         if left.boundary.area < SMALLEST_M2:
             what = "Obstacles and fences" if self.fences else "Obstacles"
             raise FieldError(

@@ -17,6 +17,7 @@ from fields.cells import Cell, compass_deg
 from fields.errors import FieldError, named
 from fields.field import Field
 from fields.filling import filled
+from fields.handedness import onward
 from fields.lines import SHIFTS, Comb, CombRules, axes, better, comb, region_edges
 from fields.rounds import inner_region
 
@@ -63,8 +64,8 @@ class Layout:
 
     Attributes:
         field: the field they are laid on.
-        bearing_rad: direction +u of the tracks of the largest cell as a mathematical angle, radians, in
-            (-pi/2, pi/2].
+        bearing_rad: direction +u of the tracks of the largest cell as a mathematical angle, radians: in (-pi/2, pi/2],
+            or inside rounds the way that the outline points (handedness.onward), so that it turns with the field.
         width_m: working width. Lines of a cell are evenly spaced by at most that, so that the whole width is covered.
         headland_m: room left along the tracks beyond their ends.
         tracks: sorted by line and piece; no line number is used in two cells.
@@ -192,15 +193,16 @@ def _inside_rounds(
     choice = _choose(field, edges, rules, bearing_deg) if len(edges) else None
     if choice is None and len(edges):
         choice = _choose(field, edges, replace(rules, shortest_m=SLIVER_M), bearing_deg)
-    teeth = filled(region, choice[0], rules) if choice else None
-    if choice is None or teeth is None:
+    bearing_rad = pointing(field, choice[0]) if choice else 0.0
+    teeth = filled(region, bearing_rad, rules) if choice else None
+    if teeth is None:
         raise FieldError(
             f"No track is left on field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} "
             f"m, worked in rounds of {width_m:g} m{_along(bearing_deg)}; use a smaller headland "
             f"({named('headland_m')}).",
         )
-    tracks = from_longer_side(tracks_of(teeth, axes(choice[0])))
-    return Layout(field, choice[0], width_m, depth, tracks, region, rounds, apart_m=apart_m)
+    tracks = from_longer_side(tracks_of(teeth, axes(bearing_rad)))
+    return Layout(field, bearing_rad, width_m, depth, tracks, region, rounds, apart_m=apart_m)
 
 
 def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
@@ -245,6 +247,13 @@ def _promising(angles: list[float], edges: FloatArray, rules: CombRules) -> list
     cost = [(angle, teeth.cost_m) for angle, teeth in plain if teeth is not None]
     limit = min((value for _, value in cost), default=0.0) * PROMISING
     return [half_turn(angle) for angle, value in cost if value <= limit]
+
+
+def pointing(field: Field, bearing_rad: float) -> float:
+    """A direction, or the one against it, in (-pi, pi]: as the outline of a field with its holes points."""
+    outline = field.boundary
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (outline.exterior, *outline.interiors)]
+    return onward(bearing_rad, rings, [] if field.entrance is None else [field.entrance])
 
 
 def half_turn(angle: float) -> float:

@@ -15,7 +15,7 @@ from fields.cells import Cell
 from fields.cutting import CELL_M, Part, costs_m, divided
 from fields.errors import FieldError, named
 from fields.filling import filled
-from fields.layout import Layout, Track, counted_back, from_longer_side, half_turn, lay_tracks, tracks_of
+from fields.layout import Layout, Track, counted_back, from_longer_side, half_turn, lay_tracks, pointing, tracks_of
 from fields.lines import TURN_M, CombRules, axes
 
 FloatArray = npt.NDArray[np.float64]
@@ -81,7 +81,7 @@ def _covered(plain: Layout, cells: Iterable[tuple[shapely.Geometry, float]]) -> 
     rules = CombRules(plain.width_m, 0.0, SHORTEST_M, 0.5 * plain.width_m, plain.inner.area, plain.apart_m)
     return [
         _Laid(region, bearing, from_longer_side(tracks_of(teeth, axes(bearing))))
-        for region, bearing in cells
+        for region, bearing in ((region, pointing(plain.field, bearing)) for region, bearing in cells)
         if (teeth := filled(region, bearing, rules)) is not None
     ]
 

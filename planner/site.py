@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from fields.entrances import check_entrance, with_entrance_at, with_entrance_on_outline
-from fields.field import Field
+from fields.field import LEAST_FENCE_MARGIN_M, Field
 from fields.free import beside_tracks, free_space, rim_of
 from fields.handedness import handedness
 from fields.layout import Layout
@@ -51,6 +51,7 @@ SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
+WIDER = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well
 AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -117,9 +118,18 @@ class Site:
             around=self.around, fence=fence, careful=careful, gate=self.gate, supply=self.supply,
         )  # fmt: skip
 
+    @cached_property
+    def roomier(self) -> tuple[Connector, ...]:
+        """Finders of turns that are easier to follow, those that keep to the headland first, of these the tightest."""
+        radius = self.manner.radius_m
+        regions = [region for region in (self.beside, self.rim, self.free) if not region.is_empty]
+        return tuple(
+            Connector(region, wider * radius, self.costs, self.kinds) for region in regions for wider in WIDER
+        )
+
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: without what was worked out here."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_first", "gate")}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_first", "gate", "roomier")}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""
@@ -127,7 +137,7 @@ class Site:
         if not field.fences and not field.solid:
             return None, ()
         body = body_of(self.tractor, self.implement)
-        spare_m = min(SPARE * self.scenario.margin_m, MOST_SPARE_M)
+        spare_m = min(SPARE * max(self.scenario.margin_m, LEAST_FENCE_MARGIN_M), MOST_SPARE_M)
         fences = shapely.union_all(field.fences)
         if self.gate is not None:
             fences = shapely.difference(fences, shapely.Point(self.gate.at[:2]).buffer(GATE_M))

@@ -6,5 +6,6 @@ choosing, bounds  which plans of the same work are simulated; the least time a p
 rivals            formations that cannot win are told so with their bound
 refills           its plans with refills, and whether they went as planned
 within_reach      tracks and rounds that no way leads to are left out
-steady, slowing   whether the tractors kept to their ways; turns that are better driven slowly, tried alone
+steady            whether the tractors kept to their ways
+slowing, rerouting, turn_alone   turns that are better driven slowly, or another way, tried alone
 """

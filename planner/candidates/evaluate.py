@@ -11,7 +11,7 @@ from fields.layout import Layout
 from planner.candidates.choosing import promising
 from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.refills import check_leave, crowded, refilled
-from planner.candidates.slowing import cures, promised_m, slowed
+from planner.candidates.slowing import cures, left_m, mended
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.candidates.within_reach import built_within_reach
 from planner.ground.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
@@ -181,6 +181,11 @@ def _joined(*remarks: str | None) -> str | None:
 def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
     """What a reader would not expect of the run of a feasible plan."""
     told = []
+    if run.min_clearance_m < site.scenario.clearance_m:
+        told.append(
+            f"side by side on neighbouring tracks tractors come within {run.min_clearance_m:.2f} m of each other, as "
+            f"these leave {max(0.0, _between_m(site)):.2f} m between machines"
+        )
     if loosened := run.plan.notes.get("loosened"):
         times = "once" if loosened == 1 else f"{loosened} times"
         told.append(f"{times} tractors go on before one that could not get past them is in place")
@@ -198,9 +203,12 @@ def _begun(run: Run, slip: Slip) -> str:
 
 def beside_clearance_m(site: Site) -> float:
     """How near two may come beside each other on parallel lines: neighbouring tracks leave no more than they do."""
-    machine_m = max(site.implement.contact_width_m, site.tractor.width_m)
-    room = ROOM_KEPT * (_spacing_m(site.layout) - machine_m)
-    return min(max(room, LEAST_CLEARANCE_M), site.scenario.clearance_m)
+    return min(max(ROOM_KEPT * _between_m(site), LEAST_CLEARANCE_M), site.scenario.clearance_m)
+
+
+def _between_m(site: Site) -> float:
+    """What neighbouring tracks leave between machines on their lines (m); negative where they leave nothing."""
+    return _spacing_m(site.layout) - max(site.implement.contact_width_m, site.tractor.width_m)
 
 
 def _spacing_m(layout: Layout) -> float:
@@ -225,13 +233,18 @@ def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: G
 def _steadied(
     site: Site, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
 ) -> tuple[Run, Slip | None]:
-    """The run with turns that it followed badly driven more slowly where that helps, and the worst that is left."""
+    """The run with turns that it followed badly driven otherwise where that helps, and the worst that is left.
+
+    Where the headland is worked and missed ground is charged, what is left open beside a track begun less than a third
+    of the width aside costs less than driving more carefully.
+    """
     turns = slips(run, site)
-    cured = cures(run.plan, [slip for slip in turns if slip.metres > ASIDE_M], site)
-    if cured and promised_m(turns, cured) <= worst_aside(turns) - SMALLEST_GAIN_M:
-        again, fault = without_conflicts(slowed(run.plan, cured), simulate, most_repairs, give_way)
+    most_m = max(ASIDE_M, FARTHEST_ASIDE * site.layout.width_m) if site.rounds else ASIDE_M
+    cured = cures(run.plan, [slip for slip in turns if slip.metres > most_m or slip.outside], site)
+    if cured and left_m(turns, cured) <= left_m(turns) - SMALLEST_GAIN_M:
+        again, fault = without_conflicts(mended(run.plan, cured), simulate, most_repairs, give_way)
         left = turns if fault else slips(again, site)
-        if worst_aside(left) <= worst_aside(turns) - SMALLEST_GAIN_M:
+        if left_m(left) <= left_m(turns) - SMALLEST_GAIN_M and worst_aside(left) <= worst_aside(turns):
             run, turns = again, left
     return run, max(turns, key=lambda slip: slip.metres, default=None)
 

@@ -20,11 +20,15 @@ LONGEST_M = 60.0  # a longer leg is a route; slowing all of it would cost more t
 
 @dataclass(frozen=True)
 class Slip:
-    """A turn badly followed: the tractor, the first working leg after the turn, and by how many metres."""
+    """A turn badly followed: the tractor, the first working leg after the turn, and by how many metres.
+
+    `outside` tells whether it left the field, or came over a fence.
+    """
 
     tractor: int
     leg: int
     metres: float
+    outside: bool = False
 
 
 def slips(run: Run, site: Site) -> list[Slip]:
@@ -46,7 +50,8 @@ def slips(run: Run, site: Site) -> list[Slip]:
             outside = float(np.max(shapely.distance(beyond, boundary), initial=0.0))
             crossed = fences.depth_m(run.poses(tractor)[start : begun + 1])
             outside = max(outside, OUTSIDE_M + crossed if crossed else 0.0)
-            turns.append(Slip(tractor, leg, aside if outside <= OUTSIDE_M else max(aside, outside + ASIDE_M)))
+            left = outside > OUTSIDE_M
+            turns.append(Slip(tractor, leg, max(aside, outside + ASIDE_M) if left else aside, left))
     return turns
 
 

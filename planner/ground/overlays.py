@@ -26,7 +26,10 @@ def only_areas(shape: shapely.Geometry) -> shapely.Geometry:
 
 def united(areas: Areas) -> shapely.Geometry:
     """The union of areas (n,), as polygons."""
-    whole = only_areas(shapely.union_all(areas))
+    try:
+        whole = only_areas(shapely.union_all(areas))
+    except shapely.errors.GEOSException:
+        return only_areas(shapely.union_all(shapely.make_valid(areas), grid_size=GRID_M))
     return whole if _holds(whole, areas) else only_areas(shapely.union_all(areas, grid_size=GRID_M))
 
 
@@ -42,7 +45,10 @@ def _holds(whole: shapely.Geometry, areas: Areas) -> bool:
 
 def left_of(whole: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
     """What of a geometry does not lie in another one, as polygons."""
-    left = only_areas(shapely.difference(whole, part))
+    try:
+        left = only_areas(shapely.difference(whole, part))
+    except shapely.errors.GEOSException:
+        return _split(whole, part)[1]
     kept = abs(left.area + part.area - whole.area) <= LOST * whole.area  # where all of the part lies in the whole
     return left if kept else _split(whole, part)[1]
 
@@ -55,8 +61,11 @@ def within(whole: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
 def _split(whole: shapely.Geometry, part: shapely.Geometry) -> tuple[shapely.Geometry, shapely.Geometry]:
     """A geometry as what lies in another one and what does not: together they measure what it does."""
     cut = shapely.intersection, shapely.difference
-    inside, outside = (only_areas(one(whole, part)) for one in cut)
-    if abs(inside.area + outside.area - whole.area) <= LOST * whole.area:
-        return inside, outside
+    try:
+        inside, outside = (only_areas(one(whole, part)) for one in cut)
+        if abs(inside.area + outside.area - whole.area) <= LOST * whole.area:
+            return inside, outside
+    except shapely.errors.GEOSException:  # where buffers have left edges that cross by a rounding
+        whole, part = shapely.make_valid(whole), shapely.make_valid(part)
     inside, outside = (only_areas(one(whole, part, grid_size=GRID_M)) for one in cut)
     return inside, outside

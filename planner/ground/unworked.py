@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from fields.field import LEAST_FENCE_MARGIN_M
 from planner.ground.overlays import GRID_M, only_areas
 from planner.site import Site
 from strategies.headland.corners import missed_m2, tangent_m
@@ -77,7 +78,8 @@ def _wide_m(site: Site) -> float:
 
 def _around_obstacles(site: Site, drawn: shapely.Polygon) -> Iterator[tuple[str, shapely.Geometry]]:
     """What the margin takes of the field as it was drawn, and what lies behind obstacles."""
-    margin_m, field = site.scenario.margin_m, site.layout.field
+    field = site.layout.field
+    margin_m = max(site.scenario.margin_m, LEAST_FENCE_MARGIN_M if field.fences else 0.0)
     bare = shapely.union_all([one.shape for one in field.obstacles], grid_size=GRID_M)
     lost = shapely.difference(shapely.difference(drawn, bare, grid_size=GRID_M), field.ground, grid_size=GRID_M)
     solid = shapely.union_all([bare, *map(shapely.Polygon, drawn.interiors), *field.fences], grid_size=GRID_M)
@@ -99,6 +101,10 @@ def _zones(site: Site) -> Iterator[tuple[str, shapely.Geometry]]:
     """Reasons and where they hold, the strongest first."""
     layout, boundary = site.layout, site.layout.field.ground
     half = 0.5 * layout.width_m
+    if layout.field.beyond is not None:
+        band = shapely.difference(layout.field.beyond, layout.field.boundary, grid_size=GRID_M)
+        what = "obstacles and fences" if layout.field.fences else "obstacles"
+        yield f"beside {what}: beyond the margin, room for what machines swing out in turns", only_areas(band)
     wide = boundary.buffer(-half + EDGE_M, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = wide.buffer(half - EDGE_M, join_style="mitre", mitre_limit=SHARP_LIMIT)
     yield f"narrower than the implement ({layout.width_m:g} m)", only_areas(shapely.difference(boundary, wide))

@@ -55,3 +55,15 @@ def test_it_costs_a_formation_little(place: Any) -> None:
 
     assert time_s(0.5) == pytest.approx(time_s(0.05), rel=0.03)
     assert Scenario().clearance_m == 0.5
+
+
+def test_a_clearance_that_neighbouring_tracks_do_not_leave_is_told(place: Any) -> None:
+    """Wide of each other it is kept; side by side 0.3 m is all there is, and the remark says so with the figure."""
+    site = place(FIELD, (0.0, 0.0), tractors=(3,), clearance_m=3.0)
+    result = simulated(site, Candidate("row-by-row", 3)).result
+    assert result.feasible, result.reason
+    assert result.min_clearance_m is not None and 0.05 < result.min_clearance_m < 0.4
+    assert result.remark is not None and f"tractors come within {result.min_clearance_m:.2f} m" in result.remark
+    assert "these leave 0.30 m between machines" in result.remark
+    alone = simulated(place(FIELD, (0.0, 0.0), tractors=(1,), clearance_m=3.0), Candidate("split-field", 1)).result
+    assert alone.remark is None

@@ -15,6 +15,7 @@ from shapely import affinity
 from fields import Field, FieldError
 from planner.candidates.evaluate import Candidate, evaluate, simulated
 from planner.ground.touched import fence_crossed_m, obstacle_touched
+from planner.ground.unworked import unworked
 from planner.scenario import Scenario
 from planner.site import Site, body_of, prepare
 from strategies.ways.fence import STEP_M, Body, Fence
@@ -181,3 +182,21 @@ def test_what_comes_to_a_fence_is_told_as_by_every_box_of_the_machine(
     nearest = [shapely.distance(boxes, lines).min() for lines in (shapely.union(HEDGE, POND), HEDGE)]
     for away, only in zip(nearest, (False, True), strict=True):
         assert fence.crosses(way, fences_only=only) == (away <= 0.2) or abs(away - 0.2) < 1e-6
+@pytest.mark.parametrize("margin_m", [0.0, 0.1])
+def test_without_a_margin_guidance_still_keeps_off_a_fence(margin_m: float) -> None:
+    site = fenced(ALL_ROUND, tracks_only=False, margin_m=margin_m)
+    result = evaluate(site, Candidate("split-field", 1))
+    assert result.feasible, result.reason
+    assert site.layout.field.beyond is not None
+    assert SOUTH.distance(site.layout.field.beyond) == pytest.approx(0.2, abs=2e-3)
+
+
+def test_the_room_to_swing_out_beside_a_fence_is_named() -> None:
+    """A band between the margin and what is worked: the machine's nose needs it in turns."""
+    site = fenced(ALL_ROUND, tracks_only=False)
+    field = site.layout.field
+    assert field.beyond is not None
+    why = {one.why: one.m2 for one in unworked(site)}
+    band = next(m2 for words, m2 in why.items() if "swing out" in words)
+    assert band == pytest.approx(field.beyond.area - field.boundary.area, rel=0.01)
+    assert not any("tips and bays" in words for words in why)

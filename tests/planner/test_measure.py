@@ -12,6 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field
+from planner.ground import overlays
 from planner.ground.measure import coverage, excursion, finite_or_none, guided_point, outline_excursion_m, reversals
 from planner.ground.swept import swept_ground
 from planner.ground.trampled import TYRE_M, trampled_m2
@@ -369,3 +370,22 @@ def test_reversals_are_gear_changes(small_site: Any) -> None:
 
 def test_what_is_not_finite_is_none() -> None:
     assert [finite_or_none(v) for v in (math.inf, math.nan, 1.5)] == [None, None, 1.5]
+
+
+def test_ground_that_cannot_be_cut_as_it_is_is_cut_on_a_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Edges that cross by a rounding make GEOS give up; measuring must not."""
+
+    def fails(cut: Any) -> Any:
+        def cutting(*shapes: Any, grid_size: float | None = None) -> Any:
+            if grid_size is None:
+                raise shapely.errors.GEOSException("TopologyException: side location conflict")
+            return cut(*shapes, grid_size=grid_size)
+
+        return cutting
+
+    for name in ("intersection", "difference", "union_all"):
+        monkeypatch.setattr(shapely, name, fails(getattr(shapely, name)))
+    one, other = shapely.box(0, 0, 4, 3), shapely.box(1, 1, 9, 9)
+    assert overlays.within(one, other).area == pytest.approx(6.0)
+    assert overlays.left_of(one, other).area == pytest.approx(6.0)
+    assert overlays.united(np.array([one, other])).area == pytest.approx(12.0 + 64.0 - 6.0)

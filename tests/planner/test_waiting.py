@@ -88,9 +88,9 @@ class TestOptimised:
         slow = replace(STRATEGIES["row-by-row-optimised"], refine=nothing_quicker)
         monkeypatch.setitem(STRATEGIES, "row-by-row-optimised", slow)
         fallen = evaluate(wide_site, Candidate("row-by-row-optimised", 3))
-        assert timed.remark is None and timed.time_s < fallen.time_s
+        assert "no optimised queue" not in (timed.remark or "") and timed.time_s < fallen.time_s
         assert fallen.time_s == evaluate_once(wide_site, "row-by-row", 3).time_s
-        assert fallen.remark == "no optimised queue proved quicker, so it is driven as row-by-row"
+        assert (fallen.remark or "").startswith("no optimised queue proved quicker, so it is driven as row-by-row")
 
     def test_a_conflict_on_every_try_falls_back_to_the_plain_queue(self, wide_site: Any) -> None:
         def clumsy(plan: Plan) -> Run:
