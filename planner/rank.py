@@ -65,6 +65,7 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         assumptions=assumptions(site),
         tractor_effects=tractor_effects(site.tractor),
         scenario=asked(site),
+        cut_off_m2=field.cut_off_m2,
     )
     return advised(ranking, site.stakes)
 
@@ -128,6 +129,7 @@ def asked(site: Site) -> dict[str, Any]:
         "draws": 0 if site.stakes is None else site.stakes.question.draws,
         "rain": scenario.rain,
         "prefer": scenario.prefer,
+        "budget": scenario.budget,
     }
 
 
