@@ -20,6 +20,7 @@ from fields.projection import project
 
 FloatArray = npt.NDArray[np.float64]
 
+LEAST_TOLD_M2 = 1.0
 LEAST_KEPT = 0.1  # of the ground, or a margin is wider than the field
 FENCE_M = 0.001  # half of what a fence itself takes
 LEAST_FENCE_MARGIN_M = 0.2  # what guidance may err by: a smaller margin would be crossed
@@ -63,6 +64,7 @@ class Field:
         fences: sides of the outline that nothing of a machine may cross, lines in metres.
         outline: the boundary before margins were kept and obstacles cut out of it; None where nothing was.
         beyond: the boundary where it is drawn in by no more than the margin; None where it is the same.
+        cut_off: pieces that obstacles and the margin to them part from the boundary.
         default_ground: ground wherever no zone lies.
         refill: place where tanks are filled or emptied, metres, or None.
         source: where the boundary comes from, in words.
@@ -90,6 +92,7 @@ class Field:
     outline: shapely.Polygon | None = None
     beyond: shapely.Polygon | None = None
     refill: tuple[float, float] | None = None
+    cut_off: tuple[shapely.Polygon, ...] = ()
 
     def __post_init__(self) -> None:
         label = f"field '{self.name}'"
@@ -126,6 +129,11 @@ class Field:
         """The ground that holes of the outline and obstacles take themselves, without a margin."""
         holes = (self.outline or self.boundary).interiors
         return (*(shapely.Polygon(hole) for hole in holes), *(one.shape for one in self.obstacles))
+
+    @property
+    def cut_off_m2(self) -> float:
+        """Area of what obstacles cut off, square metres."""
+        return math.fsum(part.area for part in self.cut_off)
 
     @property
     def without_margin_m2(self) -> float:
@@ -166,8 +174,9 @@ class Field:
                 "or use a smaller margin."
             )
         _check_left(left, margin_m, self)
-        told = f"Obstacles cut off {left.cut_off_m2:.0f} m2 of the field, which are not worked."
-        remarks = (*self.remarks, told) if left.cut_off_m2 >= 1.0 else self.remarks
+        cut_off_m2 = math.fsum(part.area for part in left.cut_off)
+        told = f"Obstacles cut off {cut_off_m2:.0f} m2 of the field, which are not worked."
+        remarks = (*self.remarks, told) if cut_off_m2 >= LEAST_TOLD_M2 else self.remarks
         return replace(
             self,
             boundary=left.boundary,
@@ -175,6 +184,7 @@ class Field:
             small=left.small,
             outline=self.outline or self.boundary,
             remarks=remarks,
+            cut_off=left.cut_off if cut_off_m2 >= LEAST_TOLD_M2 else (),
         )
 
     def ground_at(self, x: float, y: float) -> str:

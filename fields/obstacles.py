@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import shapely
@@ -76,13 +75,13 @@ class Ground:
         boundary: the largest piece left by everything that interrupts tracks; empty where nothing is left.
         beyond: the same piece up to the margin, where the boundary is drawn in farther.
         small: what tracks are driven round, each apart, the margin included; it is not cut out of `boundary`.
-        cut_off_m2: area of the other pieces.
+        cut_off: the other pieces.
     """
 
     boundary: shapely.Polygon
     beyond: shapely.Polygon
     small: tuple[shapely.Polygon, ...]
-    cut_off_m2: float
+    cut_off: tuple[shapely.Polygon, ...]
 
 
 def ground_left(
@@ -106,12 +105,12 @@ def ground_left(
     large = [part for part in blocked if not any(part is one for one in small)]
     parts = _polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
     if not parts:
-        return Ground(shapely.Polygon(), shapely.Polygon(), (), 0.0)
+        return Ground(shapely.Polygon(), shapely.Polygon(), (), ())
     largest = max(parts, key=lambda part: part.area)
     within = tuple(part for part in small if shapely.contains_properly(largest, part))
-    cut_off_m2 = math.fsum(part.area for part in parts) - largest.area
+    cut_off = tuple(part for part in parts if part is not largest)
     inner = _farther(largest, large, swing_m) if swing_m else largest
-    return Ground(inner, largest, within, cut_off_m2)
+    return Ground(inner, largest, within, cut_off)
 
 
 def _farther(ground: shapely.Polygon, taken: list[shapely.Polygon], by_m: float) -> shapely.Polygon:

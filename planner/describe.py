@@ -10,7 +10,7 @@ import shapely
 
 from fields.layout import Layout
 from fields.obstacles import LINE, POINT, Obstacle
-from planner.drive import rings_of, still
+from planner.drive import besides_cut_off, rings_of, still
 from planner.ground.overlays import GRID_M
 from planner.ground.unworked import LEAST_M2, Unworked, laid, unworked
 from planner.site import Site
@@ -36,6 +36,7 @@ def describe(site: Site) -> dict[str, Any]:
         "holes": len(field.ground.interiors),
         "obstacles": [_obstacle(one, site) for one in field.obstacles],
         "driven_round": len(field.small),
+        "cut_off_m2": round(field.cut_off_m2, 1),
         "fence_m": round(sum(fence.length for fence in field.fences), 1),
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
@@ -180,8 +181,9 @@ def outline_picture(site: Site) -> Drive:
     open_ground.sort(key=lambda piece: -round(piece.area, 3))
     place = shapely.point_on_surface(open_ground[0]) if open_ground else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
+    largest = place and MissedPiece(float(open_ground[0].area), float(place.x), float(place.y))
     return replace(
         still(site, f"{layout.field.name}: {len(layout.tracks)} tracks at {bearing}"),
         missed=rings_of(tuple(open_ground)),
-        largest_missed=place and MissedPiece(float(open_ground[0].area), float(place.x), float(place.y)),
+        largest_missed=besides_cut_off(largest, layout.field),
     )

@@ -14,7 +14,7 @@ from fields.rounds import Round
 from planner.ground.measure import coverage, guided_point
 from planner.site import Site
 from planner.steps import steps_of, track_names
-from reports.results import CellOutline, Drive, PlanResult, Points, RoundLine
+from reports.results import CellOutline, Drive, MissedPiece, PlanResult, Points, RoundLine
 from vehicle.run import Run
 
 MISSED_TO_M = 0.1  # of what is left open, a picture needs no more
@@ -22,7 +22,8 @@ MISSED_TO_M = 0.1  # of what is left open, a picture needs no more
 
 def still(site: Site, title: str) -> Drive:
     """The field with its rounds, cells and tracks, and no tractor."""
-    boundary, layout = site.layout.field.ground, site.layout
+    layout = site.layout
+    boundary = layout.field.outline or layout.field.boundary
     return Drive(
         title=title,
         boundary=np.asarray(boundary.exterior.coords)[:, :2],
@@ -40,6 +41,7 @@ def still(site: Site, title: str) -> Drive:
         cells=tuple(_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
         obstacles=_obstacles(layout.field),
         fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
+        cut_off=tuple(_cut_off(part) for part in layout.field.cut_off),
     )
 
 
@@ -55,8 +57,9 @@ def picture(site: Site, run: Run, result: PlanResult) -> Drive:
         finish_s=tuple(float(t) for t in run.finish_s),
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()} | _refilling(site, run),
         missed=rings_of(coverage(run, site).missed),
-        largest_missed=result.largest_missed,
+        largest_missed=besides_cut_off(result.largest_missed, site.layout.field),
         steps=steps_of(run, site.layout.width_m),
+        worked_pct=result.worked_pct,
     )
 
 
@@ -65,9 +68,21 @@ def _refilling(site: Site, run: Run) -> dict[str, tuple[float, ...]]:
     return {} if site.supply is None else {"refilling": tuple(float(seconds) for seconds in run.standing_s)}
 
 
+def _cut_off(part: shapely.Polygon) -> MissedPiece:
+    place = shapely.point_on_surface(part)
+    return MissedPiece(float(part.area), float(place.x), float(place.y))
+
+
+def besides_cut_off(largest: MissedPiece | None, field: Field) -> MissedPiece | None:
+    """The largest missed piece; None where that is ground that obstacles cut off, which is named for itself."""
+    if largest is None or any(shapely.intersects_xy(part, largest.x_m, largest.y_m) for part in field.cut_off):
+        return None
+    return largest
+
+
 def _obstacles(field: Field) -> tuple[Points, ...]:
     """Outlines of obstacles as far as they lie on the map of the field."""
-    page = shapely.box(*field.boundary.bounds)
+    page = shapely.box(*(field.outline or field.boundary).bounds)
     parts = shapely.get_parts([shapely.intersection(one.shape, page) for one in field.obstacles])
     return tuple(np.asarray(part.exterior.coords)[:-1, :2] for part in parts if part.area > 0.0)
 

@@ -8,15 +8,18 @@ from dataclasses import dataclass, replace
 from planner.chance.answer import DRAWS, Question, answer
 from planner.chance.physics import Check, check
 from planner.chance.planned_order import in_planned_order
-from planner.chance.rain import parse_rain
+from planner.chance.rain import Rain, parse_rain
 from planner.chance.settings import Chances
-from planner.price.advice import advice
+from planner.price.advice import advice, percent
 from planner.price.choice import Figures, best
 from planner.price.cost import Terms, cost, hired
 from planner.scenario import CHEAPEST, FASTEST, Scenario, clock
 from reports.results import PlanResult, Ranking
+from reports.wording import duration
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
+
+LEAST_CHANCE = 0.005  # less is no plan that meets what is asked
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class Stakes:
     """What is asked of every plan beyond being driven: draws and their laws, money, and what is preferred.
 
     `limit` are the words for when work must be done, as "before 17:00", "" without a limit. Only where the plans are
-    compared by a limit or a preference it `decides` which one is the best.
+    compared by a limit or a preference it `decides` which one is the best. `budget` is the most that may be paid.
     """
 
     question: Question
@@ -32,6 +35,7 @@ class Stakes:
     limit: str
     prefer: str
     decides: bool
+    budget: float | None = None
 
 
 def stakes_of(scenario: Scenario, chances: Chances | None = None, terms: Terms | None = None) -> Stakes | None:
@@ -41,15 +45,16 @@ def stakes_of(scenario: Scenario, chances: Chances | None = None, terms: Terms |
     """
     draws = scenario.draws
     if draws is None:
-        asked = scenario.before_s is not None or scenario.rain is not None or scenario.prefer is not None
-        draws = DRAWS if asked else 0
+        asked = (scenario.before_s, scenario.rain, scenario.prefer, scenario.budget)
+        draws = 0 if all(each is None for each in asked) else DRAWS
     if draws == 0:
         return None
     rain = None if scenario.rain is None else parse_rain(scenario.rain, scenario.start_s)
     question = Question(chances or Chances(), rain, scenario.allowed_s, draws, scenario.seed)
     own = terms or hired(scenario.price_per_hour, scenario.price_per_tractor)
     limit = _limit(scenario, question)
-    return Stakes(question, own, limit, scenario.prefer or CHEAPEST, bool(limit) or scenario.prefer is not None)
+    decides = bool(limit) or scenario.prefer is not None or scenario.budget is not None
+    return Stakes(question, own, limit, scenario.prefer or CHEAPEST, decides, scenario.budget)
 
 
 def _limit(scenario: Scenario, question: Question) -> str:
@@ -88,20 +93,51 @@ def advised(ranking: Ranking, stakes: Stakes | None) -> Ranking:
     """The ranking with the sentence of advice and the plan that it advises.
 
     Where a plan meets the deadline as simulated, those that do not are left out; where none does the closest remains.
+    So with the rain, and with the budget: then the ranking says what no plan meets.
     """
     if stakes is None:
         return ranking
     plans = [plan for plan in ranking.plans if plan.expected_cost is not None]
     in_time = [plan for plan in plans if plan.meets_deadline is not False]
-    chosen = None
+    chosen = unmet = None
     if in_time and stakes.decides:
-        found = best(_figures(in_time, stakes), stakes.prefer)
+        kept, unmet, prefer = _within(in_time, stakes)
+        found = best(_figures(kept, stakes), prefer)
         chosen = found.strategy, found.tractors
-    told = replace(ranking, currency=stakes.terms.prices.currency, draws=stakes.question.draws, chosen=chosen)
+    currency, draws = stakes.terms.prices.currency, stakes.question.draws
+    told = replace(ranking, currency=currency, draws=draws, chosen=chosen, unmet=unmet)
     best_of_all = told.best
     taken = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
     prefer = stakes.prefer if stakes.decides else FASTEST  # what the best plan was chosen by
     return replace(told, advice=advice(_figures(plans, stakes), stakes.limit, prefer, taken) or None)
+
+
+def _within(plans: list[PlanResult], stakes: Stakes) -> tuple[list[PlanResult], str | None, str]:
+    """The plans that may be taken, what none of them meets in a sentence, and what to choose them by."""
+    dry, told = _before_rain(plans, stakes.question.rain)
+    if told is not None:
+        return plans, told, FASTEST
+    budget = stakes.budget
+    paid = [plan for plan in dry if budget is None or (plan.paid_cost or 0.0) <= budget]
+    if paid or budget is None:
+        return paid, None, stakes.prefer
+    least = min(plan.paid_cost or 0.0 for plan in dry)
+    cheapest = [plan for plan in dry if plan.paid_cost == least]
+    return cheapest, f"No plan is paid with {budget:.2f}; the closest comes to {least:.2f}.", stakes.prefer
+
+
+def _before_rain(plans: list[PlanResult], rain: Rain | None) -> tuple[list[PlanResult], str | None]:
+    """The plans that may be done before it rains; where none may, a sentence that says so."""
+    if rain is None:
+        return plans, None
+    if len(rain.onset_s) == 1 and sum(rain.shares) == 1.0:
+        dry = [plan for plan in plans if (plan.time_s or 0.0) <= rain.onset_s[0]]
+        late_s = min(plan.time_s or 0.0 for plan in plans) - rain.onset_s[0]
+        return dry, None if dry else f"No plan is done before the rain; the closest misses it by {duration(late_s)}."
+    surest = max(plan.finish_probability or 0.0 for plan in plans)
+    if surest >= LEAST_CHANCE:
+        return plans, None
+    return [], f"No plan is done before the rain: {percent(surest)} of the draws of the surest one are."
 
 
 def _figures(plans: Iterable[PlanResult], stakes: Stakes) -> list[Figures]:

@@ -83,7 +83,7 @@ def plan(
                 drives[wave[place]] = one.drive
             if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
                 best = one
-    ranking = rank(site, [results[index] for index in range(len(todo))])
+    ranking = with_machines(rank(site, [results[index] for index in range(len(todo))]), terms)
     shown = {(todo[index].strategy, todo[index].tractors): drives[index] for index in sorted(drives)}
     best = _chosen(ranking, todo, packed, best)
     if best is None or best.run is None:
@@ -94,6 +94,16 @@ def plan(
         drives_of = bearing_out(best.run, site.tractor, site.implement, site.stakes)
         ranking = replace(ranking, checked=check_words(*drives_of))
     return Planned(site, ranking, best.run, shown)
+
+
+def with_machines(ranking: Ranking, terms: Terms | None) -> Ranking:
+    """The ranking with the names of the farm's tractor and implement, where a farm has them."""
+    names: dict[str, str | None] = {"implement": None}
+    if terms is not None and terms.implement is not None:
+        names["implement"] = terms.implement.name
+    if terms is not None and terms.tractor is not None:
+        names["tractor"] = terms.tractor.name
+    return replace(ranking, scenario={**ranking.scenario, **names})
 
 
 def _chosen(ranking: Ranking, todo: list[Candidate], packed: bytes, best: Outcome | None) -> Outcome | None:

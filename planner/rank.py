@@ -66,6 +66,7 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         assumptions=assumptions(site),
         tractor_effects=tractor_effects(site.tractor),
         scenario=asked(site),
+        cut_off_m2=field.cut_off_m2,
     )
     return advised(ranking, site.stakes)
 
@@ -130,6 +131,7 @@ def asked(site: Site) -> dict[str, Any]:
         "rain": scenario.rain,
         "prefer": scenario.prefer,
         **({} if site.supply is None else carried(site.supply)),
+        "budget": scenario.budget,
     }
 
 

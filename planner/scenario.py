@@ -34,7 +34,7 @@ MOST_MARGIN_M = 100.0
 MOST_DRAWS = 1_000_000
 FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
 PREFERENCES = (FASTEST, CHEAPEST, SUREST)
-DRAWN = ("rain", "prefer")  # what only draws tell
+DRAWN = ("rain", "prefer", "budget")  # what only draws tell
 MOST_DIGITS = 40  # more are no number that anyone typed
 
 
@@ -64,9 +64,9 @@ class Scenario:
     turning. `cell_bearings` are pairs of a cell's number and its bearing in degrees clockwise from north. The
     `entrance` (longitude and latitude, or x and y of a field in local metres) takes the place of that of the field.
 
-    `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain or a
-    preference, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
-    "surest". `refill` says where tanks are made good: "headland", "tender", or a place in degrees "lon,lat" (metres
+    `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain, a
+    preference or a budget, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
+    "surest", `budget` the most that may be paid. `refill` says where tanks are made good: "headland", "tender", or a place in degrees "lon,lat" (metres
     "x,y" for a field in local metres); None: at the place of the field file, else on the headland. Raises
     ScenarioError.
     """
@@ -99,6 +99,7 @@ class Scenario:
     draws: int | None = None
     rain: str | None = None
     prefer: str | None = None
+    budget: float | None = None
     cell_bearings: tuple[tuple[int, float], ...] = ()
     refill: str | None = None
     entrance: tuple[float, float] | None = None
@@ -259,8 +260,10 @@ def _check_speeds(scenario: Scenario) -> None:
 
 
 def _check_prices(scenario: Scenario) -> None:
-    for name in ("price_per_hour", "price_per_tractor"):
+    for name in ("price_per_hour", "price_per_tractor", "budget"):
         price = getattr(scenario, name)
+        if price is None:
+            continue
         if not price >= 0:
             raise ScenarioError(f"{named(name)} is {price:g}; a price must be 0 or more.")
         if price > HIGHEST_PRICE:

@@ -62,25 +62,32 @@ DECIMALS = 6
 def ranking_json(ranking: Ranking) -> str:
     """The ranking as JSON text with a trailing newline.
 
-    Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS`, in the order of the
-    ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
+    Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS` and ``cells``, in the order of
+    the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
     the amounts of its rest under ``rest``), ``scenario`` (what was asked, by parameter), ``advice`` (a sentence),
-    ``currency`` and ``draws``. Figures that are missing or not finite are null.
+    ``currency`` and ``draws``, ``unmet`` (a sentence where no plan meets the rain or the budget). Figures that are
+    missing or not finite are null.
     """
     best = ranking.best
     return _text(
         {
             "field": {"name": ranking.field_name, "area_ha": ranking.area_ha},
             "seed": ranking.seed,
-            "plans": [plan_entry(plan) for plan in ranking.plans],
-            "best": None if best is None else plan_entry(best),
+            "plans": [_with_cells(plan, ranking) for plan in ranking.plans],
+            "best": None if best is None else _with_cells(best, ranking),
             "tractor_effects": ranking.tractor_effects,
             "scenario": ranking.scenario,
             "advice": ranking.advice,
             "currency": ranking.currency,
             "draws": ranking.draws,
+            "unmet": ranking.unmet,
         }
     )
+
+
+def _with_cells(plan: PlanResult, ranking: Ranking) -> dict[str, Any]:
+    """An entry of a plan with the ``cells`` that its tracks lie in."""
+    return {**plan_entry(plan), "cells": ranking.scenario.get("cells")}
 
 
 def plan_entry(plan: PlanResult) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from reports.layers import INK, draw_ground, draw_missed, draw_names, draw_scale
 from reports.leg_list import heading, text_rows
 from reports.paths import REFILLING_STATUS, REVERSING, STATES, Extent, check_drive, extent
 from reports.results import Drive
-from reports.wording import duration, tractors
+from reports.wording import area, duration, tractors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -182,6 +182,10 @@ def _title_lines(drive: Drive, field_name: str, width: float) -> list[str]:
         second.append(f"{rounds} round{'s' if rounds > 1 else ''} of the headland")
     if count:
         second += [*([] if tractors(count) in first else [tractors(count)]), f"done in {duration(max(drive.finish_s))}"]
+    if drive.worked_pct is not None:
+        second.append(f"{drive.worked_pct:.1f} % worked")
+    if drive.cut_off:
+        second.append(f"{area(math.fsum(one.m2 for one in drive.cut_off))} cut off by obstacles")
     room = int(width * _LETTERS_PER_INCH)
     return [line for text in (first, ", ".join(second)) for line in textwrap.wrap(text, room)]
 

@@ -8,17 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from reports.paths import WORKING, Extent, arrow, numbered, pieces, spread
-from reports.results import Drive, Points
+from reports.paths import WORKING, Extent, arrow, extent, numbered, pieces
+from reports.results import Drive, Points, RoundLine
 from reports.wording import LEAST_ON_MAP_M2, area
 
 WORK_KINDS = ("track", "round")
 # In hundredths of the larger side of a map: distances between two, how far beyond a track its number stands.
 _LABELS, _ARROWS, _BESIDE, _HEAD = 2.3, 4.0, 1.2, 1.1
 _HALF_TOLD = 5.0  # what is told of missed ground reaches so far to either side
+_NUMBERS = 2.4  # between the number of a leg and another, or its arrow
 _FROM_LABELS, _FROM_CELLS = 2.8, 6.5  # between an arrow and the number of a track or round, or the name of a cell
 _ALONG = (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82)  # shares of a stretch where its arrow may stand
 _ROUND_AT, _ROUND_STEP, _ROUND_PLACES = 0.25, 0.07, 4  # likewise of the longest edge of a round: its number
+_ROUND_EDGES = 8  # of a round, that are tried
+# A letter and a line of the smallest text, and what stays free round it, in hundredths of the larger side of a map.
+_LETTER, _TALL, _ROUND_IT, _LARGE = 0.95, 1.5, 0.3, 1.35  # names of cells are larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,24 +42,47 @@ class WorkMark:
 
 
 def track_labels(drive: Drive, size: float) -> list[Label]:
-    """Names of tracks beyond both their ends, as many as have room."""
+    """Names of tracks beyond both their ends, as many as have room beside each other and the names of cells."""
     names = drive.track_names or tuple(str(index + 1) for index in range(len(drive.tracks)))
-    return [
-        Label(names[index], place)
-        for index, place in numbered(drive.tracks, _BESIDE * size / 100, _LABELS * size / 100)
-    ]
+    places = numbered(drive.tracks, _BESIDE * size / 100, _LABELS * size / 100)
+    boxes = [_box(label, size, _LARGE) for label in (*cell_labels(drive), *_ground_labels(drive))]
+    return _clear([[Label(names[index], place)] for index, place in places], boxes, size)
 
 
 def round_labels(drive: Drive, size: float) -> list[Label]:
-    """R1, R2, ... on the longest edge of every round, beside each other, as many as have room."""
-    labels = []
-    for one in drive.rounds:
-        edges = np.diff(one.points, axis=0)
-        longest = int(np.argmax(np.hypot(*edges.T)))
-        share = _ROUND_AT + _ROUND_STEP * ((one.number - 1) % _ROUND_PLACES)
-        labels.append(Label(f"R{one.number}", one.points[longest] + share * edges[longest]))
-    places = np.array([label.place for label in labels]).reshape(-1, 2)
-    return [labels[index] for index in spread(places, _LABELS * size / 100)]
+    """R1, R2, ... on the longest edges of every round, as many as have room beside each other and other names."""
+    boxes = [_box(label, size, _LARGE) for label in (*cell_labels(drive), *_ground_labels(drive))]
+    boxes += [_box(label, size) for label in track_labels(drive, size)]
+    return _clear([_round_places(one) for one in drive.rounds], boxes, size)
+
+
+def _round_places(one: RoundLine) -> list[Label]:
+    """Where the number of a round may stand: on its longest edge beside those of other rounds, else farther along."""
+    edges = np.diff(one.points, axis=0)
+    longest = np.argsort(-np.hypot(*edges.T), kind="stable")[:_ROUND_EDGES]
+    first = _ROUND_AT + _ROUND_STEP * ((one.number - 1) % _ROUND_PLACES)
+    shares = (first, *(share for share in _ALONG if share != first))
+    return [Label(f"R{one.number}", one.points[edge] + share * edges[edge]) for edge in longest for share in shares]
+
+
+def _clear(wanted: Sequence[Sequence[Label]], boxes: Sequence[Points], size: float) -> list[Label]:
+    """Of every label the first place where its text overprints none before it; those without one are left out."""
+    taken = np.array(boxes).reshape(-1, 2, 2)
+    told = []
+    for places in wanted:
+        for label in places:
+            own = _box(label, size)
+            if not ((own[0] < taken[:, 1]) & (taken[:, 0] < own[1])).all(axis=1).any():
+                taken = np.concatenate([taken, own[None]])
+                told.append(label)
+                break
+    return told
+
+
+def _box(label: Label, size: float, scale: float = 1.0) -> Points:
+    """The ground that a text covers, its lower left and upper right corner (2, 2)."""
+    half = 0.5 * scale * size / 100 * np.array([_LETTER * len(label.text) + _ROUND_IT, _TALL + _ROUND_IT])
+    return np.array([label.place - half, label.place + half])
 
 
 def cell_labels(drive: Drive) -> list[Label]:
@@ -76,16 +103,26 @@ def missed_label(drive: Drive, box: Extent) -> Label | None:
     return Label(f"{area(piece.m2)} left", np.array([x, piece.y_m]))
 
 
+def cut_off_labels(drive: Drive) -> list[Label]:
+    """What the pieces of ground measure that obstacles cut off, but for the smallest."""
+    return [
+        Label(f"{area(one.m2)} cut off", np.array([one.x_m, one.y_m]))
+        for one in drive.cut_off
+        if one.m2 >= LEAST_ON_MAP_M2
+    ]
+
+
 def work_marks(drive: Drive, size: float) -> list[list[WorkMark]]:
     """Per tractor arrows on its worked stretches with their numbers in its list of legs, as many as have room.
 
     Where the middle of a stretch has none, another place along it is tried.
     """
-    taken = np.empty((0, 2))
+    taken, told = np.empty((0, 2)), np.empty((0, 2))
     named = [
         (np.array([label.place for label in labels]).reshape(-1, 2), apart)
         for labels, apart in (
-            ([*track_labels(drive, size), *round_labels(drive, size)], _FROM_LABELS), (cell_labels(drive), _FROM_CELLS)
+            ([*track_labels(drive, size), *round_labels(drive, size)], _FROM_LABELS),
+            ([*cell_labels(drive), *_ground_labels(drive)], _FROM_CELLS),
         )
     ]  # fmt: skip
     marks: list[list[WorkMark]] = [[] for _ in drive.xy]
@@ -95,11 +132,20 @@ def work_marks(drive: Drive, size: float) -> list[list[WorkMark]]:
                 back = 0.5 * (head[1] + head[2])
                 place = back + 1.1 * (back - head[0])
                 clear = (_apart(one, others, apart * size / 100) for others, apart in named for one in (head[0], place))
-                if _apart(head[0], taken, _ARROWS * size / 100) and all(clear):
-                    taken = np.concatenate([taken, head[:1]])
+                beside = (
+                    _apart(one, others, _NUMBERS * size / 100)
+                    for one, others in ((place, told), (place, taken), (head[0], told))
+                )
+                if _apart(head[0], taken, _ARROWS * size / 100) and all(clear) and all(beside):
+                    taken, told = np.concatenate([taken, head[:1]]), np.concatenate([told, place[None]])
                     own.append(WorkMark(head, Label(text, place) if text else None))
                     break
     return marks
+
+
+def _ground_labels(drive: Drive) -> list[Label]:
+    missed = missed_label(drive, extent(drive))
+    return [*([missed] if missed else []), *cut_off_labels(drive)]
 
 
 def _apart(place: Points, others: Points, apart_m: float) -> bool:

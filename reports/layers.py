@@ -13,6 +13,7 @@ from reports.landmarks import (
     Label,
     WorkMark,
     cell_labels,
+    cut_off_labels,
     leg_numbers,
     missed_label,
     round_labels,
@@ -79,8 +80,8 @@ def draw_missed(axes: Axes, drive: Drive, box: Extent) -> None:
         lines = [*hatching(drive.missed, _HATCH * (box.size or 1.0))]
         lines += [np.vstack([ring, ring[:1]]) for ring in drive.missed]
         axes.add_collection(LineCollection(lines, colors=palette.MISSED, linewidths=0.5, zorder=2.4), autolim=False)
-    if (label := missed_label(drive, box)) is not None:
-        _write(axes, [label], palette.MISSED, 9, 9, bold=True)
+    label = missed_label(drive, box)
+    _write(axes, [*([label] if label else []), *cut_off_labels(drive)], palette.MISSED, 9, 9, bold=True)
 
 
 def draw_tractors(axes: Axes, drive: Drive, size: float) -> None:

@@ -18,7 +18,7 @@ def odds_picture(ranking: Ranking) -> dict[str, Any] | None:
 
     Of every count the plan of least expected cost is drawn, but the best plan for its own. None without draws.
     """
-    plans = _of_counts(ranking)
+    plans = of_counts(ranking)
     if not plans:
         return None
     sure = [plan for plan in plans if plan.finish_probability is not None]
@@ -67,7 +67,7 @@ class _Band:
         return round(self.north - (self.north - self.south) * value / self.top, 1)
 
 
-def _of_counts(ranking: Ranking) -> list[PlanResult]:
+def of_counts(ranking: Ranking) -> list[PlanResult]:
     """One plan for every number of tractors, fewest first."""
     best, found = ranking.best, dict[int, PlanResult]()
     plans = [plan for plan in feasible(ranking) if plan.expected_cost is not None]

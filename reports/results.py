@@ -130,7 +130,8 @@ class Ranking:
     where that was left open, what was planned with: plain values with their units in the keys, clock times as hh:mm.
     `advice` is a sentence on the plan to take and its neighbours, from `draws` draws, money in `currency`; `chosen` is
     that plan (strategy, tractors) where there is something to be in time for. `checked` are sentences on how far the
-    draws can be trusted.
+    draws can be trusted. `unmet` is a sentence where no plan meets the rain or the budget: then the best is the
+    closest. `cut_off_m2` is ground that obstacles cut off from the field that is worked.
     """
 
     field_name: str
@@ -148,6 +149,8 @@ class Ranking:
     draws: int | None = None
     chosen: tuple[str, int] | None = None
     checked: tuple[str, ...] = ()
+    unmet: str | None = None
+    cut_off_m2: float = 0.0
 
     @property
     def best(self) -> PlanResult | None:
@@ -232,6 +235,7 @@ class Drive:
     is the largest piece of it. `track_names` are what tracks are called, by default their places from 1; `rounds` are
     those of the headland that are worked, `cells` the parts of a field that has several, `obstacles` rings (n, 2)
     around what stands in it, `fences` lines (n, 2) along its outline, and `steps` what each tractor does, in order.
+    `cut_off` are the pieces of ground that obstacles cut off, `worked_pct` is the share of the field worked.
     """
 
     title: str
@@ -253,6 +257,8 @@ class Drive:
     obstacles: tuple[Points, ...] = ()
     fences: tuple[Points, ...] = ()
     steps: tuple[tuple[Step, ...], ...] = ()
+    cut_off: tuple[MissedPiece, ...] = ()
+    worked_pct: float | None = None
 
 
 @dataclass(frozen=True)

@@ -11,21 +11,25 @@ from rich.table import Table
 from rich.text import Text
 
 from reports.fitting import Column, FittedTable, sentence
+from reports.odds import of_counts
 from reports.results import Claim, PlanResult, Ranking, Study, StudyRow
 from reports.wording import (
+    COLUMN_WORDS,
     LEFT_WORDS,
     NOTHING,
+    area_or_dash,
     clearance,
     duration,
     effects_words,
     feasible,
     headline,
-    hectares,
+    machines,
     members,
     minutes,
     number,
     percent,
     price,
+    proven_words,
     refusals,
     refused,
     remarks,
@@ -80,7 +84,8 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
     """
     plans = feasible(ranking)
     shown = _shown(ranking, plans, most)
-    parts: list[RenderableType] = [_title(f"{ranking.field_name}, {number(ranking.area_ha, 2)} ha")]
+    title = ", ".join(filter(None, (ranking.field_name, f"{number(ranking.area_ha, 2)} ha", machines(ranking))))
+    parts: list[RenderableType] = [_title(title)]
     parts += [sentence(text) for text in headline(ranking)]
     if shown:
         deadline = any(plan.meets_deadline is not None for plan in shown)
@@ -94,7 +99,10 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         legend += " > the best plan." if ranking.best and ranking.best.rank != 1 else ""
         legend += f" {LEFT_WORDS}" if left else ""
         parts.append(sentence(legend + (hidden if more else ""), style="dim"))
-        parts += [sentence(text, style="dim") for text in remarks(shown)]
+        parts.append(sentence(_columns_words(deadline, left, chances), style="dim"))
+        proven = proven_words(shown)
+        parts += [sentence(text, style="dim") for text in (*([proven] if proven else []), *remarks(shown))]
+        parts += _by_count(ranking)
     parts += [sentence(text, style="dim") for text in ranking.checked]
     effects = effects_words(ranking)
     parts += [sentence(effects, style="dim")] if effects else []
@@ -137,13 +145,42 @@ def _columns(wide: bool, deadline: bool, left: bool, chances: bool, refills: boo
         columns.insert(place, _PlanColumn(Column("Refills", "Re-\nfills", drop=3), lambda p: number(p.refills, 0)))
     if left:
         place = [column.column.heading for column in columns].index("Overlap %")
-        columns.insert(place, _PlanColumn(Column("Left ha", "Left\nha", drop=4), lambda p: hectares(p.missed_m2)))
+        columns.insert(place, _PlanColumn(Column("Left", drop=4), lambda p: area_or_dash(p.missed_m2)))
     if chances:
         columns.append(_PlanColumn(Column("In time %", "In\ntime %", drop=3), lambda p: percent(p.finish_probability)))
         columns.append(_PlanColumn(Column("Expected", "Expec-\nted", drop=4), lambda p: price(p.expected_cost)))
     elif deadline:
         columns.append(_PlanColumn(Column("In time", "In\ntime", drop=3), lambda p: yes_no(p.meets_deadline)))
     return columns
+
+
+def _columns_words(deadline: bool, left: bool, chances: bool) -> str:
+    """What is in the columns of plans, a sentence."""
+    headings = [column.column.heading for column in _columns(True, deadline, left, chances)]
+    told = [f"{heading.removesuffix(' m')}: {COLUMN_WORDS[heading]}" for heading in headings if heading in COLUMN_WORDS]
+    return f"{'; '.join(told)}."
+
+
+def _by_count(ranking: Ranking) -> list[RenderableType]:
+    """Certainty, time and money of the plan to take with every number of tractors; nothing without draws."""
+    plans = of_counts(ranking)
+    if len(plans) < 2:
+        return []
+    columns = [
+        _PlanColumn(Column("Tractors"), lambda p: f"{'>' if p is ranking.best else ''}{p.tractors}"),
+        _PlanColumn(Column("Strategy", words=True), lambda p: p.strategy),
+        _PlanColumn(Column("In time %"), lambda p: percent(p.finish_probability)),
+        _PlanColumn(Column("As often as not", "Half\nthe time"), lambda p: duration(p.p50_s)),
+        _PlanColumn(Column("At 95 %"), lambda p: duration(p.p95_s)),
+        _PlanColumn(Column("Expected"), lambda p: price(p.expected_cost)),
+        _PlanColumn(Column("Paid"), lambda p: price(p.paid_cost)),
+    ]
+    if all(plan.finish_probability is None for plan in plans):
+        columns = [column for column in columns if column.column.heading != "In time %"]
+    rows = tuple(tuple(column.text(plan) for column in columns) for plan in plans)
+    styles = tuple("bold" if plan is ranking.best else "" for plan in plans)
+    title = _title(f"By number of tractors, money in {ranking.currency}")
+    return [Text(""), title, FittedTable(tuple(column.column for column in columns), rows, styles)]
 
 
 def _refused_part(plans: list[PlanResult]) -> list[RenderableType]:

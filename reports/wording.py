@@ -16,6 +16,17 @@ SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 DAY_S = 86_400
 NO_BREAK = "\N{NO-BREAK SPACE}"
 LEFT_WORDS = "Left is ground that no implement worked; ranks count the time to finish it too, at each plan's own rate."
+COLUMN_WORDS = {
+    "Turning": "of all tractors together",
+    "Waiting": "likewise",
+    "Worked %": "of the field",
+    "Overlap %": "of the field, worked more than once",
+    "Clearance m": "the nearest that two tractors come, implements included",
+    "In time %": "of the draws",
+    "Expected": "cost in the mean of the draws, late ground included",
+}
+"""What columns of plans hold, where their headings do not say it."""
+LEAST_GAP_PCT = 0.05  # less reads as nothing
 LEAST_LEFT_M2 = 0.5  # less reads as nothing
 LEAST_ON_MAP_M2 = 10.0  # words on a map would hide more than a smaller piece
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
@@ -69,7 +80,11 @@ def price(value: float | None) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A probability in percent; a dash when there is none."""
+    """A probability in percent; a dash when there is none. What is not certain is not rounded to it."""
+    if share is not None and 0.995 <= share < 1.0:
+        return ">99"
+    if share is not None and 0.0 < share < 0.005:
+        return "<1"
     return number(None if share is None else 100.0 * share, 0)
 
 
@@ -78,9 +93,9 @@ def area(m2: float) -> str:
     return f"{m2 / 10_000.0:.2f} ha" if m2 >= 1000.0 else f"{m2:.0f} m2"
 
 
-def hectares(m2: float | None) -> str:
-    """Square metres as hectares with two decimals; a dash when there are none."""
-    return number(None if m2 is None else m2 / 10_000.0, 2)
+def area_or_dash(m2: float | None) -> str:
+    """The same of an area that may not be known."""
+    return NOTHING if m2 is None else area(m2)
 
 
 def left(plan: PlanResult) -> str | None:
@@ -170,6 +185,32 @@ def remarks(plans: Sequence[PlanResult]) -> list[str]:
     return [f"{name} with {listed(sorted(set(n)))}: {remark}." for (name, remark), n in groups.items()]
 
 
+def proven_words(plans: Sequence[PlanResult]) -> str | None:
+    """How near the orders of tracks are to the best there can be, a sentence; None where none is proven."""
+    groups: dict[str, dict[str, list[int]]] = {}
+    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
+        if plan.order_gap_pct is not None:
+            groups.setdefault(plan.strategy, {}).setdefault(gap_words(plan.order_gap_pct), []).append(plan.tractors)
+    told = [
+        f"{name} {listed(f'{words} with {listed(sorted(set(counts)))}' for words, counts in each.items())}"
+        for name, each in groups.items()
+    ]
+    return f"Order of tracks, by the driving between them: {'; '.join(told)}." if told else None
+
+
+def gap_words(pct: float) -> str:
+    """``proven best`` or ``proven within 1.2 %`` of it."""
+    return "proven best" if pct < LEAST_GAP_PCT else f"proven within {number(pct, 1)} %"
+
+
+def machines(ranking: Ranking) -> str | None:
+    """What works the field: tractor, and the implement by name, where a farm has one, and width; None if unknown."""
+    scenario = ranking.scenario
+    if "tractor" not in scenario or "width_m" not in scenario:
+        return None
+    return f"{scenario['tractor']}, {scenario.get('implement') or 'implement'} {scenario['width_m']:g} m"
+
+
 def effects_words(ranking: Ranking) -> str | None:
     """What of the tractor file's effects and rest is in use, a sentence; None when it has none."""
     rest = "rest" in ranking.tractor_effects
@@ -222,9 +263,12 @@ def headline(ranking: Ranking) -> list[str]:
     is_late = best.meets_deadline is False
     plans = feasible(ranking)
     priced = [plan for plan in plans if plan.cost is not None]
-    cheapest = min(priced, key=finish_cost, default=None)
-    best_is_cheapest = cheapest is not None and finish_cost(cheapest) == finish_cost(best)
-    if not is_late:
+    cheapest = min(priced, key=_money, default=None)
+    best_is_cheapest = cheapest is not None and _money(cheapest) == _money(best)
+    if ranking.unmet is not None:
+        sentences = [ranking.unmet, *_advice_words(ranking), f"The closest: {_told(ranking, best)}."]
+        sentences += [*_left_words(ranking, best), *_remark_words(best)]
+    elif not is_late:
         sentences = [*_advice_words(ranking), f"Best plan: {_told(ranking, best)}."]
         sentences += [*_left_words(ranking, best), *_remark_words(best)]
         sentences += _deadline_words(ranking, best, best_is_cheapest)
@@ -233,6 +277,8 @@ def headline(ranking: Ranking) -> list[str]:
         sentences = [f"No plan meets {_deadline_name(ranking, 'the')}.", *_advice_words(ranking)]
         sentences += [f"The {closest(ranking)}{by}: {_told(ranking, best)}."]
         sentences += [*_left_words(ranking, best), *_remark_words(best)]
+    if ranking.cut_off_m2:
+        sentences.append(f"Obstacles cut off {area(ranking.cut_off_m2)} of the field, which no plan works.")
     fastest = min((plan for plan in plans if plan.time_s is not None), key=finish_s, default=best)
     if fastest is not best and finish_s(fastest) != finish_s(best):
         sentences.append(f"Fastest: {_told(ranking, fastest)}.")
@@ -241,6 +287,11 @@ def headline(ranking: Ranking) -> list[str]:
     elif cheapest is not None and not best_is_cheapest:
         sentences.append(f"Cheapest: {_told(ranking, cheapest)}.")
     return sentences
+
+
+def _money(plan: PlanResult) -> float:
+    """What plans are compared by: the expected cost, without draws that of the finished field."""
+    return finish_cost(plan) if plan.expected_cost is None else plan.expected_cost
 
 
 def _advice_words(ranking: Ranking) -> list[str]:
@@ -315,6 +366,8 @@ def _when(ranking: Ranking, seconds: float | None) -> str:
 
 
 def _at_cost(plan: PlanResult) -> str:
+    if plan.expected_cost is not None:
+        return f", expected cost {price(plan.expected_cost)}"
     return "" if plan.cost is None else f", cost {price(plan.cost)}"
 
 

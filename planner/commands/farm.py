@@ -9,7 +9,10 @@ import typer
 
 from planner.commands.options import AsJson
 
-farm = typer.Typer(help="The farm file: tractors, implements, prices, times.", no_args_is_help=True)
+farm = typer.Typer(
+    help="The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml",
+    no_args_is_help=True,
+)
 
 
 @farm.callback()

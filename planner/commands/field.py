@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
@@ -57,7 +57,8 @@ def field(
     Example: headland field denmark --width 6 --png denmark.png
     """
     from planner.commands.outputs import check_outputs, inputs, written
-    from planner.commands.show import remark, warm_up
+    from planner.commands.show import progress_bar, remark, warm_up
+    from planner.describe import describe
     from planner.errors import ScenarioError
     from planner.scenario import Scenario, parse_cell_bearings, parse_place
     from planner.site import prepare
@@ -76,16 +77,16 @@ def field(
     )  # fmt: skip
     asked = with_farm(scenario, farm, implement, context)
     warm_up()
-    site = prepare(asked.scenario, tractor=asked.tractor, implement=asked.implement)
+    with progress_bar("Laying out the field"):
+        site = prepare(asked.scenario, tractor=asked.tractor, implement=asked.implement)
+        facts = describe(site)
+        results = [(png, _picture(site))] if png else []
     remark(site.layout.field.remarks)
-    with written([(png, _picture(site))] if png else []):
-        _print(site, json)
+    with written(results):
+        _print(facts, json)
 
 
-def _print(site: Site, json: bool) -> None:
-    from planner.describe import describe
-
-    facts = describe(site)
+def _print(facts: dict[str, Any], json: bool) -> None:
     if json:
         from reports.export import facts_json
 

@@ -7,7 +7,10 @@ from typing import Annotated, Optional
 
 import typer
 
-gnss = typer.Typer(help="GNSS errors: make a table from static fixes.", no_args_is_help=True)
+gnss = typer.Typer(
+    help="GNSS errors: make a table from static fixes.\n\nExample: headland gnss fit fixes.csv",
+    no_args_is_help=True,
+)
 
 
 @gnss.callback()

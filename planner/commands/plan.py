@@ -81,6 +81,7 @@ def plan(
     rain: Annotated[Optional[str], typer.Option(help=RAIN)] = None,  # noqa: UP045
     refill: Annotated[Optional[str], typer.Option(help=REFILL)] = None,  # noqa: UP045
     prefer: Annotated[Optional[str], typer.Option(help="fastest, cheapest or surest: what the best plan is.")] = None,  # noqa: UP045
+    budget: Annotated[Optional[float], typer.Option(help="Most that may be paid; no dearer plan is taken.")] = None,  # noqa: UP045
     farm: FarmOption = None,
     implement: ImplementOption = None,
     local: Local = False,
@@ -120,7 +121,7 @@ def plan(
         field, local, wanted.widths_m[0], tractors, strategies, turn, start, before, price_per_hour,
         price_per_tractor, speed_kmh, turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss,
         gnss_table, operation, headland_order(headland_first, headland_last), corners, tracks_only, cell_bearing or [],
-        draws, rain, prefer, refill, entrance,
+        draws, rain, prefer, refill, entrance, budget,
     )  # fmt: skip
     if wanted.many or keep is not None:
         _of_one_field(("--html", html), ("--png", png), ("--save", save))
@@ -133,7 +134,8 @@ def plan(
     remark(planned.site.layout.field.remarks)
     with written(_results(planned, html, png, save)):
         _print(planned.ranking, json, csv, full)
-    if planned.ranking.best is None or planned.ranking.missed_by_s is not None:
+    ranking = planned.ranking
+    if ranking.best is None or ranking.missed_by_s is not None or ranking.unmet is not None:
         raise typer.Exit(NO_PLAN_STATUS)
 
 
@@ -143,7 +145,7 @@ def _scenario(
     turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
     order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
-    rain: str | None, prefer: str | None, refill: str | None, entrance: str | None,
+    rain: str | None, prefer: str | None, refill: str | None, entrance: str | None, budget: float | None,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import (
         KMH,
@@ -187,6 +189,7 @@ def _scenario(
         prefer=prefer,
         refill=refill,
         entrance=None if entrance is None else parse_place(entrance, "entrance"),
+        budget=budget,
     )
 
 
@@ -235,6 +238,8 @@ def _results(planned: Planned, html: Path | None, png: Path | None, save: Path |
     if late is not None:
         which = closest(planned.ranking)
         typer.echo(f"No plan meets the deadline; the {which} misses it by {duration(late)}.", err=True)
+    elif planned.ranking.unmet is not None:
+        typer.echo(planned.ranking.unmet, err=True)
     if drive is None and (html or png or save):
         typer.echo("No plan is feasible, so there is no map and no plan to save.", err=True)
     if html:

@@ -22,13 +22,14 @@ def show(
 
     Example: headland show plan.json --tractor 2
     """
-    from planner.commands.show import out, remark, warm_up
+    from planner.commands.show import out, progress_bar, remark, warm_up
     from planner.errors import ScenarioError
     from planner.showing import show as drive_again
     from reports.leg_list import leg_lists, leg_lists_json
 
     warm_up()
-    shown = drive_again(plan)
+    with progress_bar("Driving the plan again"):
+        shown = drive_again(plan)
     remark(_touching(shown))
     count = len(shown.steps)
     if tractor is not None and not 1 <= tractor <= count:

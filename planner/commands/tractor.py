@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from vehicle.tractor import Tractor
     from vehicle.trials.sheets.sheet import Sheet
 
-tractor = typer.Typer(help="Own tractors: make a file from a datasheet, check a file.", no_args_is_help=True)
+tractor = typer.Typer(
+    help="Own tractors: make a file from a datasheet, check a file.\n\nExample: headland tractor check my.toml",
+    no_args_is_help=True,
+)
 Metres = Optional[float]  # noqa: UP045 - typer reads this at run time
 Force = Annotated[bool, typer.Option("--force", help="Write over a file that is there.")]
 BANNER = "# Made by `headland tractor new`: [source] says what was given and what was assumed, by which rule.\n"
@@ -84,7 +87,7 @@ def check(
     Example: headland tractor check my.toml --html my.html
     """
     from planner.commands.outputs import check_outputs, inputs, written
-    from planner.commands.show import out, warm_up
+    from planner.commands.show import out, progress_bar, warm_up
     from planner.commands.validate import pictures
     from planner.farm import load_farm
     from vehicle.tractor import load_tractor
@@ -93,7 +96,8 @@ def check(
     check_outputs((html, ".html"), (png, ".png"), reads=inputs(tractor=file, farm=farm))
     machine = load_tractor(file) if farm is None else load_farm(farm).tractor(file).machine()
     warm_up()
-    verdict, sheet = proved(machine)
+    with progress_bar("Driving the tractor"):
+        verdict, sheet = proved(machine)
     with written(pictures((sheet,), html, png)):
         if json:
             from reports.trials import proved_json

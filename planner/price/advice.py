@@ -112,7 +112,8 @@ def _money(plan: Figures, chosen: Figures, one: bool, *, told: bool) -> _Told:
     equal = EQUAL if told and same_money(plan, chosen) else ""
     if added < 0.0:
         return _Told(f"{_verb('save', one)} {-added:.2f}{equal}", BETTER)
-    words = f"{_verb('cost', one)} {added:.2f} more" if plan.tractors < chosen.tractors else f"{_verb('add', one)} {added:.2f}"
+    fewer = plan.tractors < chosen.tractors
+    words = f"{_verb('cost', one)} {added:.2f} more" if fewer else f"{_verb('add', one)} {added:.2f}"
     return _Told(words + equal, WORSE)
 
 
@@ -137,6 +138,7 @@ def _sure(plan: Figures, chosen: Figures, one: bool, *, told: bool = True) -> _T
     equal = EQUAL if told and same_chance(plan, chosen) else ""
     only = "only " if own < other else ""
     words = f"{_verb('finish', one)} in time {only}{percent(own)} of the time{equal}"
+    words = words if own > 0.0 else f"never {_verb('finish', one)} in time{equal}"
     return _Told(words, WORSE if own < other else BETTER)
 
 

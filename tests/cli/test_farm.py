@@ -79,6 +79,11 @@ def test_a_plan_is_made_with_the_farms_machines(headland: Headland, folder: Path
     assert scenario["radius_m"] == pytest.approx(other["radius_m"])  # that of the tractor, on soil
 
 
+def test_the_headline_names_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
+    told = headland("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--tracks-only")
+    assert told.out.splitlines()[0] == "small, 0.36 ha, Carrier, harrow 4 m"
+
+
 def test_a_field_is_looked_at_with_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
     told = headland("field", small, "--local", "--farm", "farm.toml", "--json")
     plain = headland("field", small, "--local", "--width", 4.0, "--json")

@@ -198,3 +198,22 @@ def test_turns_stand_in_a_table(headland: Callable[..., Any], small: Path, facts
     turns = facts["turns"]
     assert [row[0] for row in rows] == list(turns["fits_percent_of_ends_over_tracks"])
     assert [float(row[-1]) for row in rows] == pytest.approx(list(turns["seconds_over_tracks"].values()))
+
+
+def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., Any], tmp_path: Path) -> None:
+    """A ditch of 1.5 m across 100 m by 60 m, 30 m from the left; a margin of 0.3 m is kept to it."""
+    ring = [[0, 0], [100, 0], [100, 60], [0, 60], [0, 0]]
+    ditch = {"type": "LineString", "coordinates": [[30, -5], [30, 65]]}
+    features = [
+        {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}},
+        {"type": "Feature", "properties": {"role": "obstacle", "kind": "ditch"}, "geometry": ditch},
+    ]
+    place, picture = tmp_path / "cut.geojson", tmp_path / "cut.png"
+    place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    outcome = headland("field", place, "--local", "--json", "--png", picture)
+    told = json.loads(outcome.out)
+    assert told["cut_off_m2"] == pytest.approx((30 - 0.75 - 0.3) * 60, abs=0.1)
+    assert "Obstacles cut off 1737 m2" in outcome.err
+    (row,) = [one for one in told["not_worked"] if one["why"] == "cut off by obstacles"]
+    assert row["area_m2"] == pytest.approx(told["cut_off_m2"], rel=0.02)
+    assert picture.stat().st_size > 10_000

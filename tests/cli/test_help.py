@@ -16,14 +16,22 @@ def test_the_command_line_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def commands() -> list[str]:
-    """Names of all commands."""
+def commands() -> list[tuple[str, ...]]:
+    """The words of all commands, of groups of them and of those in groups."""
     from planner.main import app
 
-    return [command.name or getattr(command.callback, "__name__", "") for command in app.registered_commands]
+    def named(one: Any) -> str:
+        return str(one.name or getattr(one.callback, "__name__", ""))
+
+    found = [(named(command),) for command in app.registered_commands]
+    for group in app.registered_groups:
+        name = str(group.name)
+        inner = group.typer_instance.registered_commands if group.typer_instance else []
+        found += [(name,), *((name, named(command)) for command in inner)]
+    return found
 
 
-@pytest.mark.parametrize("words", [(), *((name,) for name in commands())])
+@pytest.mark.parametrize("words", [(), *commands()])
 def test_help_shows_an_example(headland: Callable[..., Any], words: tuple[str, ...]) -> None:
     outcome = headland(*words, "--help")
     assert outcome.status == 0 and outcome.err == ""

@@ -33,6 +33,7 @@ def answer(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
     assert list(answer) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "draws",
+        "unmet",
     ]  # fmt: skip
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
@@ -73,6 +74,24 @@ def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path
     assert f"the closest misses it by 0:{late // 60:02d}:{late % 60:02d}" in outcome.err
     night = headland(*words[:-5], "--start", "23:50", "--before", "0:50", "--json")
     assert night.status == 0 and json.loads(night.out)["best"]["meets_deadline"] is True
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--rain", "8:05"), "No plan is done before the rain; the closest misses it by 0:"),
+        (("--rain", "8:02=50,8:04=50"), "No plan is done before the rain: 0 % of the draws of the surest one are."),
+        (("--budget", "1.5"), "No plan is paid with 1.50; the closest comes to "),
+    ],
+)
+def test_what_no_plan_meets_is_3_with_the_closest_plan(
+    headland: Callable[..., Any], small: Path, options: tuple[str, ...], words: str
+) -> None:
+    quick = ("--tractors", "1-2", "--strategies", "split-field", "--tracks-only", "--processes", "1", "--draws", "200")
+    outcome = headland("plan", small, "--local", *quick, "--start", "8:00", *options)
+    assert outcome.status == 3 and len(outcome.sentences) == 1 and outcome.err.startswith(words)
+    assert words in " ".join(outcome.out.split()) and "The closest: " in outcome.out
+    assert max(map(len, outcome.out.splitlines())) <= 80
 
 
 def test_csv_says_what_json_says(headland: Callable[..., Any], small: Path) -> None:

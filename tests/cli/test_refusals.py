@@ -163,8 +163,8 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
     margin = ("--margin", "40")
     assert_refused(_with(headland, folder, command, [*closed, gate], *margin), "fences", "--margin) of 40 m", "smaller")
     assert_refused(_with(headland, folder, command, [feature(SQUARE)], "--margin", "60"), "60 m", "60 m across")
-    pole = [feature(SQUARE, name="plot"), feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")]
-    told = _with(headland, folder, command, pole, "--margin", "45")
+    pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
+    told = _with(headland, folder, command, [feature(SQUARE, name="plot"), pole], "--margin", "45")
     assert_refused(told, "--margin) of 45 m is too wide for field 'plot'", "leaves 50", "of 6000 m2")
 
 

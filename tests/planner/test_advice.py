@@ -75,8 +75,8 @@ class TestSentence:
 
     def test_what_is_preferred_comes_first_in_its_own_figure(self) -> None:
         assert advice(TABLE, "before 17:00", SUREST) == (
-            "2 tractors: 97 % before 17:00, 128.90 expected (120.10 paid). One finishes in time only 61 % of the time but "
-            "saves 1.50; a third finishes in time 99 % of the time, as good as equal, but adds 9.40."
+            "2 tractors: 97 % before 17:00, 128.90 expected (120.10 paid). One finishes in time only 61 % of the time "
+            "but saves 1.50; a third finishes in time 99 % of the time, as good as equal, but adds 9.40."
         )
         near = [plan(3, 138.30, 0.99, hours=2.1), plan(4, 139.0, 0.99, hours=2.08)]
         assert advice(near, "before 17:00", FASTEST) == (
@@ -85,7 +85,7 @@ class TestSentence:
         )
 
     @given(st.floats(20, 400), st.floats(20, 400), st.floats(0, 60), st.floats(0, 60))
-    def test_the_difference_told_is_that_of_what_it_chose_by(self, a: float, b: float, late: float, more: float) -> None:
+    def test_the_difference_is_told_in_what_it_chose_by(self, a: float, b: float, late: float, more: float) -> None:
         """The plan that is taken is never told to cost more than another by more than it calls equal."""
         plans = [plan(1, a, 0.8, late), plan(2, b, 0.8, more)]
         taken, other = sorted(plans, key=lambda each: each is not best(plans))

@@ -141,6 +141,40 @@ class TestRanking:
         assert advised(ranking, None) is ranking
 
 
+class TestWhatNoPlanMeets:
+    plans = tuple(replace(each, meets_deadline=None) for each in TestRanking.plans)  # of 40, 59 and 30 minutes
+
+    def told(self, plans: tuple[PlanResult, ...] | None = None, **values: Any) -> Ranking:
+        return advised(Ranking("f", 1.0, 1, plans or self.plans), stakes_of(scenario(**values)))
+
+    def test_rain_at_a_time_leaves_out_what_is_late_as_simulated(self) -> None:
+        dry = self.told(rain="8:35")
+        assert dry.best is self.plans[2] and dry.unmet is None
+        wet = self.told(rain="8:20")
+        assert wet.unmet == "No plan is done before the rain; the closest misses it by 0:10:00."
+        assert wet.best is self.plans[2], "the quickest is the closest"
+
+    def test_rain_that_may_come_is_not_met_where_hardly_any_draw_is(self) -> None:
+        few = tuple(replace(each, finish_probability=0.004) for each in self.plans)
+        told = self.told(few, rain="8:20=50,8:40=50")
+        assert told.unmet == "No plan is done before the rain: under 1 % of the draws of the surest one are."
+        assert told.best is few[2]
+        assert self.told(rain="8:20=50,8:40=50").unmet is None
+
+    def test_a_budget_leaves_out_what_is_dearer(self) -> None:
+        assert self.told(before_s=EIGHT + 3600).best is self.plans[0]
+        assert self.told(before_s=EIGHT + 3600, budget=100.0).best is self.plans[1]
+        short = self.told(budget=90.0)
+        assert short.best is self.plans[1]
+        assert short.unmet == "No plan is paid with 90.00; the closest comes to 96.40."
+
+    def test_a_negative_budget_is_refused(self) -> None:
+        with pytest.raises(ScenarioError, match="budget is -1; a price must be 0 or more"):
+            scenario(budget=-1.0)
+        with pytest.raises(ScenarioError, match="draws is 0, and budget is judged by draws"):
+            scenario(draws=0, budget=10.0)
+
+
 def test_a_whole_plan_is_the_same_every_time_and_says_how_far_it_can_be_trusted() -> None:
     asked = scenario(before_s=EIGHT + 1200, tractors=(1, 2), strategies=("interleaved",), draws=300)
     one, other = (plan(asked, field=FIELD, executor=SerialExecutor()) for _ in range(2))

@@ -73,11 +73,20 @@ def test_keys_and_order(ranking: Ranking) -> None:
     data = json.loads(ranking_json(ranking), parse_constant=no_constant)
     assert list(data) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "draws",
+        "unmet",
     ]  # fmt: skip
-    assert data["scenario"] == {}
+    assert data["scenario"] == {} and data["unmet"] is None
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}
     assert data["seed"] == 7
-    assert all(list(plan) == CONTRACT for plan in [*data["plans"], data["best"]])
+    assert all(list(plan) == [*CONTRACT, "cells"] for plan in [*data["plans"], data["best"]])
+
+
+def test_every_plan_has_the_cells_of_its_tracks(ranking: Ranking) -> None:
+    cells = [{"number": 1, "bearing_deg": 75.0, "area_m2": 900.0, "tracks": 4}]
+    told = replace(ranking, scenario={"cells": cells}, unmet="No plan is done before the rain.")
+    data = json.loads(ranking_json(told))
+    assert all(plan["cells"] == cells for plan in [*data["plans"], data["best"]])
+    assert data["unmet"] == "No plan is done before the rain."
 
 
 def test_values_survive(ranking: Ranking) -> None:

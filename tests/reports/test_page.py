@@ -129,8 +129,18 @@ def test_table_has_every_feasible_plan_with_values_to_sort_by(ranking: Ranking) 
     assert [row[0] for row in values] == ["1", "2", "3", "4", "5", "6"]
     assert [float(row[4]) for row in values] == [1253.0, 1290.0, 1712.4, 3725.0, 4475.0, 5012.0]
     assert [row[-1] for row in values] == ["1", "1", "1", "0", "0", "0"], "in time or not"
-    assert {len(row) for row in values} == {body.count('<th scope="col"')} == {20}
+    assert {len(row) for row in values} == {body.count('<th scope="col"')} == {21}
     assert [index for index, row in enumerate(re.findall(r"<tr[^>]*><td", body)) if "best" in row] == [2]
+
+
+def test_columns_say_what_they_hold(ranking: Ranking) -> None:
+    drawn = tuple(replace(plan, order_gap_pct=1.24) if plan.feasible else plan for plan in ranking.plans)
+    machines = {"tractor": "Carrier", "implement": "harrow", "width_m": 4.0}
+    page = plan_page(replace(ranking, plans=drawn, scenario=machines), None)
+    titles = re.findall(r'<th scope="col" title="([^"]+)"', page)
+    for words in ("The nearest that two tractors come", "Of the field, worked more than once", "Share of the field"):
+        assert any(title.startswith(words) for title in titles), words
+    assert "1.89 ha, Carrier, harrow 4 m" in page and "<dd>proven within 1.2 %</dd>" in page
 
 
 def test_page_says_what_matters(ranking: Ranking, drive: Drive) -> None:

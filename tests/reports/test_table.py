@@ -32,11 +32,39 @@ def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: Ranki
     assert max(map(len, text.splitlines())) <= width
     assert "Left is ground that no implement worked; ranks count the time to finish it too" in flat
     missing = re.search(r"No room for: (.*?); a wider", flat)
-    dropped = missing is not None and "Left ha" in missing.group(1)
+    dropped = missing is not None and "Left" in missing.group(1).split(", ")
     rows = [line for line in text.splitlines() if re.match(r"[ >]*[1-6][* ] ", line)]
-    told = [re.findall(r" (0\.\d\d)(?= )", row + " ") for row in rows]
+    told = [re.findall(r" (0\.\d\d) ha(?= )", row + " ") for row in rows]
     assert told == [[] if dropped else [ha] for ha in ("0.38", "0.38", "0.19", "0.19", "0.19", "0.19")]
     assert not dropped or width < 80
+
+
+def test_little_that_is_left_is_told_in_square_metres(leaving: Ranking) -> None:
+    plans = tuple(replace(plan, missed_m2=40.0) if plan.rank == 1 else plan for plan in leaving.plans)
+    text = printed(ranking_table(replace(leaving, plans=plans)))
+    rows = [line for line in text.splitlines() if line.startswith(" 1")]
+    assert len(rows) == 1 and " 40 m2 " in rows[0] and "0.00" not in rows[0]
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: Ranking, width: int) -> None:
+    plans = tuple(
+        replace(plan, finish_probability=0.2 * plan.tractors - 0.001, p50_s=3000.0, p95_s=4000.0,
+                expected_cost=100.0 + plan.tractors, paid_cost=90.0, order_gap_pct=0.0 if plan.tractors > 3 else 1.24)
+        if plan.feasible else plan
+        for plan in ranking.plans
+    )  # fmt: skip
+    machines = {"tractor": "Carrier", "width_m": 4.0, "implement": None}
+    told = replace(ranking, plans=plans, currency="EUR", draws=100, advice="3 tractors.", chosen=("split-field", 3))
+    text = printed(ranking_table(replace(told, scenario=machines)), width)
+    flat = " ".join(text.split())
+    assert max(map(len, text.splitlines())) <= width
+    assert "Iwamizawa, 1.89 ha, Carrier, implement 4 m" in flat
+    assert "Clearance: the nearest that two tractors come" in flat and "In time %: of the draws" in flat
+    assert "split-field proven within 1.2 % with 1 and 3" in flat and "row-by-row proven best with 5" in flat
+    rows = [row for row in text[text.index("By number of tractors, money in EUR") :].splitlines() if "90.00" in row]
+    assert [row.split()[0].lstrip(">") for row in rows] == ["1", "2", "3", "5"]
+    assert any(row.split()[0] == ">3" and "103.00" in row and " 60 " in row for row in rows)
 
 
 def test_without_a_word_of_what_is_left_there_is_no_column(ranking: Ranking) -> None:
