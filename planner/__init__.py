@@ -20,6 +20,8 @@ steps, showing  what each tractor does, in order; the same of a saved plan, driv
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe       a field in figures
 asked          a farm in place of what a scenario leaves open
+workday, transport  the clock round field work: the road from the yard, un- and folding, breaks, shifts
+workday_words  the same in sentences
 farm           the farm file: tractors, implements, prices, times, what is left to chance
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals

@@ -133,6 +133,10 @@ class Scenario:
             return None
         return float((self.before_s - self.start_s) % DAY_S)
 
+    def told(self, after_s: float | None) -> str:
+        """The clock so many seconds after the start, with the day where that is another one; "" without a clock."""
+        return "" if self.start_s is None or after_s is None else later_clock(self.start_s, after_s)
+
 
 def _check_types(scenario: Scenario) -> None:
     """Refuse what is not of the kind that the parameter says; a file may be a path."""
@@ -297,6 +301,12 @@ def _check_draws(scenario: Scenario) -> None:
 def clock(seconds: float) -> str:
     """Seconds of the day as hh:mm."""
     return f"{int(seconds) // 3600 % 24:02d}:{int(seconds) % 3600 // 60:02d}"
+
+
+def later_clock(start_s: float, after_s: float) -> str:
+    """ "17:00", "00:40 next day" or "07:10, 2 days later": the clock so many seconds after another."""
+    days, time_s = divmod(start_s + after_s, DAY_S)
+    return clock(time_s) + {0: "", 1: " next day"}.get(int(days), f", {int(days)} days later")
 
 
 def parse_clock(text: str, parameter: str) -> int:

@@ -13,16 +13,17 @@ from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.slowing import cures, promised_m, slowed
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.candidates.within_reach import built_within_reach
-from planner.ground.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
+from planner.ground.measure import Coverage, coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.ground.swept import swept_ground
 from planner.ground.touched import fence_crossed_m, obstacle_touched
 from planner.ground.trampled import trampled_m2
 from planner.outlook import with_outlook
+from planner.price.cost import coming_and_going
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
 from planner.yielding.deconflict import GiveWay, without_conflicts
 from planner.yielding.giving_way import Rules, giving_way
-from reports.results import PlanResult
+from reports.results import PlanResult, done_s
 from strategies.errors import StrategyError
 from strategies.formations.promise import corners_by_promise
 from strategies.job import Job
@@ -280,9 +281,9 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
     worked = coverage(run, site, swept)
     tractor_time = float(np.sum(run.finish_s))
     hourly = run.duration_s * candidate.tractors / 3600.0 * scenario.price_per_hour
-    hiring = candidate.tractors * scenario.price_per_tractor
-    allowed = scenario.allowed_s
-    return PlanResult(
+    each = scenario.price_per_tractor if site.terms is None else coming_and_going(site.terms)
+    hiring = candidate.tractors * each
+    figures = PlanResult(
         strategy=candidate.strategy,
         tractors=candidate.tractors,
         turn=turn,
@@ -291,7 +292,6 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         time_s=run.duration_s,
         tractor_time_s=tractor_time,
         cost=hourly + hiring,
-        meets_deadline=None if allowed is None else run.duration_s <= allowed,
         worked_pct=worked.worked_pct,
         overlap_pct=worked.overlap_pct,
         missed_m2=worked.missed_m2,
@@ -313,3 +313,22 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         rounds=site.layout.rounds,
         headland_s=headland_s(run),
     )
+    return _by_clock(figures, site, run, worked)
+
+
+def _by_clock(figures: PlanResult, site: Site, run: Run, worked: Coverage) -> PlanResult:
+    """The figures with when field work can begin, is done, would be done of the whole field, and all are home."""
+    done, day, allowed = run.worked_s, site.day, site.scenario.allowed_s
+    if day is None:
+        timed = replace(figures, done_s=done, finished_done_s=worked.finished(done))
+    else:
+        first = day.before_s
+        timed = replace(
+            figures,
+            transport_s=run.plan.tractors * (first + day.after_s),
+            ready_s=day.clock_s(first, begins=True),
+            done_s=day.clock_s(first + done),
+            finished_done_s=day.clock_s(first + worked.finished(done)),
+            home_s=day.clock_s(first + run.duration_s + day.after_s),
+        )
+    return replace(timed, meets_deadline=None if allowed is None else done_s(timed) <= allowed)

@@ -12,6 +12,7 @@ from planner.chance.draws import Sample, draw
 from planner.chance.graph import Graph, graph_of
 from planner.chance.rain import Rain
 from planner.chance.settings import INPUTS, Chances
+from planner.workday import Workday
 from vehicle.run import Run
 
 Z95 = 1.959963984540054
@@ -25,13 +26,22 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of every plan: the laws, rain and deadline (seconds after the start), number of draws and seed."""
+    """What is asked of every plan: the laws, rain and deadline (seconds after the start), number of draws and seed.
+
+    On a farm's `day` not all time until then is time for field work.
+    """
 
     chances: Chances = DEFAULT
     rain: Rain | None = None
     deadline_s: float | None = None
     draws: int = DRAWS
     seed: int = 1
+    day: Workday | None = None
+
+    def field_limit_s(self) -> Array:
+        """Seconds of field work that fit before work has to be done, (draws,)."""
+        limit = self.limit_s()
+        return limit if self.day is None else self.day.work_s(limit) - self.day.before_s
 
     def limit_s(self) -> Array:
         """When work has to be done, (draws,): at the deadline or the rain; infinite without either."""
@@ -72,9 +82,9 @@ def answer(run: Run, question: Question, *, drivers: bool = True) -> Answer:
 
 def answer_of(graph: Graph, question: Question, *, drivers: bool = True) -> Answer:
     """The same of its graph."""
-    limit = question.limit_s()
+    limit = question.field_limit_s()
     sample = draw(graph, question.chances, draws=question.draws, seed=question.seed, limit_s=limit)
-    in_time = int((sample.finish_s <= limit).sum())
+    in_time = int((sample.worked_s <= limit).sum())
     p50, p80, p95 = (float(value) for value in np.quantile(sample.finish_s, QUANTILES))
     return Answer(
         finish_probability=in_time / question.draws if question.has_limit else None,

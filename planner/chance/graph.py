@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.layout import REC_SPEED, WAITING
-from vehicle.missions import TRACK, Leg, Mission
+from vehicle.missions import LEAVE, TRACK, Leg, Mission
 from vehicle.run import DONE, Run
 
 PASS, TURN_ONE, TURN_MORE = 0, 1, 2
@@ -48,7 +48,8 @@ class Graph:
 
     `driven_s` are seconds of driving without waiting. `group` numbers passes and turns within each tractor: legs of one
     share their luck; `kind` is PASS, TURN_ONE (over one track) or TURN_MORE. `worked_m` are metres with the implement
-    down. `order` are all nodes, each after those it waits for. `links` are sorted by `after`.
+    down. `leaving` marks legs back to the entrance, None where there are none. `order` are all nodes, each after those
+    it waits for. `links` are sorted by `after`.
     """
 
     tractors: int
@@ -60,6 +61,7 @@ class Graph:
     worked_m: Array
     order: tuple[int, ...]
     links: tuple[Link, ...]
+    leaving: npt.NDArray[np.bool_] | None = None
 
     @property
     def nodes(self) -> int:
@@ -101,6 +103,7 @@ def graph_of(run: Run) -> Graph:
     driven = [_driven(one) for one in rows]
     groups, kinds = zip(*(_groups(mission) for mission in missions), strict=True)
     links = _links(run, first, rows)
+    leaving = np.array([leg.task.kind == LEAVE for mission in missions for leg in mission.legs])
     begun = np.concatenate([one.time[one.begin] for one in rows])
     return Graph(
         tractors=len(missions),
@@ -112,6 +115,7 @@ def graph_of(run: Run) -> Graph:
         worked_m=np.array([leg.length_m * leg.implement for mission in missions for leg in mission.legs]),
         order=_order(first, sum(counts), links, begun),
         links=tuple(links),
+        leaving=leaving if leaving.any() else None,
     )
 
 
