@@ -111,8 +111,9 @@ class Site:
                 "side leaves nothing; use a narrower implement."
             )
         fence, careful = self._fence()
+        corner = starting_corner(self.layout) if self.gate is None else None
         return Job(
-            self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
+            self.layout, self.manner, anywhere, 1, beside, corner, rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
             standing=self.scenario.operation in STANDING,
             around=self.around, fence=fence, careful=careful, gate=self.gate,

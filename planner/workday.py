@@ -93,7 +93,7 @@ class Workday:
         return np.asarray(np.where(over, clock_s - paused[begun], now - paused[np.maximum(begun - 1, 0)]))
 
     def pauses(self, until_s: float) -> tuple[Pause, ...]:
-        """Pauses that begin before a time after the start."""
+        """Pauses until a time after the start; one that goes on then is cut there."""
         return tuple(self._pauses_in(0.0, until_s))
 
     @cached_property
@@ -103,7 +103,7 @@ class Workday:
         return spans[:, 0], spans[:, 1], np.concatenate(([0.0], np.cumsum(spans[:, 1] - spans[:, 0])))
 
     def _pauses_in(self, first_s: float, last_s: float) -> Iterator[Pause]:
-        """Pauses within a span of time after the start, none touching another; part of a night, a break is none."""
+        """Pauses within a span of time after the start, no two at once: what began first counts."""
         days = range(int(first_s // DAY_S) - 2, int(last_s // DAY_S) + 2)
         found = sorted((one for day in days for one in self._on(day)), key=lambda one: (one.from_s, -one.to_s))
         until_s = first_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,6 @@ from planner.chance.draws import Sample, draw
 from planner.chance.graph import Graph, graph_of
 from planner.chance.rain import Rain
 from planner.chance.settings import INPUTS, Chances
-from planner.workday import Workday
 from vehicle.run import Run
 
 Z95 = 1.959963984540054
@@ -22,6 +22,15 @@ SAME_VARIANCE_S2 = 1e-9
 DRAWS = 10_000
 DEFAULT = Chances()
 Array = npt.NDArray[np.float64]
+
+
+class Day(Protocol):
+    """How much of the time after the start is for work, and how much of that goes before field work begins."""
+
+    @property
+    def before_s(self) -> float: ...
+
+    def work_s(self, clock_s: Array) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -36,7 +45,7 @@ class Question:
     deadline_s: float | None = None
     draws: int = DRAWS
     seed: int = 1
-    day: Workday | None = None
+    day: Day | None = None
 
     def field_limit_s(self) -> Array:
         """Seconds of field work that fit before work has to be done, (draws,)."""

@@ -219,7 +219,7 @@ def test_the_cheapest_is_told_once(ranking: Ranking) -> None:
 
 def test_clock_times_after_the_start(ranking: Ranking) -> None:
     assert clock(ranking, 3725.0) == "09:02"
-    assert clock(replace(ranking, start="23:30"), 3600.0) == "00:30, 1 d later"
+    assert clock(replace(ranking, start="23:30"), 3600.0) == "00:30 next day"
     assert clock(replace(ranking, start="soon"), 3600.0) is None
 
 
