@@ -23,6 +23,8 @@ diagnosis, replaying  diagnose and replay: from logs to what the simulation gets
 describe       a field in figures
 day            several fields and fleets on one day
 asked          a farm in place of what a scenario leaves open
+workday, transport  the clock round field work: the road from the yard, un- and folding, breaks, shifts
+workday_words  the same in sentences
 farm           the farm file: tractors, implements, prices, times, what is left to chance
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals

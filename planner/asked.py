@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Container
+from collections.abc import Collection, Container
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from planner.errors import ScenarioError, named
 from planner.farm.file import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
+from planner.farm.times import Times, Yard
 from planner.price.cost import Terms
 from planner.price.machine import rates
 from planner.scenario import Scenario
@@ -24,8 +25,8 @@ class Asked:
     """A scenario with the values of a farm, and the machines to plan it with (`tractor`: an object or a file).
 
     `own` is the farm's kind of tractor, None where the scenario names another; `mounted` is the farm's
-    implement; `terms` and `chances` are its prices and laws, `supply` is what the implement carries. Without a farm all
-    are None.
+    implement; `terms` and `chances` are its prices and laws, `supply` is what the implement carries, `times` and `yard`
+    what makes up its day. Without a farm all are None.
     """
 
     scenario: Scenario
@@ -36,6 +37,8 @@ class Asked:
     terms: Terms | None = None
     chances: Chances | None = None
     supply: Supply | None = None
+    times: Times | None = None
+    yard: Yard | None = None
 
 
 def as_it_is(scenario: Scenario) -> Asked:
@@ -44,9 +47,9 @@ def as_it_is(scenario: Scenario) -> Asked:
 
 
 def asked(
-    scenario: Scenario, farm: FarmFile, given: Container[str] = (), *, implement: str | None = None
+    scenario: Scenario, farm: FarmFile, given: Collection[str] = (), *, implement: str | None = None
 ) -> Asked:
-    """Tractor, count, width, speeds, operation and prices of a farm for a scenario.
+    """Tractor, count, width, speeds, operation and prices of a farm for a scenario; its shift gives the start.
 
     Parameters of the scenario that are `given` stay as they are; a `tractor` that is given may name one of the farm's.
     Without the name of an implement the first that fits is taken. Raises ScenarioError, VehicleError.
@@ -55,14 +58,15 @@ def asked(
     if own is not None and "tractors" in given:
         _check_count(own, max(scenario.tractors))
     mounted = _mounted(farm, own, implement)
+    given = {*given, "start_s"} if scenario.start_s is not None else given
     found = {key: value for key, value in _values(farm, own, mounted).items() if key not in given and value is not None}
     bar = mounted.mounted
     if "width_m" in given:
         bar = bar.model_copy(update={"width_m": scenario.width_m, "frame_width_m": None})
     return Asked(
         replace(scenario, **found), None if own is None else own.origin, bar, own, mounted,
-        Terms(_prices(scenario, farm, given), own, mounted), like(farm.chances),
-        mounted.supply(farm.times.refill_s),
+        Terms(_prices(scenario, farm, given), own, mounted), like(farm.chances), mounted.supply(farm.times.refill_s),
+        farm.times, farm.yard,
     )  # fmt: skip
 
 
@@ -127,4 +131,5 @@ def _values(farm: FarmFile, own: FarmTractor | None, mounted: FarmImplement) -> 
         "tractors": None if own is None else tuple(range(1, own.count + 1)),
         "price_per_hour": price_per_hour(farm, own, mounted),
         "price_per_tractor": farm.prices.transport_per_tractor,
+        "start_s": farm.times.shift_s[0],
     }

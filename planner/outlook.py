@@ -13,7 +13,8 @@ from planner.chance.settings import Chances
 from planner.price.advice import advice, percent
 from planner.price.choice import Figures, best
 from planner.price.cost import Terms, cost, hired
-from planner.scenario import CHEAPEST, FASTEST, Scenario, clock
+from planner.scenario import CHEAPEST, FASTEST, Scenario
+from planner.workday import Workday
 from reports.results import PlanResult, Ranking
 from reports.wording import duration
 from vehicle.run import Run
@@ -38,7 +39,9 @@ class Stakes:
     budget: float | None = None
 
 
-def stakes_of(scenario: Scenario, chances: Chances | None = None, terms: Terms | None = None) -> Stakes | None:
+def stakes_of(
+    scenario: Scenario, chances: Chances | None = None, terms: Terms | None = None, day: Workday | None = None
+) -> Stakes | None:
     """The stakes of a scenario; None where neither draws nor a limit nor a preference is asked for.
 
     Without `terms` tractors are hired at the prices of the scenario. Raises ScenarioError for rain that cannot be read.
@@ -50,7 +53,7 @@ def stakes_of(scenario: Scenario, chances: Chances | None = None, terms: Terms |
     if draws == 0:
         return None
     rain = None if scenario.rain is None else parse_rain(scenario.rain, scenario.start_s)
-    question = Question(chances or Chances(), rain, scenario.allowed_s, draws, scenario.seed)
+    question = Question(chances or Chances(), rain, scenario.allowed_s, draws, scenario.seed, day)
     own = terms or hired(scenario.price_per_hour, scenario.price_per_tractor)
     limit = _limit(scenario, question)
     decides = bool(limit) or scenario.prefer is not None or scenario.budget is not None
@@ -59,10 +62,10 @@ def stakes_of(scenario: Scenario, chances: Chances | None = None, terms: Terms |
 
 def _limit(scenario: Scenario, question: Question) -> str:
     """When work must be done, in words."""
-    words = [] if scenario.before_s is None else [f"before {clock(scenario.before_s)}"]
+    words = [] if scenario.before_s is None else [f"before {scenario.told(scenario.allowed_s)}"]
     rain = question.rain
     if rain is not None and scenario.start_s is not None and len(rain.onset_s) == 1 and sum(rain.shares) == 1.0:
-        words.append(f"before {clock(scenario.start_s + rain.onset_s[0])}")
+        words.append(f"before {scenario.told(rain.onset_s[0])}")
     elif rain is not None:
         words.append("before the rain")
     return " and ".join(dict.fromkeys(words))

@@ -12,6 +12,7 @@ from planner.candidates.evaluate import Candidate
 from planner.candidates.rivals import rivals, waves
 from planner.chance.settings import Chances
 from planner.drive import picture
+from planner.farm.times import Times, Yard
 from planner.outlook import bearing_out, check_words
 from planner.pool import local_pool
 from planner.price.cost import Terms
@@ -48,6 +49,8 @@ def plan(
     chances: Chances | None = None,
     terms: Terms | None = None,
     supply: Supply | None = None,
+    times: Times | None = None,
+    yard: Yard | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     pictures: bool = False,
@@ -55,20 +58,20 @@ def plan(
     """Simulate and rank every candidate of a scenario.
 
     `field` and `tractor` (objects, names or files) take the place of those the scenario names; `implement` says where
-    it sits and how long it is, its width is that of the scenario. `chances` and
-    `terms` (prices) are those of a farm, `supply` what its implement carries. `executor` simulates
-    the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
-    with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
-    cannot is in the ranking with its reason, and on a big field a formation that cannot win with its bound.
+    it sits and how long it is, its width is that of the scenario. `chances`, `terms` (prices), `times` and `yard` are
+    those of a farm, `supply` what its implement carries. `executor` simulates the candidates; by default fresh
+    processes on all cores. The answer does not depend on it. `progress` is called with (done, all). Raises a
+    HeadlandError for a scenario that cannot be planned at all; a single candidate that cannot is in the ranking with
+    its reason, and on a big field a formation that cannot win with its bound.
     """
     todo = candidates(scenario)
     if executor is None:
         with local_pool(len(todo)) as executor:
             return plan(
                 scenario, field=field, tractor=tractor, implement=implement, chances=chances, terms=terms,
-                supply=supply, executor=executor, progress=progress, pictures=pictures,
+                supply=supply, times=times, yard=yard, executor=executor, progress=progress, pictures=pictures,
             )  # fmt: skip
-    site = prepare(scenario, field, tractor, implement, chances, terms, supply)
+    site = prepare(scenario, field, tractor, implement, chances, terms, supply, times, yard)
     packed = pack(site)
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from fields.layout import Layout
 from planner.candidates.evaluate import Candidate
 from planner.describe import cells
@@ -15,6 +17,7 @@ from planner.outlook import advised
 from planner.refill import carried, supply_words
 from planner.scenario import KMH, Scenario, clock
 from planner.site import Site
+from planner.workday_words import day_words
 from reports.results import PlanResult, Ranking, finish_s, quickness
 from strategies.registry import STRATEGIES
 from vehicle.effects import REST_KEY
@@ -68,7 +71,19 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         scenario=asked(site),
         cut_off_m2=field.cut_off_m2,
     )
-    return advised(ranking, site.stakes)
+    return by_the_clock(advised(ranking, site.stakes), site)
+
+
+def by_the_clock(ranking: Ranking, site: Site) -> Ranking:
+    """The ranking with the clock of its best plan, as far as there is more of it than field work."""
+    day, scenario = site.day, site.scenario
+    words = day_words(day, scenario, ranking.best)
+    if day is None:
+        return replace(ranking, day=words)
+    allowed = ranking.allowed_s
+    left = None if allowed is None else float(day.work_s(np.array(allowed))) - day.before_s
+    start = scenario.told(day.clock_s(day.before_s, begins=True))[:5] or None
+    return replace(ranking, day=words, field_start=start, field_allowed_s=left)
 
 
 def check_margin(site: Site) -> None:
@@ -169,6 +184,28 @@ def _headland(site: Site) -> str:
     )
 
 
+def _entrance(site: Site) -> tuple[str, ...]:
+    """Where the tractors are before and after their work."""
+    if site.gate is None:
+        return ()
+    return (
+        "All tractors come in by the entrance, one after another, and leave by it: these ways are driven and timed. "
+        "Before and after that they are in nobody's way. Field work is done when the last one sets out for it.",
+    )
+
+
+def _day(site: Site) -> tuple[str, ...]:
+    """What of the farm's day counts."""
+    day = site.day
+    if day is None:
+        return ()
+    told = ["The clock of the farm counts the same for all tractors: road, unfolding, field work, folding, road."]
+    told += [] if day.road_m else ["The road to the field is left out: it has no known length."]
+    if day.start_s is None and (day.breaks_s or day.shift_s[1] is not None):
+        told.append("Without a start, breaks and shifts of the farm are left out.")
+    return tuple(told)
+
+
 def _bearings(layout: Layout) -> str:
     """The direction of the tracks, or of those of every cell, in words."""
     bearings = [f"{cell.bearing_deg:.0f}" for cell in layout.cells]
@@ -194,6 +231,8 @@ def assumptions(site: Site) -> tuple[str, ...]:
         "Trampled is finished ground off the headland that wheels go over while the implement is up; all tyres are "
         f"assumed to be {TYRE_M:g} m wide.",
         _headland(site),
+        *_entrance(site),
+        *_day(site),
         f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
         + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
         *(() if site.supply is None else supply_words(site.supply)),

@@ -65,10 +65,10 @@ class Scenario:
     `entrance` (longitude and latitude, or x and y of a field in local metres) takes the place of that of the field.
 
     `draws` are made of what varies from day to day (None: as many as usual where there is a deadline, rain, a
-    preference or a budget, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest", "cheapest" or
-    "surest", `budget` the most that may be paid. `refill` says where tanks are made good: "headland", "tender", or a place in degrees "lon,lat" (metres
-    "x,y" for a field in local metres); None: at the place of the field file, else on the headland. Raises
-    ScenarioError.
+    preference or a budget, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest",
+    "cheapest" or "surest", `budget` the most that may be paid. `refill` says where tanks are made good: "headland",
+    "tender", or a place in degrees "lon,lat" (metres "x,y" for a field in local metres); None: at the place of the
+    field file, else on the headland. Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -137,6 +137,10 @@ class Scenario:
         if self.before_s is None or self.start_s is None:
             return None
         return float((self.before_s - self.start_s) % DAY_S)
+
+    def told(self, after_s: float | None) -> str:
+        """The clock so many seconds after the start, with the day where that is another one; "" without a clock."""
+        return "" if self.start_s is None or after_s is None else later_clock(self.start_s, after_s)
 
 
 def _check_types(scenario: Scenario) -> None:
@@ -308,6 +312,12 @@ def _check_draws(scenario: Scenario) -> None:
 def clock(seconds: float) -> str:
     """Seconds of the day as hh:mm."""
     return f"{int(seconds) // 3600 % 24:02d}:{int(seconds) % 3600 // 60:02d}"
+
+
+def later_clock(start_s: float, after_s: float) -> str:
+    """ "17:00", "00:40 next day" or "07:10, 2 days later": the clock so many seconds after another."""
+    days, time_s = divmod(start_s + after_s, DAY_S)
+    return clock(time_s) + {0: "", 1: " next day"}.get(int(days), f", {int(days)} days later")
 
 
 def parse_clock(text: str, parameter: str) -> int:

@@ -22,11 +22,13 @@ from fields.read import read_field
 from fields.rounds import Round, lay_rounds
 from planner.chance.settings import Chances
 from planner.errors import ScenarioError, about, named
+from planner.farm.times import Times, Yard
 from planner.laying import layouts, quickest
 from planner.outlook import Stakes, stakes_of
 from planner.price.cost import Terms
 from planner.refill import check_load, supplied
 from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, STANDING, TURNING_MPS, Scenario
+from planner.workday import FOLD, ROAD, UNFOLD, Workday, workday
 from strategies.headland.shifts import backwards
 from strategies.job import Job, Manner, starting_corner
 from strategies.supply import Supply
@@ -65,7 +67,8 @@ class Site:
     over k lines fits a headland met squarely (index 0 unused); where none does, `manner.turn_s[k]` is an estimate and
     not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
     the headland that are worked; in their corners the guided point may be anywhere in `rim`. `around` has what is bent
-    round small obstacles, `stakes` are draws and money, `supply` is what every tractor carries.
+    round small obstacles, `stakes` are draws and money, `supply` is what every tractor carries, `terms` the prices of a
+    farm and `day` the clock of its day, None without one.
     """
 
     scenario: Scenario
@@ -84,6 +87,8 @@ class Site:
     around: Around = member(default_factory=Around)
     stakes: Stakes | None = None
     supply: Supply | None = None
+    terms: Terms | None = None
+    day: Workday | None = None
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
@@ -111,8 +116,9 @@ class Site:
                 "side leaves nothing; use a narrower implement."
             )
         fence, careful = self._fence()
+        corner = starting_corner(self.layout) if self.gate is None else None
         return Job(
-            self.layout, self.manner, anywhere, 1, beside, starting_corner(self.layout), rounds=self.rounds,
+            self.layout, self.manner, anywhere, 1, beside, corner, rounds=self.rounds,
             rim=rim, square=self.scenario.corners == "square", spare_tracks=self.scenario.operation == SOW,
             standing=self.scenario.operation in STANDING,
             around=self.around, fence=fence, careful=careful, gate=self.gate, supply=self.supply,
@@ -151,12 +157,14 @@ def prepare(
     scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None,
     implement: Implement | None = None, chances: Chances | None = None, terms: Terms | None = None,
     supply: Supply | None = None,
+    times: Times | None = None, yard: Yard | None = None,
 ) -> Site:  # fmt: skip
     """Read the field and the tractor, time the turns, size the headland, lay the tracks.
 
     `field` and `tractor`, as objects, names or files, take the place of those that the scenario names; the `implement`
-    is as wide as the scenario says. `chances` and `terms` (prices) are those of a farm, and so is the `supply`, which
-    the scenario or the field says a place for. Raises FieldError, VehicleError, StrategyError or ScenarioError.
+    is as wide as the scenario says. `chances`, `terms` (prices), `times` and `yard` are those of a farm, and so is the
+    `supply`, which the scenario or the field says a place for. Raises FieldError, VehicleError, StrategyError or
+    ScenarioError.
     """
     scenario = _with_names(scenario, field, tractor)
     with about("field"):
@@ -171,8 +179,14 @@ def prepare(
         tractor = as_tractor(scenario.tractor if tractor is None else tractor)
     with about("refill"):
         supply = supplied(scenario, field, supply)
+    with about("farm"):
+        day = None if times is None else workday(field, scenario.start_s, times, yard or Yard())
+    if terms is not None and day is not None:
+        terms = replace(
+            terms, road_km=2e-3 * day.road_m, road_s=day.of(ROAD), handling_s=day.of(UNFOLD) + day.of(FOLD)
+        )
     with about("rain"):
-        stakes = stakes_of(scenario, chances, terms)
+        stakes = stakes_of(scenario, chances, terms, day)
     implement = (implement or Implement()).model_copy(update={"width_m": scenario.width_m})
     radius = _planned_radius(scenario, tractor, field)
     reach = Reach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
@@ -206,7 +220,7 @@ def prepare(
         rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
         return Site(
             scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds, fits,
-            position_errors, rounds, rim, around, stakes, supply,
+            position_errors, rounds, rim, around, stakes, supply, terms, day,
         )  # fmt: skip
 
     passing_m = max(implement.contact_width_m, tractor.width_m) + LEAST_CLEARANCE_M / ROOM_KEPT

@@ -22,7 +22,7 @@ def front_picture(ranking: Ranking) -> dict[str, Any] | None:
     if not plans:
         return None
     width, height, left, right, above, below = _FRONT
-    limit = ranking.allowed_s
+    limit = ranking.allowed_s if ranking.field_allowed_s is None else ranking.field_allowed_s
     top = max([finish_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
     counts = sorted({plan.tractors for plan in plans})
     span = counts[-1] - counts[0]

@@ -42,6 +42,10 @@ class PlanResult:
     `formation_pct` is the share of the length of all tracks that tractors drive abreast; None where the strategy forms
     none.
     `rounds` of the headland are worked, from the first tractor on one to the last off it in `headland_s`.
+    `done_s` is when field work is done, in seconds after the start by the clock: the ways from the entrance belong to
+    it, the way back does not. On a farm, breaks, the road and making ready count in it, field work can begin at
+    `ready_s`, all are back in the yard at `home_s`, and `transport_s` are tractor seconds of road and handling;
+    `finished_done_s` is `done_s` of the finished job.
     Draws of what varies from day to day give `finish_probability` (of being done by the deadline and before the rain)
     with its 95 % interval, quantiles of the time (`p50_s`, `p80_s`, `p95_s`) and money in the mean: `paid_cost`, and
     `expected_cost` with ground that is late on top, with its standard error.
@@ -81,6 +85,11 @@ class PlanResult:
     remark: str | None = None
     rounds: int | None = None
     headland_s: float | None = None
+    transport_s: float | None = None
+    ready_s: float | None = None
+    done_s: float | None = None
+    home_s: float | None = None
+    finished_done_s: float | None = None
     finish_probability: float | None = None
     finish_probability_interval: tuple[float, float] | None = None
     p50_s: float | None = None
@@ -104,6 +113,16 @@ def finish_cost(plan: PlanResult) -> float:
     return float((plan.cost or 0.0) if plan.finished_cost is None else plan.finished_cost)
 
 
+def done_s(plan: PlanResult) -> float:
+    """When field work is done, by the clock after the start."""
+    return float((plan.time_s or 0.0) if plan.done_s is None else plan.done_s)
+
+
+def finished_done_s(plan: PlanResult) -> float:
+    """The same of the finished field."""
+    return finish_s(plan) if plan.finished_done_s is None else plan.finished_done_s
+
+
 def quickness(plan: PlanResult) -> tuple[float, int, str]:
     """What feasible plans are ranked by, smallest first: time to finish to the millisecond, then tractors, then name.
 
@@ -117,7 +136,7 @@ def merit(plan: PlanResult, allowed_s: float | None = None) -> tuple[int, float,
 
     A plan that could finish the field within `allowed_s` comes before one that only drives what it drives in time.
     """
-    late = 2 if not plan.meets_deadline else int(allowed_s is not None and finish_s(plan) > allowed_s)
+    late = 2 if not plan.meets_deadline else int(allowed_s is not None and finished_done_s(plan) > allowed_s)
     return late, 0.0 if late == 2 else finish_cost(plan), *quickness(plan)
 
 
@@ -132,6 +151,8 @@ class Ranking:
     that plan (strategy, tractors) where there is something to be in time for. `checked` are sentences on how far the
     draws can be trusted. `unmet` is a sentence where no plan meets the rain or the budget: then the best is the
     closest. `cut_off_m2` is ground that obstacles cut off from the field that is worked.
+    draws can be trusted, `day` on the clock of the best plan and the day that times are taken to be of. On a farm
+    field work can begin at `field_start`, and `field_allowed_s` of it fit before the deadline.
     """
 
     field_name: str
@@ -151,6 +172,9 @@ class Ranking:
     checked: tuple[str, ...] = ()
     unmet: str | None = None
     cut_off_m2: float = 0.0
+    day: tuple[str, ...] = ()
+    field_start: str | None = None
+    field_allowed_s: float | None = None
 
     @property
     def best(self) -> PlanResult | None:
@@ -169,7 +193,7 @@ class Ranking:
         best = self.best
         if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
             return None
-        return best.time_s - self.allowed_s
+        return done_s(best) - self.allowed_s
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,7 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
         legend += " > the best plan." if ranking.best and ranking.best.rank != 1 else ""
         legend += f" {LEFT_WORDS}" if left else ""
         parts.append(sentence(legend + (hidden if more else ""), style="dim"))
-        parts.append(sentence(_columns_words(deadline, left, chances), style="dim"))
+        parts.append(sentence(_columns_words(deadline, left, chances, refills), style="dim"))
         proven = proven_words(shown)
         parts += [sentence(text, style="dim") for text in (*([proven] if proven else []), *remarks(shown))]
         parts += _by_count(ranking)
@@ -154,9 +154,9 @@ def _columns(wide: bool, deadline: bool, left: bool, chances: bool, refills: boo
     return columns
 
 
-def _columns_words(deadline: bool, left: bool, chances: bool) -> str:
+def _columns_words(deadline: bool, left: bool, chances: bool, refills: bool) -> str:
     """What is in the columns of plans, a sentence."""
-    headings = [column.column.heading for column in _columns(True, deadline, left, chances)]
+    headings = [column.column.heading for column in _columns(True, deadline, left, chances, refills)]
     told = [f"{heading.removesuffix(' m')}: {COLUMN_WORDS[heading]}" for heading in headings if heading in COLUMN_WORDS]
     return f"{'; '.join(told)}."
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from reports.effect_words import both, value_words
-from reports.results import MissedPiece, PlanResult, Ranking, finish_cost, finish_s
+from reports.results import MissedPiece, PlanResult, Ranking, done_s, finish_cost, finish_s, finished_done_s
 
 NOTHING = "-"
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
@@ -234,13 +234,13 @@ def moment(text: str | None) -> datetime | None:
 
 
 def clock(ranking: Ranking, seconds: float | None) -> str | None:
-    """The clock time, ``09:14`` or ``01:14, 1 d later``, so many seconds after the start; None without a start."""
+    """The clock, ``09:14``, ``01:14 next day`` or ``01:14, 2 days later``, so long after the start; None for none."""
     start = moment(ranking.start)
     if start is None or seconds is None or not math.isfinite(seconds):
         return None
     later = start + timedelta(seconds=_whole(seconds))
     days = (later.date() - start.date()).days
-    return later.strftime("%H:%M") + (f", {days} d later" if days else "")
+    return later.strftime("%H:%M") + {0: "", 1: " next day"}.get(days, f", {days} days later")
 
 
 def begin_s(start: str | None) -> int | None:
@@ -267,10 +267,10 @@ def headline(ranking: Ranking) -> list[str]:
     best_is_cheapest = cheapest is not None and _money(cheapest) == _money(best)
     if ranking.unmet is not None:
         sentences = [ranking.unmet, *_advice_words(ranking), f"The closest: {_told(ranking, best)}."]
-        sentences += [*_left_words(ranking, best), *_remark_words(best)]
+        sentences += [*ranking.day, *_left_words(ranking, best), *_remark_words(best)]
     elif not is_late:
         sentences = [*_advice_words(ranking), f"Best plan: {_told(ranking, best)}."]
-        sentences += [*_left_words(ranking, best), *_remark_words(best)]
+        sentences += [*ranking.day, *_left_words(ranking, best), *_remark_words(best)]
         sentences += _deadline_words(ranking, best, best_is_cheapest)
     else:
         by = "" if ranking.missed_by_s is None else f" misses it by {duration(ranking.missed_by_s)}"
@@ -303,7 +303,7 @@ def _advice_words(ranking: Ranking) -> list[str]:
 
 def _told(ranking: Ranking, plan: PlanResult) -> str:
     leaves = "" if left(plan) is None else f", leaves {left(plan)}"
-    return f"{_what(plan)}, done in {_when(ranking, plan.time_s)}{_refills(plan)}{_at_cost(plan)}{leaves}"
+    return f"{_what(plan)}, done in {_when(ranking, plan.time_s, done_s(plan))}{_refills(plan)}{_at_cost(plan)}{leaves}"
 
 
 def _refills(plan: PlanResult) -> str:
@@ -324,9 +324,9 @@ def _left_words(ranking: Ranking, plan: PlanResult) -> list[str]:
     """What finishing the ground that a plan leaves would come to, and where the largest piece of it is."""
     if left(plan) is None:
         return []
-    late = plan.meets_deadline and ranking.allowed_s is not None and finish_s(plan) > ranking.allowed_s
+    late = plan.meets_deadline and ranking.allowed_s is not None and finished_done_s(plan) > ranking.allowed_s
     cost = "" if plan.finished_cost is None else f", cost {price(plan.finished_cost)}"
-    said = f"With that finished at its own rate: {_when(ranking, plan.finished_s)}{cost}"
+    said = f"With that finished at its own rate: {_when(ranking, plan.finished_s, finished_done_s(plan))}{cost}"
     said += ", too late for the deadline" if late else ""
     sentences = [] if plan.finished_s is None else [f"{said}."]
     if plan.largest_missed is not None:
@@ -360,8 +360,8 @@ def _what(plan: PlanResult) -> str:
     return f"{tractors(plan.tractors)}, {plan.strategy}, turns {plan.turn}"
 
 
-def _when(ranking: Ranking, seconds: float | None) -> str:
-    at = clock(ranking, seconds)
+def _when(ranking: Ranking, seconds: float | None, by_clock_s: float) -> str:
+    at = clock(ranking, by_clock_s)
     return duration(seconds) + (f" (at {at})" if at else "")
 
 

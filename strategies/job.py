@@ -63,16 +63,16 @@ class Job:
     """A field to be worked by `tractors` tractors.
 
     `connector` finds ways anywhere in the field, `headland` only beside the tracks. `corner` is where to begin
-    (from the last line?, first direction), None where any will do; `jump` fixes the pattern of tracks, None leaves it
-    to the strategy. `rounds` are those of the headland, `rim` finds ways in their corners, where the guided point may
-    be anywhere on the field, and `square` tells whether corners are worked whole. With `spare_tracks` no way crosses
-    tracks that can keep to the headland, however longer it is. With `standing` what is not worked yet stands on the
-    field and is not driven through on the way in. `around` has the passes that are bent round small
-    obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
-    Tractors come in and go out by the `gate`; without one they stand where work begins, and stay where it ends.
-    Ways once worked out are kept in `ways`, as strategies ask for the same ones, and `tables` of turns
-    (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared out, `formations`
-    the groups of tracks worked abreast; jobs of one site have these four in common. `supply` is what
+    (from the last line?, first direction), None where any will do, as it does where the ways from a gate count; `jump`
+    fixes the pattern of tracks, None leaves it to the strategy. `rounds` are those of the headland, `rim` finds ways in
+    their corners, where the guided point may be anywhere on the field, and `square` tells whether corners are worked
+    whole. With `spare_tracks` no way crosses tracks that can keep to the headland, however longer it is. With
+    `standing` what is not worked yet is not driven through on the way in, where the headland leads round it. `around`
+    has the passes that are bent round small obstacles. No way leads over a fence or an obstacle (`fence`) as long as
+    one of the `careful` finders knows another. Tractors come in and go out by the `gate`; without one they stand where
+    work begins, and stay where it ends. Ways once worked out are kept in `ways`, as strategies ask for the same ones,
+    `tables` of turns (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared
+    out, `formations` the groups of tracks worked abreast; jobs of one site have these four in common. `supply` is what
     every tractor carries, None for nothing. `used` counts turns driven by kind.
     """
 
@@ -184,6 +184,14 @@ class Job:
         """Mathematical angle of travel."""
         bearing = self.layout.bearing_of(this.track)
         return math.remainder(bearing if this.direction > 0 else bearing + math.pi, 2.0 * math.pi)
+
+    def gate_time(self, first: Pass, last: Pass) -> float:
+        """Estimated seconds of the ways in to a pass and out from another, by the gate; 0 without one."""
+        if self.gate is None:
+            return 0.0
+        ends = (self.gate.inside, self.entry(first)), (self.exit(last), self.gate.out().start)
+        metres = sum(shortest_m(np.array(a), np.array(b), self.manner.radius_m) for a, b in ends)
+        return metres / self.manner.turn_speed_mps
 
     def turn_time(self, a: Pass, b: Pass) -> float:
         """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""

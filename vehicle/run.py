@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.layout import REC_LEG, REC_POSE, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
-from vehicle.missions import Plan
+from vehicle.missions import LEAVE, Plan
 
 DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
 
@@ -49,6 +49,18 @@ class Run:
     def duration_s(self) -> float:
         """When the last tractor was done."""
         return float(np.max(self.finish_s))
+
+    @property
+    def worked_s(self) -> float:
+        """When the last tractor was through with its work: done, or on its way out of the field."""
+        if not any(mission.leaves for mission in self.plan.missions):
+            return self.duration_s
+        ends = []
+        for tractor, mission in enumerate(self.plan.missions):
+            out = next((n for n, leg in enumerate(mission.legs) if leg.task.kind == LEAVE), None)
+            gone = None if out is None else int(np.searchsorted(self.leg(tractor), out))
+            ends.append(float(self.finish_s[tractor] if gone is None else self.time_s[min(gone, len(self.time_s) - 1)]))
+        return max(ends)
 
     def poses(self, tractor: int) -> npt.NDArray[np.float64]:
         """x, y (m) and angle (rad) of the centre of mass of a tractor, shape (t, 3)."""

@@ -14,16 +14,17 @@ from planner.candidates.refills import check_leave, crowded, refilled
 from planner.candidates.slowing import cures, left_m, mended
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.candidates.within_reach import built_within_reach
-from planner.ground.measure import coverage, excursion, finite_or_none, outline_excursion_m, reversals
+from planner.ground.measure import Coverage, coverage, excursion, finite_or_none, outline_excursion_m, reversals
 from planner.ground.swept import swept_ground
 from planner.ground.touched import fence_crossed_m, obstacle_touched
 from planner.ground.trampled import trampled_m2
 from planner.outlook import with_outlook
+from planner.price.cost import coming_and_going
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import ROOM_KEPT, Site
 from planner.yielding.deconflict import GiveWay, without_conflicts
 from planner.yielding.giving_way import Rules, giving_way
-from reports.results import PlanResult
+from reports.results import PlanResult, done_s
 from strategies.errors import StrategyError
 from strategies.formations.promise import corners_by_promise
 from strategies.job import Job
@@ -295,9 +296,9 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
     worked = coverage(run, site, swept)
     tractor_time = float(np.sum(run.finish_s))
     hourly = run.duration_s * candidate.tractors / 3600.0 * scenario.price_per_hour
-    hiring = candidate.tractors * scenario.price_per_tractor
-    allowed = scenario.allowed_s
-    return PlanResult(
+    each = scenario.price_per_tractor if site.terms is None else coming_and_going(site.terms)
+    hiring = candidate.tractors * each
+    figures = PlanResult(
         strategy=candidate.strategy,
         tractors=candidate.tractors,
         turn=turn,
@@ -306,7 +307,6 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         time_s=run.duration_s,
         tractor_time_s=tractor_time,
         cost=hourly + hiring,
-        meets_deadline=None if allowed is None else run.duration_s <= allowed,
         worked_pct=worked.worked_pct,
         overlap_pct=worked.overlap_pct,
         missed_m2=worked.missed_m2,
@@ -330,3 +330,22 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         refills=None if site.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if site.supply is None else float(run.standing_s.sum()),
     )
+    return _by_clock(figures, site, run, worked)
+
+
+def _by_clock(figures: PlanResult, site: Site, run: Run, worked: Coverage) -> PlanResult:
+    """The figures with when field work can begin, is done, would be done of the whole field, and all are home."""
+    done, day, allowed = run.worked_s, site.day, site.scenario.allowed_s
+    if day is None:
+        timed = replace(figures, done_s=done, finished_done_s=worked.finished(done))
+    else:
+        first = day.before_s
+        timed = replace(
+            figures,
+            transport_s=run.plan.tractors * (first + day.after_s),
+            ready_s=day.clock_s(first, begins=True),
+            done_s=day.clock_s(first + done),
+            finished_done_s=day.clock_s(first + worked.finished(done)),
+            home_s=day.clock_s(first + run.duration_s + day.after_s),
+        )
+    return replace(timed, meets_deadline=None if allowed is None else done_s(timed) <= allowed)

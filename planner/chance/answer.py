@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -23,15 +24,33 @@ DEFAULT = Chances()
 Array = npt.NDArray[np.float64]
 
 
+class Day(Protocol):
+    """How much of the time after the start is for work, and how much of that goes before field work begins."""
+
+    @property
+    def before_s(self) -> float: ...
+
+    def work_s(self, clock_s: Array) -> Array: ...
+
+
 @dataclass(frozen=True)
 class Question:
-    """What is asked of every plan: the laws, rain and deadline (seconds after the start), number of draws and seed."""
+    """What is asked of every plan: the laws, rain and deadline (seconds after the start), number of draws and seed.
+
+    On a farm's `day` not all time until then is time for field work.
+    """
 
     chances: Chances = DEFAULT
     rain: Rain | None = None
     deadline_s: float | None = None
     draws: int = DRAWS
     seed: int = 1
+    day: Day | None = None
+
+    def field_limit_s(self) -> Array:
+        """Seconds of field work that fit before work has to be done, (draws,)."""
+        limit = self.limit_s()
+        return limit if self.day is None else self.day.work_s(limit) - self.day.before_s
 
     def limit_s(self) -> Array:
         """When work has to be done, (draws,): at the deadline or the rain; infinite without either."""
@@ -72,9 +91,9 @@ def answer(run: Run, question: Question, *, drivers: bool = True) -> Answer:
 
 def answer_of(graph: Graph, question: Question, *, drivers: bool = True) -> Answer:
     """The same of its graph."""
-    limit = question.limit_s()
+    limit = question.field_limit_s()
     sample = draw(graph, question.chances, draws=question.draws, seed=question.seed, limit_s=limit)
-    in_time = int((sample.finish_s <= limit).sum())
+    in_time = int((sample.worked_s <= limit).sum())
     p50, p80, p95 = (float(value) for value in np.quantile(sample.finish_s, QUANTILES))
     return Answer(
         finish_probability=in_time / question.draws if question.has_limit else None,

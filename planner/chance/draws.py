@@ -21,7 +21,8 @@ Array = npt.NDArray[np.float64]
 class Sample:
     """What came out, per draw. Seconds count from the planned start.
 
-    `finish_s` (draws,) when the last tractor is done, `tractor_s` (tractors, draws) each of them; `work_s` and `turn_s`
+    `finish_s` (draws,) when the last tractor is done, and gone where it leaves by an entrance (`left_s`: when the last
+    one sets out for that, None where nobody does), `tractor_s` (tractors, draws) each of them; `work_s` and `turn_s`
     (draws,) tractor seconds of driving on passes and off them; `done` (draws,) the share of all worked metres that is
     done at the limit; `late_s` (draws,) by how much the fleet began late; `factor` (legs, draws) on the seconds of
     every leg where that was to be kept.
@@ -34,6 +35,12 @@ class Sample:
     done: Array
     late_s: Array
     factor: Array | None = None
+    left_s: Array | None = None
+
+    @property
+    def worked_s(self) -> Array:
+        """When the last tractor is through with its work, (draws,)."""
+        return self.finish_s if self.left_s is None else self.left_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +147,7 @@ def _driven(walk: _Walk, limit: Array, keep: bool) -> Sample:
     spent, done = {True: np.zeros(draws), False: np.zeros(draws)}, np.zeros(draws)
     whole = float(graph.worked_m.sum())
     kept = np.ones((graph.nodes, draws)) if keep else None
+    left = None if graph.leaving is None else np.zeros(draws)
     for node in graph.order:
         own, seconds = int(graph.tractor[node]), float(graph.driven_s[node])
         factor, to = walk.factor(node), links_to.get(node, [])
@@ -149,12 +157,14 @@ def _driven(walk: _Walk, limit: Array, keep: bool) -> Sample:
         walk.opens(links_from.get(node, []), own, begin, factor, seconds)
         spent[int(graph.kind[node]) == PASS] += driven
         done += graph.worked_m[node] * _share(begin, end, limit)
+        if left is not None and graph.leaving is not None and not graph.leaving[node]:
+            left = np.maximum(left, end)
         walk.now[own] = end
         walk.clock[own] += seconds
         if kept is not None:
             kept[node] = factor
     share = done / whole if whole > 0.0 else np.ones(draws)
-    return Sample(walk.now.max(axis=0), walk.now, spent[True], spent[False], share, walk.luck.late_s, kept)
+    return Sample(walk.now.max(axis=0), walk.now, spent[True], spent[False], share, walk.luck.late_s, kept, left)
 
 
 def _walk(graph: Graph, chances: Chances, seed: int, luck: _Luck) -> _Walk:

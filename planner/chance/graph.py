@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.layout import REC_SPEED, STANDING, WAITING
-from vehicle.missions import TRACK, Leg, Mission
+from vehicle.missions import LEAVE, TRACK, Leg, Mission
 from vehicle.run import DONE, Run
 
 PASS, TURN_ONE, TURN_MORE = 0, 1, 2
@@ -49,8 +49,8 @@ class Graph:
 
     `driven_s` are seconds of driving without waiting and standing, `stand_s` those of standing before it. `group`
     numbers passes and turns within each tractor: legs of one share their luck; `kind` is PASS, TURN_ONE (over one
-    track) or TURN_MORE. `worked_m` are metres with the implement
-    down. `order` are all nodes, each after those it waits for. `links` are sorted by `after`.
+    track) or TURN_MORE. `worked_m` are metres with the implement down. `leaving` marks legs back to the entrance, None
+    where there are none. `order` are all nodes, each after those it waits for. `links` are sorted by `after`.
     """
 
     tractors: int
@@ -63,6 +63,7 @@ class Graph:
     order: tuple[int, ...]
     links: tuple[Link, ...]
     stand_s: Array
+    leaving: npt.NDArray[np.bool_] | None = None
 
     @property
     def nodes(self) -> int:
@@ -110,6 +111,7 @@ def graph_of(run: Run) -> Graph:
     driven = [_driven(one) for one in rows]
     groups, kinds = zip(*(_groups(mission) for mission in missions), strict=True)
     links = _links(run, first, rows)
+    leaving = np.array([leg.task.kind == LEAVE for mission in missions for leg in mission.legs])
     begun = np.concatenate([one.time[one.begin] for one in rows])
     return Graph(
         tractors=len(missions),
@@ -122,6 +124,7 @@ def graph_of(run: Run) -> Graph:
         order=_order(first, sum(counts), links, begun),
         links=tuple(links),
         stand_s=np.array([one.stood_s(leg) for one, count in zip(rows, counts, strict=True) for leg in range(count)]),
+        leaving=leaving if leaving.any() else None,
     )
 
 

@@ -135,7 +135,7 @@ def _record(key: str, question: Question, answer: Answer) -> Record:
 def _met(record: Record) -> bool:
     """Whether there is a plan, in time where that was asked."""
     best = record["ranking"] and record["ranking"]["best"]
-    return bool(best) and best["meets_deadline"] is not False
+    return bool(best) and best["meets_deadline"] is not False and record["ranking"]["unmet"] is None
 
 
 @contextmanager

@@ -212,12 +212,16 @@ def _planned(asked: Asked, hands: Hands, pictures: bool) -> Planned:
     with hands.executor(len(candidates(scenario))) as executor, progress_bar("Simulating plans") as progress:
         return simulate_all(
             scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances, terms=asked.terms,
-            supply=asked.supply, executor=executor, progress=progress, pictures=pictures,
+            supply=asked.supply, times=asked.times, yard=asked.yard, executor=executor, progress=progress,
+            pictures=pictures,
         )  # fmt: skip
 
 
 def _print(ranking: Ranking, json: bool, csv: bool, full: bool) -> None:
     if json or csv:
+        from planner.commands.show import remark
+
+        remark(ranking.day)
         from reports.export import ranking_csv, ranking_json
 
         typer.echo(ranking_json(ranking) if json else ranking_csv(ranking), nl=False)

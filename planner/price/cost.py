@@ -33,12 +33,18 @@ class Cost:
 
 @dataclass(frozen=True)
 class Terms:
-    """At what prices a fleet works: those of the farm and of its machines; each tractor comes `road_km` on a lorry."""
+    """At what prices a fleet works: those of the farm and of its machines.
+
+    Each tractor comes and goes `road_km` in all, in `road_s`, and is made ready for work and for the road in
+    `handling_s`. It drives itself, unless the farm has a price for bringing it.
+    """
 
     prices: Prices
     tractor: FarmTractor | None = None
     implement: FarmImplement | None = None
     road_km: float = 0.0
+    road_s: float = 0.0
+    handling_s: float = 0.0
 
 
 def hired(per_hour: float, per_tractor: float) -> Terms:
@@ -59,10 +65,25 @@ def paid_per_draw(sample: Sample, terms: Terms) -> Array:
     tractors, prices = len(sample.tractor_s), terms.prices
     present = tractors * (sample.finish_s - sample.late_s) / HOUR_S
     people = present * prices.supervision_share * prices.supervision_per_hour
-    coming = tractors * (prices.transport_per_tractor + terms.road_km * prices.transport_per_km)
+    coming = tractors * coming_and_going(terms)
     if prices.per_hour is not None:
         return np.asarray(present * prices.per_hour + people + coming)
     return np.asarray(_machines(sample, rates(prices, terms.tractor, terms.implement)) + people + coming)
+
+
+def coming_and_going(terms: Terms) -> float:
+    """What one tractor costs before it comes in by the entrance and after it has left: brought, or driving itself."""
+    prices = terms.prices
+    brought = prices.transport_per_tractor + terms.road_km * prices.transport_per_km
+    road_s = 0.0 if brought > 0.0 else terms.road_s
+    if prices.per_hour is not None:
+        hourly = (road_s + terms.handling_s) * prices.per_hour
+    else:
+        rate = rates(prices, terms.tractor, terms.implement)
+        on_road = road_s * (rate.machine + rate.fuel_on_road)
+        hourly = on_road + terms.handling_s * (rate.machine + IDLE_LOAD * rate.fuel_full)
+    people = (terms.road_s + terms.handling_s) * prices.supervision_share * prices.supervision_per_hour
+    return brought + (hourly + people) / HOUR_S
 
 
 def _machines(sample: Sample, hourly: Rates) -> Array:

@@ -119,7 +119,7 @@ def _tightest(job: Job) -> Round | None:
 
 def _advice(job: Job) -> str:
     """The largest smaller formation that has room somewhere, if there is one, and other strategies."""
-    corners = CORNERS if job.layout.field.entrance is None else (job.corner,)
+    corners = CORNERS if job.corner is None else (job.corner,)
     for tractors in range(job.tractors - 1, 1, -1):
         parts = divided(replace(job, tractors=tractors))
         for corner in corners:

@@ -185,7 +185,8 @@ def divided(job: Job, barred: Barred = frozenset()) -> Divided:
 def grouping(job: Job, parts: Divided) -> Grouping:
     """All tracks of a job in rounds, run after run from its corner on, always to the run that is reached soonest.
 
-    Without an entrance the run to begin with is the one from which all takes least.
+    The run to begin with is the one from which all takes least, the ways from a gate and back to it included; where
+    there is no gate, but an entrance, it is the one nearest to that.
     """
     corner, runs, known = job.corner or (False, 1), parts.runs, parts.known
     some = [index for index in range(len(runs)) if any(_abreast(job, known[index, each]) for each in CORNERS)]
@@ -193,7 +194,7 @@ def grouping(job: Job, parts: Divided) -> Grouping:
     left = [track for track in job.layout.tracks if track not in used]
     entrance = job.layout.field.entrance
     starts = [index for index in some if _abreast(job, known[index, corner])]
-    if entrance is not None and starts:
+    if entrance is not None and job.gate is None and starts:
         starts = [min(starts, key=lambda index: _away_m(job, known[index, corner], entrance))]
     tours = [_tour(job, known, some, start, corner, left) for start in starts]
     nothing = Grouping(0.0, [], [], list(job.layout.tracks))
@@ -235,6 +236,7 @@ def _tour(
     ]
     alone = [track for group in groups for track in group.alone] + left
     seconds += sum(group.seconds for group in groups) + sum(alone_s(job, track) for track in left)
+    seconds += job.gate_time(rounds[0][0].this, rounds[-1][-1].this)
     return Grouping(seconds, rounds, moved, alone)
 
 

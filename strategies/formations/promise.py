@@ -35,6 +35,7 @@ def driven_s(job: Job, found: Grouping) -> float:
     turns = sum(_turns_s(job, before, after) for before, after in pairwise(found.rounds))
     if not found.rounds:
         return math.inf
+    turns += job.gate_time(found.rounds[0][0].this, found.rounds[-1][-1].this)
     alone = order_alone(job, found)
     work += sum(this.track.length for this in alone)
     turns += sum(_way_s(job, a, b) for a, b in pairwise([leader_of(found.rounds[-1]).this, *alone]))

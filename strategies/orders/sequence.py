@@ -156,12 +156,20 @@ def patterned(shares: list[list[Track]], job: Job, jump: int) -> list[Order]:
         [order_tracks(share, job, jump, corner, last_piece) for share in shares]
         for corner, last_piece in product(corners, (False, True))
     ]
-    times = [max(order_time(order, job) for order in orders) for orders in options]
+    gates = [[job.gate_time(order[0], order[-1]) for order in orders] for orders in options]
+    times = [
+        max(order_time(order, job) + way for order, way in zip(orders, ways, strict=True))
+        for orders, ways in zip(options, gates, strict=True)
+    ]
     near = [orders for orders, time in zip(options, times, strict=True) if time <= NEAR * min(times)]
     distinct = [orders for index, orders in enumerate(near) if orders not in near[:index]]
     if len(distinct) == 1:
         return distinct[0]
-    return min(distinct, key=lambda orders: round(max(driven_time(order, job) for order in orders), 2))
+
+    def slowest(orders: list[Order]) -> float:
+        return round(max(driven_time(order, job) + job.gate_time(order[0], order[-1]) for order in orders), 2)
+
+    return min(distinct, key=slowest)
 
 
 @dataclass(frozen=True, eq=False)

@@ -195,7 +195,7 @@ def test_what_is_given_wins_over_the_farm() -> None:
     scenario = Scenario(width_m=4.0, speed_mps=1.0, tractor="EG105", tractors=(3,), operation="harvest")
     given_here = {"width_m", "speed_mps", "tractor", "tractors", "operation"}
     found = asked(scenario, example_farm(), given_here, implement="drill")
-    expected = replace(scenario, turn_speed_mps=5.0 * (1.0 / 3.6), price_per_tractor=8.0)
+    expected = replace(scenario, turn_speed_mps=5.0 * (1.0 / 3.6), price_per_tractor=8.0, start_s=7 * 3600)
     expected = replace(expected, price_per_hour=found.scenario.price_per_hour)
     assert found.scenario == expected
     assert found.tractor == "eg105" and found.implement is not None and found.implement.width_m == 4.0

@@ -54,7 +54,7 @@ class TestWhatIsAsked:
             ({"rain": "17:00"}, "before 17:00"),
             ({"rain": "16:00=50,17:00=50"}, "before the rain"),
             ({"rain": "0.1/h", "before_s": EIGHT + 9 * 3600}, "before 17:00 and before the rain"),
-            ({"rain": "7:00"}, "before 07:00"),
+            ({"rain": "7:00"}, "before 07:00 next day"),
         ],
     )
     def test_the_limit_in_words(self, values: dict[str, Any], words: str) -> None:

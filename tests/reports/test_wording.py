@@ -79,7 +79,7 @@ def test_headline_with_a_deadline(ranking: Ranking) -> None:
 
 def test_a_deadline_on_the_next_day_says_so(ranking: Ranking) -> None:
     late = replace(ranking, start="22:00", before="02:00", allowed_s=4 * 3600.0)
-    assert headline(late)[1].startswith("The deadline (02:00, 1 d later) can be met with")
+    assert headline(late)[1].startswith("The deadline (02:00 next day) can be met with")
 
 
 def test_headline_without_a_deadline_takes_the_fastest(ranking: Ranking) -> None:
@@ -219,7 +219,7 @@ def test_the_cheapest_is_told_once(ranking: Ranking) -> None:
 
 def test_clock_times_after_the_start(ranking: Ranking) -> None:
     assert clock(ranking, 3725.0) == "09:02"
-    assert clock(replace(ranking, start="23:30"), 3600.0) == "00:30, 1 d later"
+    assert clock(replace(ranking, start="23:30"), 3600.0) == "00:30 next day"
     assert clock(replace(ranking, start="soon"), 3600.0) is None
 
 
