@@ -17,7 +17,9 @@ SERVED_M = 0.5  # a tender when the one before has moved off
 
 
 def with_refills(job: Job, plan: Plan, *, abreast: bool = False, staggered: bool = True) -> Plan:
-    """The plan with all stops of its tractors, noted as `refills`; the plan itself where a load is enough for each.
+    """The plan with all stops of its tractors, noted as `refills`, none where a load is enough for each.
+
+    `collects` is noted as well: whether the amounts are taken out of the tanks.
 
     With `staggered` a tractor heeds when those before it are served, where only one is served at a time. Raises
     StrategyError where a load cannot be made good in time, or tractors work `abreast` and cannot leave.
@@ -38,6 +40,7 @@ def with_refills(job: Job, plan: Plan, *, abreast: bool = False, staggered: bool
         _queue(legs, [each.stops for each in own], supply)
     notes = {key: value for key, value in plan.notes.items() if key != "order_gap_pct"}
     notes["refills"] = [entry for number, each in enumerate(own) for entry in _entries(number, each)]
+    notes["collects"] = supply.collects
     return Plan(tuple(mission_from(each) for each in legs), notes)
 
 
