@@ -150,10 +150,11 @@ def _placed(run: Run, tractor: int, stretch: _Stretch) -> Step:
 
 
 def _amount(run: Run, tractor: int, stretch: _Stretch) -> float | None:
-    """What is filled in or taken out at a stop; None where the plan does not say."""
+    """What is filled in at a stop, below 0 what is taken out; None where the plan does not say."""
     leg = int(run.leg(tractor)[stretch.first])
     noted = (one for one in run.plan.notes.get("refills", ()) if (one["tractor"], one["leg"]) == (tractor + 1, leg))
-    return next((float(one["amount"]) for one in noted), None)
+    sign = -1.0 if run.plan.notes.get("collects") else 1.0
+    return next((sign * float(one["amount"]) for one in noted), None)
 
 
 def _waited_for(run: Run, tractor: int, stretch: _Stretch) -> tuple[int, ...]:

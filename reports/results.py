@@ -201,14 +201,14 @@ class Step:
     """One thing after another that a tractor does: a row of the list that its driver takes along.
 
     `kind` is "track", "round" (one side of it), "corner" (between two sides of a round), "turn" or "way" (to the next
-    track or round), "enter" (from the entrance to the first of them), "leave" (back to
-    it), "wait", "drive", "refill-way" (to where a tank is filled or emptied) or "refill" (of `amount`).
+    track or round), "enter" (from the entrance to the first of them), "leave" (back to it), "wait", "drive",
+    "refill-way" (to where a tank is filled or emptied) or "refill" (of `amount`, below 0 where it is taken out).
     `number` counts the track or round from 1, `part` names the piece of a track ("a", "b", ...) or the side of a round
-    ("1", "2", ...), "" where there is only one; for turns and ways both are
-    those led to, and `to_round` says which they are. `again` marks what goes on after a wait. It begins at `from_s` and
-    takes `seconds`, over `length_m`; `bearing_deg` is the direction worked in, clockwise from north. A turn leads over
-    `over` tracks in the `shape` of a "u", "omega" or "switch-back" ("" for none of these); `for_tractors` are those,
-    from 1, that are waited for. `x_m` and `y_m` are half way along it.
+    ("1", "2", ...), "" where there is only one; for turns and ways both are those led to, and `to_round` says which
+    they are. `again` marks what goes on after a wait. It begins at `from_s` and takes `seconds`, over `length_m`;
+    `bearing_deg` is the direction worked in, clockwise from north. A turn leads over `over` tracks in the `shape` of a
+    "u", "omega" or "switch-back" ("" for none of these); `for_tractors` are those, from 1, that are waited for. `x_m`
+    and `y_m` are half way along it.
     """
 
     kind: str

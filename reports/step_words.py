@@ -15,7 +15,8 @@ def step_words(step: Step) -> str:
     if step.kind == "wait":
         return f"wait{_for(step.for_tractors)}"
     if step.kind == "refill":
-        return "refill" if step.amount is None else f"refill or unload {step.amount:.0f} l or kg"
+        amount = "" if step.amount is None else f" {abs(step.amount):.0f} l or kg"
+        return f"{'unload' if (step.amount or 0.0) < 0.0 else 'refill'}{amount}"
     if step.kind == "refill-way":
         return "way to where it refills"
     if step.kind == "drive":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -39,18 +39,23 @@ def check_leave(job: Job, strategy: Strategy) -> None:
 
 
 def refilled(job: Job, strategy: Strategy, choices: Iterable[Refined]) -> list[Refined]:
-    """The plans with their refills; those that cannot have them are left out, and raised where none is left."""
+    """The plans with their refills; those that cannot have them are left out, and raised where none is left.
+
+    Where one is served at a time, there is one with tractors that heed each other's turns and one without.
+    """
     if job.supply is None:
         return list(choices)
     plans: list[Refined] = []
     refusal: StrategyError | None = None
-    for choice in choices:
+    manners = (True, False) if job.supply.alone and job.tractors > 1 else (True,)
+    for choice, staggered in product(choices, manners):
         try:
-            plan = with_refills(job, choice.plan, abreast=strategy.abreast)
+            plan = with_refills(job, choice.plan, abreast=strategy.abreast, staggered=staggered)
         except StrategyError as error:
             refusal = refusal or error
             continue
-        plans.append(replace(choice, plan=plan, run=None if plan.notes["refills"] else choice.run))
+        if staggered or not plans or plan.notes["refills"] != plans[-1].plan.notes["refills"]:
+            plans.append(replace(choice, plan=plan, run=None if plan.notes["refills"] else choice.run))
     if refusal is not None and not plans:
         raise refusal
     return plans

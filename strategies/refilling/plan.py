@@ -9,23 +9,28 @@ from dataclasses import dataclass, replace
 from strategies.errors import StrategyError
 from strategies.job import Job
 from strategies.legs import mission_from
-from strategies.refilling.stops import Filled, Stop, filled
+from strategies.refilling.stops import CLEAR_M, Filled, Stop, filled
 from strategies.supply import PLACE, Supply
 from vehicle.missions import DRIVE_IN, Gate, Leg, Plan
 
-CLEAR_M = 20.0  # a place is free when the one before has driven so far from it
 SERVED_M = 0.5  # a tender when the one before has moved off
 
 
-def with_refills(job: Job, plan: Plan, *, abreast: bool = False) -> Plan:
-    """The plan with all stops of its tractors, noted as `refills`; the plan itself where a load is enough for each.
+def with_refills(job: Job, plan: Plan, *, abreast: bool = False, staggered: bool = True) -> Plan:
+    """The plan with all stops of its tractors, noted as `refills`, none where a load is enough for each.
 
-    Raises StrategyError where a load cannot be made good in time, or tractors work `abreast` and cannot leave.
+    `collects` is noted as well: whether the amounts are taken out of the tanks.
+
+    With `staggered` a tractor heeds when those before it are served, where only one is served at a time. Raises
+    StrategyError where a load cannot be made good in time, or tractors work `abreast` and cannot leave.
     """
     supply = job.supply
     if supply is None:
         return plan
-    own = [filled(job, supply, mission) for mission in plan.missions]
+    own: list[Filled] = []
+    for mission in plan.missions:
+        busy = [span for each in own for span in each.served] if supply.alone and staggered else []
+        own.append(filled(job, supply, mission, busy))
     if not any(each.stops for each in own):
         return replace(plan, notes={**plan.notes, "refills": []})
     if abreast and job.tractors > 1:
@@ -35,6 +40,7 @@ def with_refills(job: Job, plan: Plan, *, abreast: bool = False) -> Plan:
         _queue(legs, [each.stops for each in own], supply)
     notes = {key: value for key, value in plan.notes.items() if key != "order_gap_pct"}
     notes["refills"] = [entry for number, each in enumerate(own) for entry in _entries(number, each)]
+    notes["collects"] = supply.collects
     return Plan(tuple(mission_from(each) for each in legs), notes)
 
 

@@ -18,7 +18,8 @@ from vehicle.gnss import mixed
 from vehicle.jit import compiled
 
 EFFORT = 40_000_000  # steps of the split in one search, about half a second
-FARTHEST = 40  # places that a move may reach over, turning round apart
+FARTHEST = 40  # places that a move may reach over
+TURNED = 80  # places in a run that is turned round
 SHORTER = 4  # tracks in the shorter of two runs that change places
 MOST_STARTS = 4
 
@@ -63,7 +64,7 @@ def descend(order, turns, detours, first, last, need, room, capacity, longest, e
     quiet = i = 0
     while quiet < n and effort > 0:
         best, bj, bm, bk = now - GAIN_S, -1, -1, -1
-        for m in range(i + 1, n):
+        for m in range(i + 1, min(i + TURNED, n)):
             for j in range(i, m):
                 short = min(j - i + 1, m - j) <= SHORTER and m - i < FARTHEST
                 if j > i and not short:

@@ -8,10 +8,10 @@ for the order of the plan (`cuts`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 from strategies.errors import StrategyError
 from strategies.headland.laps import link
@@ -23,6 +23,8 @@ from strategies.supply import PLACE, Supply
 from strategies.ways.paths import Path, Pose
 from vehicle.missions import DRIVE_IN, REFILL, ROUND, TURN, WAY, Leg, Mission, Task
 
+Span = tuple[float, float]
+CLEAR_M = 20.0  # a place is free when the one before has driven so far from it
 STOPS_M = 20.0  # a tractor of several may be kept waiting so often on its way to a place and back
 FAR_S = 1e6  # what a stop is charged that no way leads to
 
@@ -47,11 +49,15 @@ class Stop:
 
 @dataclass(frozen=True)
 class Filled:
-    """A mission with its stops; `moved[k]` is the number that leg k now has, or the next one that is still there."""
+    """A mission with its stops; `moved[k]` is the number that leg k now has, or the next one that is still there.
+
+    `served` are the times from when to when it is expected to take whoever serves one at a time (s).
+    """
 
     legs: tuple[Leg, ...]
     stops: tuple[Stop, ...]
     moved: tuple[int, ...]
+    served: tuple[Span, ...] = ()
 
 
 def pieces_of(job: Job, supply: Supply, mission: Mission) -> list[Piece]:
@@ -85,6 +91,34 @@ class Gaps:
     supply: Supply
     mission: Mission
     pieces: list[Piece]
+    busy: Sequence[Span] = ()
+
+    @cached_property
+    def done_s(self) -> list[float]:
+        """When each leg is driven at the speed it asks for, without any stop."""
+        return list(accumulate(leg.stand_s + leg.length_m / leg.speed_mps for leg in self.mission.legs))
+
+    def served(self, gap: int, later_s: float) -> Span:
+        """From when to when a tractor takes whoever serves, in a gap to which stops before have made it come later."""
+        lasts_s, begin = self._lasts_s(gap), self.done_s[self.pieces[gap - 1].last - 1] + later_s
+        for first, last in sorted(self.busy):
+            if first < begin + lasts_s and begin < last:
+                begin = last
+        return begin, begin + lasts_s
+
+    def wait_s(self, gap: int, later_s: float) -> float:
+        """For how long a tractor waits for its turn in a gap."""
+        if not self.busy:
+            return 0.0
+        return self.served(gap, later_s)[0] - self.done_s[self.pieces[gap - 1].last - 1] - later_s
+
+    def _lasts_s(self, gap: int) -> float:
+        """How long a tractor takes whoever serves: at a place from where it waits until it is clear of it."""
+        if self.supply.where != PLACE:
+            return self.supply.refill_s
+        x, y, _ = self.ends(gap)[0]
+        flight = min(math.dist((x, y), spot[:2]) for spot in self.berths)
+        return self.supply.refill_s + (flight + CLEAR_M) / self.job.manner.turn_speed_mps
 
     @cached_property
     def berths(self) -> tuple[Pose, ...]:
@@ -143,10 +177,12 @@ def way_to(job: Job, a: Pose, b: Pose) -> Path | None:
     return job.way(a, b) or link(job, a, b, anyhow=True)
 
 
-def filled(job: Job, supply: Supply, mission: Mission) -> Filled:
-    """The mission with its cheapest stops; raises StrategyError where none are enough or no way leads there."""
+def filled(job: Job, supply: Supply, mission: Mission, busy: Sequence[Span] = ()) -> Filled:
+    """The mission with its cheapest stops, where others are served at `busy` times and one waits until they are.
+
+    Raises StrategyError where none are enough or no way leads there."""
     pieces = pieces_of(job, supply, mission)
-    gaps = Gaps(job, supply, mission, pieces)
+    gaps = Gaps(job, supply, mission, pieces, busy)
     needs = [piece.need for piece in pieces]
     if sum(needs) <= supply.capacity:
         return Filled(mission.legs, (), tuple(range(len(mission.legs))))
@@ -155,7 +191,8 @@ def filled(job: Job, supply: Supply, mission: Mission) -> Filled:
             f"One piece of work takes {max(needs):.0f} l or kg and a load is {supply.capacity:g}; use a larger tank or "
             "a lower rate."
         )
-    found = cheapest_known(needs, [gaps.least_s(gap) for gap in range(len(pieces))], gaps.more_s, supply.capacity)
+    least = [gaps.least_s(gap) for gap in range(len(pieces))]
+    found = cheapest_known(needs, least, gaps.more_s, supply.capacity, gaps.wait_s)
     if found is None or any(gaps.more_s(gap) >= FAR_S for gap in found):
         raise StrategyError(
             f"No way of turning radius {job.manner.radius_m:.1f} m leads to {_where(supply)[0].lower()}"
@@ -197,7 +234,15 @@ def _written(gaps: Gaps, cuts: Sequence[int]) -> Filled:
             done += 1
     moved += range(len(legs), len(legs) + len(old) - done)
     legs += old[done:]
-    return Filled(tuple(legs), tuple(stops), tuple(moved))
+    return Filled(tuple(legs), tuple(stops), tuple(moved), tuple(_spans(gaps, cuts)))
+
+
+def _spans(gaps: Gaps, cuts: Sequence[int]) -> Iterator[Span]:
+    """When the stops of a tractor are expected."""
+    later_s = 0.0
+    for cut in cuts:
+        yield gaps.served(cut, later_s)
+        later_s += gaps.wait_s(cut, later_s) + gaps.more_s(cut)
 
 
 def _still(supply: Supply, count: int, between: int) -> list[int]:

@@ -15,7 +15,7 @@ from strategies.orders.table import TurnTable
 from strategies.orders.tours import FAR_S
 from strategies.refilling.berths import berths
 from strategies.refilling.loads import Loads, Task
-from strategies.refilling.search import in_loads
+from strategies.refilling.search import EFFORT, in_loads
 from strategies.refilling.stops import way_to
 from strategies.supply import PLACE, Supply
 from strategies.ways.paths import Pose
@@ -40,7 +40,7 @@ def searched_in_loads(found: Searched, job: Job, table: TurnTable, supply: Suppl
     for _ in range(MOST_ROUNDS):
         if not trips.work_out(best):
             break
-        best = in_loads(trips.task(need), [(best.passes // 2).tolist(), starts[0]])
+        best = in_loads(trips.task(need), [(best.passes // 2).tolist(), starts[0]], effort=EFFORT // 4)
     if best.seconds >= FAR_S:
         return found
     work = sum(one.track.length for one in found.order) / job.manner.work_speed_mps

@@ -145,7 +145,7 @@ class TestPlans:
         assert len(told) == found.result.refills
         amounts = sorted(one["amount"] for one in found.run.plan.notes["refills"])
         assert sorted(step.amount or 0.0 for step in told) == amounts
-        assert step_words(told[0]) == f"refill or unload {told[0].amount:.0f} l or kg"
+        assert step_words(told[0]) == f"refill {told[0].amount:.0f} l or kg"
         ways = [step for step in steps if step.kind == "refill-way"]
         assert bool(ways) == (case[0] not in (HEADLAND, TENDER))
 
@@ -176,6 +176,8 @@ def test_what_fills_goes_as_often_as_what_empties() -> None:
     same = driven(HEADLAND, 1, "split-field", True)
     assert same.run is not None
     assert found.run.plan.notes["refills"] == same.run.plan.notes["refills"]
+    (own,) = steps_of(found.run, WIDTH_M)
+    assert {step_words(step).split()[0] for step in own if step.kind == "refill"} == {"unload"}
     assert (collecting.level(120.0), TANK.level(120.0)) == (120.0, 180.0)
 
 
