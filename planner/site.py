@@ -25,6 +25,7 @@ from planner.laying import layouts, quickest
 from planner.outlook import Stakes, stakes_of
 from planner.price.cost import Terms
 from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, TURNING_MPS, Scenario
+from planner.yielding.courses import Known
 from strategies.headland.shifts import backwards
 from strategies.job import Job, Manner, starting_corner
 from strategies.timing import TurnClock
@@ -83,6 +84,11 @@ class Site:
         return replace(self._first, tractors=tractors, used={})
 
     @cached_property
+    def driven(self) -> Known:
+        """What is worked out of tractors driven alone, for all plans of the site."""
+        return Known()
+
+    @cached_property
     def _first(self) -> Job:
         """The job that others are copies of."""
         anywhere, beside, rim = (
@@ -103,7 +109,7 @@ class Site:
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: without what was worked out here."""
-        return {name: value for name, value in self.__dict__.items() if name != "_first"}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_first", "driven")}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""

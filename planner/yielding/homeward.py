@@ -116,9 +116,9 @@ class Homeward:
         column = np.array(rows, dtype=np.float64).reshape(-1, 3)
         places = column[:, :2].astype(np.int64)
         waits = Table.of(places[:, 0], places[:, 1], np.repeat(column[:, 2:], 2, axis=1), len(owner))
+        apart, stands, blockers = ((table.start, table.at, table.span_s) for table in tables)
         return Net(
-            base, owner, crossings.begins_s,
-            *(part for table in tables for part in (table.start, table.at, table.span_s)),
+            base, owner, crossings.begins_s, *apart, *stands, *blockers,
             waits.start, waits.at, np.ascontiguousarray(waits.span_s[:, 0]), bound,
             last_passes(base, owner, crossings.stands.start, crossings.stands.at),
             last_waits(base, owner, waits.start, waits.at), crossings.near,

@@ -149,7 +149,7 @@ def _next(net, state, free_s, eager, entries, tried):  # type: ignore[no-untyped
 
 
 @compiled
-def _leaves_a_way_home(net, state, one, length, deep, after, unsafe) -> bool:  # type: ignore[no-untyped-def]
+def _leaves_a_way_home(net, state, one, length, deep, after, unsafe):  # type: ignore[no-untyped-def]
     """Whether all still get home when a tractor has gone on by so many stretches.
 
     What a deep look finds to be otherwise is marked `unsafe`, and not looked at again until that may have changed.
@@ -160,7 +160,7 @@ def _leaves_a_way_home(net, state, one, length, deep, after, unsafe) -> bool:  #
     after[one] += length
     found = harmless(net, one, after) or safe(net, after, deep)
     unsafe[one, length] = deep and not found
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 @compiled
@@ -207,7 +207,7 @@ def _chosen(  # type: ignore[no-untyped-def]
 
 @compiled
 def _guard(net, state, begun_s, behind, mine, other, begin):  # type: ignore[no-untyped-def]
-    """What keeps a tractor behind another which it is predicted to follow closely: a stretch and seconds; -1 for none."""
+    """What keeps a tractor behind another that it would follow closely: a stretch and seconds; -1 for none."""
     start, first = net.apart_start[mine], net.base[other]
     start = first_row(net.apart_at, start, net.apart_start[mine + 1], first)
     row = first_row(net.apart_at, start, net.apart_start[mine + 1], first + state[other])
