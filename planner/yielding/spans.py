@@ -157,7 +157,7 @@ def _joined(keys, spans, together):  # type: ignore[no-untyped-def]
 
 @compiled
 def _noted(keys, times, count, latest, hold, stretch, first, last, time, holds):  # type: ignore[no-untyped-def]
-    """The rows with places `first` to `last` of a stretch that lead by a hold point; places after those noted before."""
+    """The rows with places `first` to `last` of a stretch, in order, that lead by a hold point."""
     began = time[holds[stretch]]
     until = time[min(last + 1, holds[stretch + 1])] - began
     for k in range(2):

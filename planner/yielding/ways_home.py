@@ -331,9 +331,3 @@ def by_turns(net, start, deep, reached):  # type: ignore[no-untyped-def]
                 some += 1
                 seen += 1
     return False
-
-
-@compiled
-def safe(net, state, deep):  # type: ignore[no-untyped-def]
-    """Whether an order is found in which all get home from where they stand, one moving at a time."""
-    return one_by_one(net, state) or by_turns(net, state, deep, np.empty(len(state), dtype=np.int64))

@@ -25,7 +25,7 @@ Rows = list[tuple[int, tuple[float, float]]]
 def rows(table: Table, place: int) -> Rows:
     """What a table says of a place."""
     own = slice(table.start[place], table.start[place + 1])
-    return [(at, (low, high)) for at, (low, high) in zip(table.at[own].tolist(), table.span_s[own].tolist(), strict=True)]
+    return [(at, (s[0], s[1])) for at, s in zip(table.at[own].tolist(), table.span_s[own].tolist(), strict=True)]
 
 
 def stretches_of(one: Course, place: int) -> list[int]:
@@ -147,11 +147,11 @@ class TestWhatIsKnown:
 def test_thirty_that_cross_one_road_get_home_one_behind_the_other() -> None:
     """Each crosses from its own lane to the road and leaves it at its end: no lane meets another."""
     count = 30
-    courses = [
-        course([(12.0 * one, 12.0 * n - 60.0, 1.5707963) for n in range(5)] + [(400.0 + 12.0 * n, 0.0, 0.0) for n in range(6)]
-               + [(700.0 + 12.0 * one, 100.0, 0.0)], [0, 3, 11], 4.0)
-        for one in range(count)
-    ]  # fmt: skip
+    road = [(400.0 + 12.0 * n, 0.0, 0.0) for n in range(6)]
+    courses = []
+    for one in range(count):
+        lane = [(12.0 * one, 12.0 * n - 60.0, 0.5 * np.pi) for n in range(5)]
+        courses.append(course([*lane, *road, (700.0 + 12.0 * one, 100.0, 0.0)], [0, 3, 11], 4.0))
     table = RightOfWay(plan_on(courses), crossings(courses)).timetable()
     assert table is not None
     entered = sorted(begins[-1] for begins in table.begins_s)

@@ -89,4 +89,5 @@ def test_more_rows_than_there_is_room_for_at_first_are_all_found() -> None:
 @pytest.mark.parametrize("metres", [60.0, 4000.0])
 def test_ways_far_apart_meet_nowhere(metres: float) -> None:
     way = np.column_stack([np.arange(0.0, 50.0, 0.8), np.zeros(63), np.zeros(63)])
-    assert len(meetings(Trail(poses_of(way)), Trail(poses_of(way + [0.0, metres, 0.0])), MODELS, 0.8, 0.1)) == 0
+    aside = way + np.array([0.0, metres, 0.0])
+    assert len(meetings(Trail(poses_of(way)), Trail(poses_of(aside)), MODELS, 0.8, 0.1)) == 0
