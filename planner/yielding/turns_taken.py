@@ -293,7 +293,7 @@ def filled(net, concerned, most, margins, manner, deep):  # type: ignore[no-unty
             if not known[one]:
                 _earliest(net, state, begun_s, free_s, margins, refused_for, one, spans, entries[one])
                 known[one] = True
-        one, length = _next(net, state, free_s, manner[0], entries, tried), np.int64(0)
+        one, length = _next(net, state, free_s, manner[0], entries, tried), 0
         while one >= 0:
             length = int(entries[one, 0])
             copied(entries[one], longer)
