@@ -32,14 +32,12 @@ WRITE = os.environ.get("HEADLAND_GOLDEN") == "write"
 ACROSS, UP = 60, 30
 TOLD_M2 = 5.0  # smaller pieces of missed ground are not listed
 OTHER_MARKS = 9  # of 1800: points at the very edge of a swath may fall either way on another machine
-ALONE = ("thin strip",)
-"""Fields on which two tractors have no room to pass each other; what must hold is tested with one."""
 
 
 @cache
-def planned(name: str, tractors: int = 2) -> tuple[Site, Evaluation]:
+def planned(name: str) -> tuple[Site, Evaluation]:
     site = prepare(Scenario(field=name, tracks_only=False), SHAPES[name])
-    return site, simulated(site, Candidate("split-field", tractors))
+    return site, simulated(site, Candidate("split-field", 2))
 
 
 def summary(name: str) -> list[str]:
@@ -109,7 +107,7 @@ def test_there_is_a_map_of_every_shape_and_no_other() -> None:
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_what_holds_whatever_the_map_shows(name: str) -> None:
-    site, tried = planned(name, 1 if name in ALONE else 2)
+    site, tried = planned(name)
     result = tried.result
     assert result.feasible and tried.run is not None, result.reason
     worked = coverage(tried.run, site)
