@@ -29,6 +29,7 @@ from planner.price.cost import Terms
 from planner.refill import check_load, supplied
 from planner.scenario import KMH, LEAST_CLEARANCE_M, SOW, STANDING, TURNING_MPS, Scenario
 from planner.workday import FOLD, ROAD, UNFOLD, Workday, workday
+from planner.yielding.courses import Known
 from strategies.headland.shifts import backwards
 from strategies.job import Job, Manner, starting_corner
 from strategies.supply import Supply
@@ -51,6 +52,7 @@ SMALL = 4.0  # working widths across: smaller obstacles are driven round in the 
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
 SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
+_WORKED_OUT = ("_first", "driven", "gate", "roomier")
 GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 WIDER = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well
@@ -104,6 +106,11 @@ class Site:
         return gateway(field.outline or field.boundary, self.free, field.entrance)
 
     @cached_property
+    def driven(self) -> Known:
+        """What is worked out of tractors driven alone, for all plans of the site."""
+        return Known()
+
+    @cached_property
     def _first(self) -> Job:
         """The job that others are copies of."""
         anywhere, beside, rim = (
@@ -135,7 +142,7 @@ class Site:
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: without what was worked out here."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_first", "gate", "roomier")}
+        return {name: value for name, value in self.__dict__.items() if name not in _WORKED_OUT}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""

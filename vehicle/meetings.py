@@ -69,14 +69,14 @@ def _circles(circles: Array) -> Array:
 
 
 @compiled
-def _close(one, other, reach) -> bool:  # type: ignore[no-untyped-def]
+def _close(one, other, reach):  # type: ignore[no-untyped-def]
     """Whether two circles are nearer to each other than `reach`."""
     dx, dy, limit = one[0] - other[0], one[1] - other[1], reach + one[2] + other[2]
-    return dx * dx + dy * dy < limit * limit  # type: ignore[no-any-return]
+    return dx * dx + dy * dy < limit * limit
 
 
 @compiled
-def _gap_m(x, y, cos, sin, box, other) -> float:  # type: ignore[no-untyped-def]
+def _gap_m(x, y, cos, sin, box, other):  # type: ignore[no-untyped-def]
     """The widest gap between two boxes along the first one's axes (m); negative where they overlap in both.
 
     The second tractor is at (x, y) as the first one sees it, and turned by an angle of this cos and sin.
@@ -85,7 +85,7 @@ def _gap_m(x, y, cos, sin, box, other) -> float:  # type: ignore[no-untyped-def]
     ahead, aside = x + middle * cos, abs(y + middle * sin)
     long = length * abs(cos) + other[2] * abs(sin)
     wide = length * abs(sin) + other[2] * abs(cos)
-    return max(ahead - long - box[1], box[0] - ahead - long, aside - wide - box[2])  # type: ignore[no-any-return]
+    return max(ahead - long - box[1], box[0] - ahead - long, aside - wide - box[2])
 
 
 @compiled
@@ -98,24 +98,24 @@ def _boxes(model):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _near(a, b, ahead_a, ahead_b, seen, box, other, limit) -> bool:  # type: ignore[no-untyped-def]
+def _near(a, b, ahead_a, ahead_b, seen, box, other, limit):  # type: ignore[no-untyped-def]
     """Whether a box of one tractor is nearer than `limit` to one of another, which it sees as told by `seen`."""
     x, y, back_x, back_y, cos, sin = seen
     gap = max(_gap_m(x, y, cos, sin, box, other), _gap_m(back_x, back_y, cos, -sin, other, box))
     if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
-        return gap < 0.0  # type: ignore[no-any-return]
+        return gap < 0.0
     (acos, asin), (bcos, bsin) = ahead_a, ahead_b
     rear, front, half = box
     orear, ofront, ohalf = other
     if corners_to_box(a.x, a.y, acos, asin, rear, front, half, b.x, b.y, bcos, bsin, orear, ofront, ohalf) < limit:
         return True
-    return (  # type: ignore[no-any-return]
+    return (
         corners_to_box(b.x, b.y, bcos, bsin, orear, ofront, ohalf, a.x, a.y, acos, asin, rear, front, half) < limit
     )
 
 
 @compiled
-def _too_near(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance) -> bool:  # type: ignore[no-untyped-def]
+def _too_near(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance):  # type: ignore[no-untyped-def]
     """Whether two poses cannot be taken at once, without a distance where none counts."""
     (acos, asin), (bcos, bsin) = ahead_a, ahead_b
     dx, dy = b.x - a.x, b.y - a.y
@@ -132,7 +132,7 @@ def _too_near(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance)
         limit = min(clearance, beside_clearance)
     if gap >= limit + ROUNDING_M:
         return False
-    return (  # type: ignore[no-any-return]
+    return (
         _near(a, b, ahead_a, ahead_b, seen, tool, tool, limit)
         or _near(a, b, ahead_a, ahead_b, seen, body, body, limit)
         or _near(a, b, ahead_a, ahead_b, seen, tool, body, limit)
@@ -143,7 +143,7 @@ def _too_near(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance)
 @compiled
 def _meetings(  # type: ignore[no-untyped-def]
     a, b, ahead_a, ahead_b, near_a, near_b, far_b, models, clearance, beside_clearance, found
-) -> int:
+):
     """Number of rows; as many as there is room for are written to `found`."""
     model, boxes, blocks = models[0], _boxes(models[0]), np.empty(len(near_b), dtype=np.int64)
     reach, count = 2.0 * model.reach + max(clearance, beside_clearance), 0

@@ -146,19 +146,17 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
 
 def _give_way(site: Site) -> GiveWay:
     """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
-    known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
 
     def alone(mission: Mission) -> Run:
-        key = tuple(id(leg.points) for leg in mission.legs) + tuple(round(leg.speed_mps * 1e6) for leg in mission.legs)
-        if key not in known:
-            world = World(
-                Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
-                position_errors=site.position_errors,
-            )  # fmt: skip
-            known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
-        return known[key][1]
+        world = World(
+            Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+            position_errors=site.position_errors,
+        )  # fmt: skip
+        return world.run(max_time_s=_patience_s(Plan((mission,))))
 
-    rules = Rules(site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone)
+    rules = Rules(
+        site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven
+    )  # fmt: skip
     return lambda plan, slack: giving_way(plan, rules, slack)
 
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
+import struct
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from vehicle.layout import REC_ANGLE, REC_PLACE
-from vehicle.meetings import poses_of
+from vehicle.meetings import Trail, poses_of
 from vehicle.missions import Gate, Mission, Plan
 from vehicle.run import DONE, Run
 
 STEP_M = 0.8  # between poses of a course
+MOST_POSES = 1_000_000  # of courses that are kept
 TURNED_M = 3.0  # of driving count as much as a radian of turning
 Floats = npt.NDArray[np.float64]
 Alone = Callable[[Mission], Run]
@@ -41,6 +45,11 @@ class Course:
     def stands_at(self, hold: int) -> bool:
         """Whether a tractor at a hold point is on the field, by its number."""
         return not ((hold == 0 and self.enters) or (hold == self.stretches and self.leaves))
+
+    @cached_property
+    def trail(self) -> Trail:
+        """Its poses, ready to be held against those of others."""
+        return Trail(self.poses)
 
     @property
     def stretches(self) -> int:
@@ -84,12 +93,53 @@ class Course:
 ARRIVED_M = 0.2  # a tractor that stands counts as there so far before the end of a leg
 
 
-def courses_of(plan: Plan, alone: Alone) -> list[Course] | None:
+@dataclass
+class Known:
+    """What plans of one site share: `courses` by what was driven, `met` as of vehicle.meetings by the two that meet.
+
+    All is forgotten when it is of more than MOST_POSES poses: large fields have few plans.
+    """
+
+    courses: dict[bytes, Course | None] = field(default_factory=dict)
+    met: dict[tuple[Course, Course], npt.NDArray[np.int64]] = field(default_factory=dict)
+    poses: int = 0
+
+    def course(self, mission: Mission, alone: Alone) -> Course | None:
+        """The course of a mission, driven where that has not been done yet; None where it does not get home."""
+        key = _key(mission)
+        if key not in self.courses:
+            run = alone(_unbound(mission))
+            course = _course(mission, run) if run.outcome == DONE else None
+            self.poses += len(course.poses) if course else 0
+            self.courses[key] = course
+        return self.courses[key]
+
+    def trimmed(self) -> None:
+        """Forget all that is known where it has become too much."""
+        if self.poses > MOST_POSES:
+            self.courses.clear()
+            self.met.clear()
+            self.poses = 0
+
+
+def courses_of(plan: Plan, alone: Alone, known: Known | None = None) -> list[Course] | None:
     """The course of every tractor of a plan; None where one does not get home even alone."""
-    runs = [alone(_unbound(mission)) for mission in plan.missions]
-    if any(run.outcome != DONE for run in runs):
-        return None
-    return [_course(mission, run) for mission, run in zip(plan.missions, runs, strict=True)]
+    known = known or Known()
+    known.trimmed()
+    courses = [known.course(mission, alone) for mission in plan.missions]
+    found = [course for course in courses if course is not None]
+    return found if len(found) == len(courses) else None
+
+
+def _key(mission: Mission) -> bytes:
+    """A digest of all that a course depends on."""
+    digest = hashlib.sha256()
+    for leg in mission.legs:
+        what = leg.gear, leg.implement, leg.task.works, bool(leg.may_wait or leg.gates), len(leg.points)
+        digest.update(struct.pack("<d5i", leg.speed_mps, *what))
+        digest.update(leg.ground.encode())
+        digest.update(np.ascontiguousarray(leg.points, dtype=np.float64).tobytes())
+    return digest.digest()
 
 
 def _unbound(mission: Mission) -> Mission:

@@ -13,9 +13,9 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from planner.yielding.courses import Course
+from planner.yielding.courses import Course, Known
 from planner.yielding.spans import Encounters, mark_used, meet
-from vehicle.meetings import Trail, meetings
+from vehicle.meetings import meetings
 
 SPARE_M = 0.3  # beyond the clearance: poses are looked at STEP_M apart
 TOGETHER_S = 2.0  # head starts nearer to each other than this count as one span
@@ -63,18 +63,25 @@ class Crossings:
 
 
 def crossings_of(
-    courses: Sequence[Course], models: npt.NDArray[np.void], clearance_m: float, beside_m: float, gated: list[set[int]]
+    courses: Sequence[Course],
+    models: npt.NDArray[np.void],
+    clearance_m: float,
+    beside_m: float,
+    gated: list[set[int]],
+    known: Known | None = None,
 ) -> Crossings:
     """All crossings; hold points from which nothing is crossed are given up, but for those before `gated` legs.
 
-    `models` is as in vehicle.meetings, the clearances are those that the rules ask for.
+    `models` is as in vehicle.meetings, the clearances are those that the rules ask for; `known` is of the same ones.
     """
-    trails = [Trail(course.poses) for course in courses]
-    met = {
-        (i, j): found
-        for i, j in combinations(range(len(courses)), 2)
-        if len(found := meetings(trails[i], trails[j], models, clearance_m + SPARE_M, beside_m))
-    }
+    known = known or Known()
+    met: dict[tuple[int, int], Array] = {}
+    for i, j in combinations(range(len(courses)), 2):
+        pair = courses[i], courses[j]
+        if pair not in known.met:
+            known.met[pair] = meetings(pair[0].trail, pair[1].trail, models, clearance_m + SPARE_M, beside_m)
+        if len(known.met[pair]):
+            met[i, j] = known.met[pair]
     used = [np.zeros(len(course.poses), dtype=np.bool_) for course in courses]
     for (i, j), found in met.items():
         mark_used(found, used[i], used[j])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.yielding.courses import Alone, courses_of
+from planner.yielding.courses import Alone, Known, courses_of
 from planner.yielding.crossings import crossings_of, unhindered
 from planner.yielding.right_of_way import RightOfWay
 from vehicle.compile import compile_model
@@ -16,13 +16,17 @@ from vehicle.tractor import Implement, Tractor
 
 @dataclass(frozen=True)
 class Rules:
-    """What tractors must keep: the machines, how near they may come, and how one is driven `alone`."""
+    """What tractors must keep: the machines, how near they may come, and how one is driven `alone`.
+
+    `known` is what has been worked out by the same rules before.
+    """
 
     tractor: Tractor
     implement: Implement
     clearance_m: float
     beside_m: float
     alone: Alone
+    known: Known = field(default_factory=Known)
 
 
 @dataclass(frozen=True)
@@ -39,12 +43,12 @@ def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Scheduled | None
 
     `slack` times the usual time is kept between two that take the same place one after the other.
     """
-    courses = courses_of(plan, rules.alone)
+    courses = courses_of(plan, rules.alone, rules.known)
     if courses is None:
         return None
     models = np.array([compile_model(rules.tractor, rules.implement)])
     gated = [{n for n, leg in enumerate(mission.legs) if leg.gates} for mission in plan.missions]
-    crossings = crossings_of(courses, models, rules.clearance_m, rules.beside_m, gated)
+    crossings = crossings_of(courses, models, rules.clearance_m, rules.beside_m, gated, rules.known)
     rules_of_way = RightOfWay(plan, crossings, slack)
     table = rules_of_way.timetable()
     if table is None:

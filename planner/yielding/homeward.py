@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from planner.yielding.courses import Course
 from planner.yielding.crossings import Crossings, Table
-from planner.yielding.ways_home import Net, by_turns, last_passes, last_waits, safe
+from planner.yielding.ways_home import Net, by_turns, last_passes, last_waits, one_by_one
 from vehicle.missions import Follow, Gate, Plan
 
 MOST_LOOSENED = 80  # times that a deadlock is undone by leaving out gates of the plan
@@ -55,7 +55,8 @@ class Homeward:
 
     def safe(self, state: State) -> bool:
         """Whether an order is found in which all get home from where they stand, one moving at a time."""
-        return bool(safe(self.net, np.array(state, dtype=np.int64), self.deep))
+        at = np.array(state, dtype=np.int64)
+        return bool(one_by_one(self.net, at) or by_turns(self.net, at, self.deep, np.empty_like(at)))
 
     def loosen(self) -> bool:
         """Leave out gates of the plan until all get home from the start; False where that does not help."""
@@ -116,9 +117,9 @@ class Homeward:
         column = np.array(rows, dtype=np.float64).reshape(-1, 3)
         places = column[:, :2].astype(np.int64)
         waits = Table.of(places[:, 0], places[:, 1], np.repeat(column[:, 2:], 2, axis=1), len(owner))
+        apart, stands, blockers = ((table.start, table.at, table.span_s) for table in tables)
         return Net(
-            base, owner, crossings.begins_s,
-            *(part for table in tables for part in (table.start, table.at, table.span_s)),
+            base, owner, crossings.begins_s, *apart, *stands, *blockers,
             waits.start, waits.at, np.ascontiguousarray(waits.span_s[:, 0]), bound,
             last_passes(base, owner, crossings.stands.start, crossings.stands.at),
             last_waits(base, owner, waits.start, waits.at), crossings.near,

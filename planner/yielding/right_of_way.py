@@ -82,7 +82,8 @@ class RightOfWay:
         net = self.homeward.net
         most = CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         concerned = net.near | self.homeward.others
-        return filled(net, concerned, most, self.margins, (manner.eager, float(manner.on)), self.homeward.deep)  # type: ignore[no-any-return]
+        how = (manner.eager, manner.on), self.homeward.deep
+        return filled(net, concerned, most, self.margins, *how)  # type: ignore[no-any-return]
 
     def _told(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
         """A timetable with tractors, legs and metres for what is numbered through."""

@@ -76,9 +76,9 @@ def mark_used(found, used_a, used_b) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _before(holds, place) -> int:  # type: ignore[no-untyped-def]
+def _before(holds, place):  # type: ignore[no-untyped-def]
     """Number of the last hold point that is not after a place."""
-    return first_row(holds, np.int64(0), len(holds), place + 1) - 1  # type: ignore[no-any-return]
+    return first_row(holds, np.int64(0), len(holds), place + 1) - 1
 
 
 @compiled
@@ -92,48 +92,54 @@ def _grown(keys, spans):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _widened(keys, spans, count, latest, s, u, kind, since, until):  # type: ignore[no-untyped-def]
+    """The rows with one more span of two stretches; one that overlaps the last of these only makes that wider."""
+    known = latest[kind, u]
+    if known >= 0 and keys[known, 0] == s and since <= spans[known, 1] and until >= spans[known, 0]:
+        spans[known, 0] = min(spans[known, 0], since)
+        spans[known, 1] = max(spans[known, 1], until)
+        return keys, spans, count
+    if count == len(keys):
+        keys, spans = _grown(keys, spans)
+    keys[count, 0], keys[count, 1], keys[count, 2] = s, u, kind
+    spans[count, 0], spans[count, 1] = since, until
+    latest[kind, u] = count
+    return keys, spans, count + 1
+
+
+@compiled
 def _spans(found, time_a, time_b, holds_a, holds_b):  # type: ignore[no-untyped-def]
-    """Spans of head starts, with how many they are; those of a stretch pair that overlap one after another are one."""
-    keys, spans, count = np.empty((64, 3), dtype=np.int64), np.empty((64, 2)), 0
+    """Rows of two stretches and a kind, spans of head starts between them, and how many there are.
+
+    A place lies in the stretch that it begins or is inside of, and a hold point also at the end of the one before.
+    """
+    keys, spans, count = np.empty((64, 3), dtype=np.int64), np.empty((64, 2)), np.int64(0)
     latest = np.full((KINDS, len(holds_b)), -1)
     for row in range(len(found)):
         i, first, last = found[row, 0], found[row, 1], found[row, 2]
-        for at_a in range(2):
-            s = _before(holds_a, i) - at_a
-            if s < 0 or s > len(holds_a) - 2 or (at_a == 1 and holds_a[s + 1] != i):
-                continue
-            began = time_a[holds_a[s]]
-            a_from, a_to = time_a[i] - began, time_a[min(i + 1, holds_a[s + 1])] - began
-            u = max(0, _before(holds_b, first) - 1)
-            while u < len(holds_b) - 1 and holds_b[u] <= last:
-                for at_b in range(2):
-                    if at_b == 0:
-                        low, high = max(first, holds_b[u]), min(last, holds_b[u + 1] - 1)
-                    else:
-                        low = high = holds_b[u + 1]
-                    if low > high or low < first or high > last:
-                        continue
-                    start = time_b[holds_b[u]]
-                    since = time_b[low] - start - a_to
-                    until = time_b[min(high + 1, holds_b[u + 1])] - start - a_from
-                    kind = 2 * at_a + at_b
-                    known = latest[kind, u]
-                    if known >= 0 and keys[known, 0] == s and since <= spans[known, 1] and until >= spans[known, 0]:
-                        spans[known, 0] = min(spans[known, 0], since)
-                        spans[known, 1] = max(spans[known, 1], until)
-                        continue
-                    if count == len(keys):
-                        keys, spans = _grown(keys, spans)
-                    keys[count, 0], keys[count, 1], keys[count, 2] = s, u, kind
-                    spans[count, 0], spans[count, 1] = since, until
-                    latest[kind, u] = count
-                    count += 1
-                u += 1
+        s = inner = _before(holds_a, i)
+        while s >= 0 and (s == inner or holds_a[s + 1] == i):
+            if s < len(holds_a) - 1:
+                at_end = np.int64(0 if s == inner else 2)
+                a_from = time_a[i] - time_a[holds_a[s]]
+                a_to = time_a[min(i + 1, holds_a[s + 1])] - time_a[holds_a[s]]
+                u = max(0, _before(holds_b, first) - 1)
+                while u < len(holds_b) - 1 and holds_b[u] <= last:
+                    began, end = time_b[holds_b[u]], holds_b[u + 1]
+                    low, high = max(first, holds_b[u]), min(last, end - 1)
+                    if low <= high:
+                        since, until = time_b[low] - began - a_to, time_b[high + 1] - began - a_from
+                        keys, spans, count = _widened(keys, spans, count, latest, s, u, at_end, since, until)
+                    if first <= end <= last:
+                        since, until = time_b[end] - began - a_to, time_b[end] - began - a_from
+                        keys, spans, count = _widened(keys, spans, count, latest, s, u, at_end + 1, since, until)
+                    u += 1
+            s -= 1
     return keys, spans, count
 
 
 @compiled
-def _joined(keys, spans, together) -> int:  # type: ignore[no-untyped-def]
+def _joined(keys, spans, together):  # type: ignore[no-untyped-def]
     """Put together rows of the same key whose spans overlap or nearly do, in place; returns how many are left."""
     count = 0
     for row in range(len(keys)):
@@ -150,68 +156,55 @@ def _joined(keys, spans, together) -> int:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _passing(keys, times, count, since, hold, stretch, first, last, time, holds):  # type: ignore[no-untyped-def]
-    """Note that places `first` to `last` of a stretch lead by a hold point; rows from `since` on may be of the same."""
+def _noted(keys, times, count, latest, hold, stretch, first, last, time, holds):  # type: ignore[no-untyped-def]
+    """The rows with places `first` to `last` of a stretch, in order, that lead by a hold point."""
     began = time[holds[stretch]]
     until = time[min(last + 1, holds[stretch + 1])] - began
-    for row in range(count - 1, since - 1, -1):
-        if keys[row, 0] == hold and keys[row, 1] == stretch:
-            times[row, 1] = until
+    for k in range(2):
+        known = latest[hold, k]
+        if known >= 0 and keys[known, 1] == stretch:
+            times[known, 1] = until
             return keys, times, count
     if count == len(keys):
         keys, times = _grown(keys, times)
     keys[count, 0], keys[count, 1] = hold, stretch
     times[count, 0], times[count, 1] = time[first] - began, until
+    latest[hold, 0], latest[hold, 1] = latest[hold, 1], count
     return keys, times, count + 1
 
 
 @compiled
 def _passed_first(found, time_b, holds_a, holds_b):  # type: ignore[no-untyped-def]
-    """Which stretches of the second course lead by the hold points of the first, and when."""
+    """Which stretches of the second course lead by the hold points of the first, when, and how many rows those are."""
     keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), np.int64(0)
-    row, places = np.int64(0), found[:, 0]
-    for hold in range(len(holds_a)):
-        row = first_row(places, row, len(found), holds_a[hold])
-        since = count
-        while row < len(found) and found[row, 0] == holds_a[hold]:
-            first, last = found[row, 1], found[row, 2]
+    latest = np.full((len(holds_a), 2), -1)
+    for row in range(len(found)):
+        i, first, last = found[row, 0], found[row, 1], found[row, 2]
+        hold = _before(holds_a, i)
+        while hold >= 0 and holds_a[hold] == i:
             u = max(0, _before(holds_b, first) - 1)
             while u < len(holds_b) - 1 and holds_b[u] <= last:
                 low, high = max(first, holds_b[u]), min(last, holds_b[u + 1])
                 if low <= high:
-                    keys, times, count = _passing(keys, times, count, since, hold, u, low, high, time_b, holds_b)
+                    keys, times, count = _noted(keys, times, count, latest, hold, u, low, high, time_b, holds_b)
                 u += 1
-            row += 1
+            hold -= 1
     return keys, times, count
 
 
 @compiled
 def _passed_second(found, time_a, holds_a, holds_b):  # type: ignore[no-untyped-def]
-    """Which stretches of the first course lead by the hold points of the second, and when."""
-    keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), 0
+    """Which stretches of the first course lead by the hold points of the second, when, and how many rows those are."""
+    keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), np.int64(0)
     latest = np.full((len(holds_b), 2), -1)
     for row in range(len(found)):
-        i = found[row, 0]
+        i, inner = found[row, 0], _before(holds_a, found[row, 0])
         hold = _before(holds_b, found[row, 1] - 1) + 1
         while hold < len(holds_b) and holds_b[hold] <= found[row, 2]:
-            right = _before(holds_a, i)
-            for s in range(right - 1 if holds_a[right] == i else right, right + 1):
-                if s < 0 or s > len(holds_a) - 2:
-                    continue
-                began = time_a[holds_a[s]]
-                until = time_a[min(i + 1, holds_a[s + 1])] - began
-                known = -1
-                for k in range(2):
-                    if latest[hold, k] >= 0 and keys[latest[hold, k], 1] == s:
-                        known = latest[hold, k]
-                if known >= 0:
-                    times[known, 1] = until
-                    continue
-                if count == len(keys):
-                    keys, times = _grown(keys, times)
-                keys[count, 0], keys[count, 1] = hold, s
-                times[count, 0], times[count, 1] = time_a[i] - began, until
-                latest[hold, 0], latest[hold, 1] = latest[hold, 1], count
-                count += 1
+            first = inner
+            while first > 0 and holds_a[first] == i:
+                first -= 1
+            for s in range(first, min(inner + 1, len(holds_a) - 1)):
+                keys, times, count = _noted(keys, times, count, latest, hold, s, i, i, time_a, holds_a)
             hold += 1
     return keys, times, count

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from planner.yielding.ways_home import copied, first_row, harmless, safe, tenths
+from planner.yielding.ways_home import by_turns, copied, first_row, harmless, one_by_one, tenths
 from vehicle.jit import compiled
 
 BEHIND_S = 3.0  # who follows leaves so much time behind the one before
@@ -149,7 +149,7 @@ def _next(net, state, free_s, eager, entries, tried):  # type: ignore[no-untyped
 
 
 @compiled
-def _leaves_a_way_home(net, state, one, length, deep, after, unsafe) -> bool:  # type: ignore[no-untyped-def]
+def _leaves_a_way_home(net, state, one, length, deep, after, reached, unsafe):  # type: ignore[no-untyped-def]
     """Whether all still get home when a tractor has gone on by so many stretches.
 
     What a deep look finds to be otherwise is marked `unsafe`, and not looked at again until that may have changed.
@@ -158,9 +158,9 @@ def _leaves_a_way_home(net, state, one, length, deep, after, unsafe) -> bool:  #
         return False
     copied(state, after)
     after[one] += length
-    found = harmless(net, one, after) or safe(net, after, deep)
+    found = harmless(net, one, after) or one_by_one(net, after) or by_turns(net, after, deep, reached)
     unsafe[one, length] = deep and not found
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 @compiled
@@ -180,34 +180,20 @@ def _came_by(net, state, one, first, end, unsafe) -> None:  # type: ignore[no-un
 
 
 @compiled
-def _chosen(  # type: ignore[no-untyped-def]
-    net, state, begun_s, free_s, margins, manner, deep, entries, refused, unsafe, spans, after
-):  # fmt: skip
-    """The tractor whose entry can be first and leaves everybody a way home; -1 for none.
-
-    Where the manner is to go `on`, the entry may become longer for that.
-    """
-    tried, longer = np.zeros(len(state), dtype=np.bool_), np.empty(entries.shape[1])
-    while True:
-        one = _next(net, state, free_s, manner[0], entries, tried)
-        if one < 0:
-            return -1
-        tried[one] = True
-        first, most = int(entries[one, 0]), min(CHAIN, net.base[one + 1] - net.base[one] - 1 - state[one])
-        if _leaves_a_way_home(net, state, one, first, deep, after, unsafe):
-            return one
-        for length in range(first + 1, most + 1 if manner[1] > 0.0 else 0):
-            begin = _begin(net, state, begun_s, free_s, margins, one, length, entries[one, 1], spans)
-            if begin <= entries[one, 1] + START_S and _leaves_a_way_home(net, state, one, length, deep, after, unsafe):
-                _entry(net, state, free_s, one, length, begin, longer)
-                copied(longer, entries[one])
-                return one
-        refused[one] = True
+def _later(net, state, begun_s, free_s, margins, one, length, entry, spans, longer):  # type: ignore[no-untyped-def]
+    """Whether so many stretches in one go need not begin much later than the entry has it; `longer` is that entry."""
+    if length > net.base[one + 1] - net.base[one] - 1 - state[one]:
+        return False
+    begin = _begin(net, state, begun_s, free_s, margins, one, length, entry[1], spans)
+    if begin > entry[1] + START_S:
+        return False
+    _entry(net, state, free_s, one, length, begin, longer)
+    return True
 
 
 @compiled
 def _guard(net, state, begun_s, behind, mine, other, begin):  # type: ignore[no-untyped-def]
-    """What keeps a tractor behind another which it is predicted to follow closely: a stretch and seconds; -1 for none."""
+    """What keeps a tractor behind another that it would follow closely: a stretch and seconds; -1 for none."""
     start, first = net.apart_start[mine], net.base[other]
     start = first_row(net.apart_at, start, net.apart_start[mine + 1], first)
     row = first_row(net.apart_at, start, net.apart_start[mine + 1], first + state[other])
@@ -286,37 +272,52 @@ def _enter(net, state, begun_s, free_s, behind, refused, refused_for, one, entry
 
 @compiled
 def filled(net, concerned, most, margins, manner, deep):  # type: ignore[no-untyped-def]
-    """A timetable in which the entry comes next that can be soonest.
+    """A timetable in which the entry comes next that can be soonest and leaves everybody a way home.
 
-    `margins` are seconds behind and ahead, `manner` how eager and whether to go on, `deep` how ways home
-    are looked for; `concerned` (n, n) tells whether
-    what one may do can depend on another, `most` how many spans one entry can depend on. Returns when each stretch is
-    begun (p,), when each tractor stands for good (n,; nan where no entry was left), and gates (k, 3): before which
-    stretch, open when which other has been begun for so long.
+    `margins` are seconds behind and ahead, `manner` how eager and whether to go on, `deep` how ways home are looked
+    for; `concerned` (n, n) tells whether what one may do can depend on another, `most` how many spans one entry can
+    depend on. Returns when each stretch is begun (p,), when each tractor stands for good (n,; the first nan where no
+    entry was left), and gates (k, 3): before which stretch, open when which other has been begun for so long.
     """
     count = len(net.base) - 1
     state, free_s, begun_s = np.zeros(count, dtype=np.int64), np.zeros(count), np.full(len(net.owner), np.nan)
-    entries, known = np.zeros((count, CHAIN + 2)), np.zeros(count, dtype=np.bool_)
+    entries, known, longer = np.zeros((count, CHAIN + 2)), np.zeros(count, dtype=np.bool_), np.zeros(CHAIN + 2)
     refused, refused_for = np.zeros(count, dtype=np.bool_), np.zeros((count, count), dtype=np.bool_)
-    unsafe = np.zeros((count, CHAIN + 1), dtype=np.bool_)
-    spans, after = np.empty((most, 2)), np.empty(count, dtype=np.int64)
+    unsafe, tried = np.zeros((count, CHAIN + 1), dtype=np.bool_), np.zeros(count, dtype=np.bool_)
+    spans, after, reached = np.empty((most, 2)), np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
     gates, written = np.empty((64, 3)), np.int64(0)
     left = len(net.owner) - count
     while left > 0:
         for one in range(count):
+            tried[one] = False
             if not known[one]:
                 _earliest(net, state, begun_s, free_s, margins, refused_for, one, spans, entries[one])
                 known[one] = True
-        one = _chosen(net, state, begun_s, free_s, margins, manner, deep, entries, refused, unsafe, spans, after)
+        one, length = _next(net, state, free_s, manner[0], entries, tried), 0
+        while one >= 0:
+            length = int(entries[one, 0])
+            copied(entries[one], longer)
+            while not _leaves_a_way_home(net, state, one, length, deep, after, reached, unsafe):
+                length += 1
+                while length <= CHAIN and not (
+                    manner[1] and _later(net, state, begun_s, free_s, margins, one, length, entries[one], spans, longer)
+                ):
+                    length += 1
+                if length > CHAIN:
+                    break
+            if length <= CHAIN:
+                break
+            tried[one] = refused[one] = True
+            one = _next(net, state, free_s, manner[0], entries, tried)
         if one < 0:
             free_s[0] = np.nan
             break
         first = net.base[one] + state[one]
-        left -= int(entries[one, 0])
+        left -= length
         gates, written = _enter(
-            net, state, begun_s, free_s, margins[0], refused, refused_for, one, entries[one], gates, written
+            net, state, begun_s, free_s, margins[0], refused, refused_for, one, longer, gates, written
         )
-        _came_by(net, state, one, first, net.base[one] + state[one], unsafe)
+        _came_by(net, state, one, first, first + length, unsafe)
         for other in range(count):
             if other == one or refused[other] or concerned[other, one]:
                 known[other] = False

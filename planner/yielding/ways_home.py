@@ -65,7 +65,7 @@ def tenths(x: float) -> int:
 
 
 @compiled
-def first_row(at, start, end, place) -> int:  # type: ignore[no-untyped-def]
+def first_row(at, start, end, place):  # type: ignore[no-untyped-def]
     """The first of the rows from `start` to `end` that is about `place` or a later one."""
     while start < end:
         middle = (start + end) // 2
@@ -73,7 +73,7 @@ def first_row(at, start, end, place) -> int:  # type: ignore[no-untyped-def]
             start = middle + 1
         else:
             end = middle
-    return start  # type: ignore[no-any-return]
+    return start
 
 
 @compiled
@@ -108,28 +108,28 @@ def last_waits(base, owner, start, at):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def harmless(net, one, state) -> bool:  # type: ignore[no-untyped-def]
+def harmless(net, one, state):  # type: ignore[no-untyped-def]
     """Whether a tractor stands where nobody else comes by any more."""
     place = net.base[one] + state[one]
+    free = True
     for other in range(len(state)):
-        if net.last_pass[place, other] >= state[other]:
-            return False
-    return True
+        free = free and net.last_pass[place, other] < state[other]
+    return free
 
 
 @compiled
-def _needs(net, state, one, other) -> bool:  # type: ignore[no-untyped-def]
+def _needs(net, state, one, other):  # type: ignore[no-untyped-def]
     """Whether a tractor can go home in one go only after another has."""
     base = net.base
     if net.last_pass[base[other] + state[other], one] >= state[one]:
         return True
     if net.last_wait[base[one] + state[one], other] >= state[other]:
         return True
-    return net.last_pass[base[one + 1] - 1, other] >= state[other]  # type: ignore[no-any-return]
+    return net.last_pass[base[one + 1] - 1, other] >= state[other]
 
 
 @compiled
-def one_by_one(net, state) -> bool:  # type: ignore[no-untyped-def]
+def one_by_one(net, state):  # type: ignore[no-untyped-def]
     """Whether each can go home in one go, in some order."""
     count = len(state)
     home = np.empty(count, dtype=np.bool_)
@@ -161,17 +161,17 @@ def one_by_one(net, state) -> bool:  # type: ignore[no-untyped-def]
                     ready[some] = one
                     some += 1
                     left -= 1
-    return left == 0  # type: ignore[no-any-return]
+    return left == 0
 
 
 @compiled
-def _reach(net, state, one) -> int:  # type: ignore[no-untyped-def]
+def _reach(net, state, one):  # type: ignore[no-untyped-def]
     """How far a tractor can go while all others stand, at most to where it waits by plan."""
     base, place = net.base, net.base[one] + state[one]
     for row in range(net.waits_start[place], net.waits_start[place + 1]):
         other = net.owner[net.waits_at[row]]
         if state[other] <= net.waits_at[row] - base[other]:
-            return state[one]  # type: ignore[no-any-return]
+            return state[one]
     until = base[one] + net.bound[place]
     for other in range(len(state)):
         stood = base[other] + state[other]
@@ -181,11 +181,11 @@ def _reach(net, state, one) -> int:  # type: ignore[no-untyped-def]
         row = first_row(net.stands_at, net.stands_start[stood], end, place)
         if row < end:
             until = min(until, net.stands_at[row])
-    return until - base[one]  # type: ignore[no-any-return]
+    return until - base[one]
 
 
 @compiled
-def _blocks(net, state, one, hold) -> bool:  # type: ignore[no-untyped-def]
+def _blocks(net, state, one, hold):  # type: ignore[no-untyped-def]
     """Whether a tractor at a hold point stands in the way of what another does before it waits for anybody."""
     place = net.base[one] + hold
     for row in range(net.stands_start[place], net.stands_start[place + 1]):
@@ -197,19 +197,19 @@ def _blocks(net, state, one, hold) -> bool:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _sooner(move, begins_s, harm, when, one, hold) -> bool:  # type: ignore[no-untyped-def]
+def _sooner(move, begins_s, harm, when, one, hold):  # type: ignore[no-untyped-def]
     """Whether a move is to be tried before another one."""
     if move[0] != harm:
-        return move[0] < harm  # type: ignore[no-any-return]
+        return move[0] < harm
     if begins_s != when:
-        return begins_s < when  # type: ignore[no-any-return]
+        return begins_s < when
     if move[1] != one:
-        return move[1] < one  # type: ignore[no-any-return]
-    return move[2] < hold  # type: ignore[no-any-return]
+        return move[1] < one
+    return move[2] < hold
 
 
 @compiled
-def _sorted_in(moves, when, count, harm, one, hold, begins_s) -> int:  # type: ignore[no-untyped-def]
+def _sorted_in(moves, when, count, harm, one, hold, begins_s):  # type: ignore[no-untyped-def]
     """Write a move before those that are to be tried sooner; returns how many there are now."""
     row = count
     while row > 0 and _sooner(moves[row - 1], when[row - 1], harm, begins_s, one, hold):
@@ -217,12 +217,12 @@ def _sorted_in(moves, when, count, harm, one, hold, begins_s) -> int:  # type: i
         when[row] = when[row - 1]
         row -= 1
     moves[row, 0], moves[row, 1], moves[row, 2], when[row] = harm, one, hold, begins_s
-    return count + 1  # type: ignore[no-any-return]
+    return count + 1
 
 
 @compiled
-def _for_good(net, state, one, reach) -> int:  # type: ignore[no-untyped-def]
-    """The farthest hold point up to `reach` by which nobody else comes any more; where the tractor is if there is none."""
+def _for_good(net, state, one, reach):  # type: ignore[no-untyped-def]
+    """The farthest hold point up to `reach` by which nobody else comes any more; else where it is."""
     for hold in range(reach, state[one], -1):
         free = True
         for other in range(len(state)):
@@ -231,11 +231,11 @@ def _for_good(net, state, one, reach) -> int:  # type: ignore[no-untyped-def]
                 break
         if free:
             return hold
-    return state[one]  # type: ignore[no-any-return]
+    return state[one]
 
 
 @compiled
-def _moves(net, state, deep, moves, when) -> int:  # type: ignore[no-untyped-def]
+def _moves(net, state, deep, moves, when):  # type: ignore[no-untyped-def]
     """Number of the moves that may be done next, the best last: rows (blocks, tractor, hold point), when they begin.
 
     A tractor goes on to where it waits for others by plan, or else as far as it does not stand in the way of what
@@ -251,7 +251,7 @@ def _moves(net, state, deep, moves, when) -> int:  # type: ignore[no-untyped-def
             continue
         hold = _for_good(net, state, one, reach) if deep else state[one]
         if hold > state[one]:
-            return _sorted_in(moves, when, no_harm, no_harm, one, hold, net.begins_s[place])  # type: ignore[no-any-return]
+            return _sorted_in(moves, when, no_harm, no_harm, one, hold, net.begins_s[place])
         reach -= 1 if deep and reach == home else 0
         hold = reach
         while hold > state[one] and _blocks(net, state, one, hold):
@@ -264,7 +264,7 @@ def _moves(net, state, deep, moves, when) -> int:  # type: ignore[no-untyped-def
 
 
 @compiled
-def _new(states, slots, count) -> bool:  # type: ignore[no-untyped-def]
+def _new(states, slots, count):  # type: ignore[no-untyped-def]
     """Whether state number `count` is none of those before it; it is noted in the table of `slots` then."""
     code = np.uint64(1469598103934665603)
     for one in range(states.shape[1]):
@@ -282,7 +282,7 @@ def _new(states, slots, count) -> bool:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _driven(net, state) -> int:  # type: ignore[no-untyped-def]
+def _driven(net, state):  # type: ignore[no-untyped-def]
     """What a fleet has behind it, in tenths of a second of driving."""
     total = 0.0
     for one in range(len(state)):
@@ -291,13 +291,13 @@ def _driven(net, state) -> int:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def most_states(count, deep) -> int:  # type: ignore[no-untyped-def]
-    """How many states are looked at for a fleet of so many: when deep, more where each has more moves to choose from."""
-    return MOST_STATES * (1 + count * count // 50 if deep else 1)  # type: ignore[no-any-return]
+def most_states(count, deep):  # type: ignore[no-untyped-def]
+    """How many states are looked at for a fleet; when deep, the more the more moves there are to choose from."""
+    return MOST_STATES * (1 + count * count // 50 if deep else 1)
 
 
 @compiled
-def by_turns(net, start, deep, reached) -> bool:  # type: ignore[no-untyped-def]
+def by_turns(net, start, deep, reached):  # type: ignore[no-untyped-def]
     """Whether an order of moves in which all get home is found; `reached` becomes the farthest on that was found."""
     count = len(start)
     most = most_states(count, deep)
@@ -331,9 +331,3 @@ def by_turns(net, start, deep, reached) -> bool:  # type: ignore[no-untyped-def]
                 some += 1
                 seen += 1
     return False
-
-
-@compiled
-def safe(net, state, deep) -> bool:  # type: ignore[no-untyped-def]
-    """Whether an order is found in which all get home from where they stand, one moving at a time."""
-    return one_by_one(net, state) or by_turns(net, state, deep, np.empty(len(state), dtype=np.int64))

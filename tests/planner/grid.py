@@ -1,0 +1,116 @@
+"""Courses drawn by hand, and traffic on a grid of cells in which only one tractor may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from planner.yielding.courses import Course
+from planner.yielding.crossings import Crossings, crossings_of
+from planner.yielding.right_of_way import Timetable
+from vehicle.compile import compile_model
+from vehicle.meetings import poses_of
+from vehicle.missions import Gate, Leg, Mission, Plan
+from vehicle.tractor import Implement, load_tractor
+
+TRACTOR, IMPLEMENT = load_tractor("eg105"), Implement()
+MODELS = np.array([compile_model(TRACTOR, IMPLEMENT)])
+APART_M = 0.05
+
+
+def course(places: Sequence[tuple[float, float, float]], holds: Sequence[int], every_s: float) -> Course:
+    """A course over poses (x, y, angle), one after another in so many seconds and metres, with hold points at some."""
+    numbers = np.arange(len(places))
+    seconds = np.array([every_s * number for number in range(len(places))])
+    leg = np.clip(np.searchsorted(holds, numbers, "right") - 1, 0, len(holds) - 2)
+    begins = np.asarray(holds)[leg]
+    return Course(
+        poses_of(np.array(places, dtype=float)), seconds, leg, seconds - seconds[begins], tuple(holds),
+        tuple(range(len(holds))),
+    )  # fmt: skip
+
+
+def plan_on(courses: Sequence[Course], gates: dict[tuple[int, int], list[Gate]] | None = None) -> Plan:
+    """A plan with one leg per stretch of every course, each as long as it lasts, and these gates."""
+    missions = []
+    for one, each in enumerate(courses):
+        legs = [
+            Leg(np.array([[0.0, 0.0], [each.lasts_s(number), 0.0]]), 1.0, may_wait=True,
+                gates=tuple((gates or {}).get((one, number), ())))
+            for number in range(each.stretches)
+        ]  # fmt: skip
+        missions.append(Mission(tuple(legs)))
+    return Plan(tuple(missions))
+
+
+def straight(x: float, y: float, angle: float, metres: int, holds: Sequence[int]) -> Course:
+    ahead = math.cos(angle), math.sin(angle)
+    return course([(x + n * ahead[0], y + n * ahead[1], angle) for n in range(metres + 1)], holds, 1.0)
+
+
+def crossings(courses: Sequence[Course], gated: dict[int, set[int]] | None = None) -> Crossings:
+    return crossings_of(courses, MODELS, APART_M, APART_M, [(gated or {}).get(n, set()) for n in range(len(courses))])
+
+
+@dataclass
+class Cells:
+    """Tractors that drive from cell to cell of a grid of 30 m, 10 s each; only one may be in a cell."""
+
+    cells: list[list[int]]
+    holds: list[list[int]]
+
+    def courses(self) -> list[Course]:
+        return [
+            course([(30.0 * (cell % 4), 30.0 * (cell // 4), 0.0) for cell in own], holds, 10.0)
+            for own, holds in zip(self.cells, self.holds, strict=True)
+        ]
+
+    def serial(self) -> bool:
+        """Whether all get home one after another in some order, looked for in all of them."""
+        return any(self._works(order) for order in permutations(range(len(self.cells))))
+
+    def _works(self, order: Sequence[int]) -> bool:
+        at = [own[0] for own in self.cells]
+        for one in order:
+            if set(self.cells[one]) & {cell for other, cell in enumerate(at) if other != one}:
+                return False
+            at[one] = self.cells[one][-1]
+        return True
+
+    def taken(self, one: int, table: Timetable) -> list[tuple[float, float, int]]:
+        """From when to when a tractor is in which cell by a timetable."""
+        spans, own, holds = [], self.cells[one], self.holds[one]
+        at_s, arrived = 0.0, 0.0
+        for place, cell in enumerate(own):
+            if place in holds[:-1]:
+                begin = table.begins_s[one][holds.index(place)]
+                at_s = max(at_s, begin)
+            until = at_s + 10.0 if place < len(own) - 1 else math.inf
+            spans.append((arrived, until, cell))
+            at_s = arrived = until
+        return spans
+
+
+@st.composite
+def traffic(draw: Any) -> Cells:
+    """Two to four tractors on a grid of four by four, each with some hold points on its way."""
+    cells, holds = [], []
+    starts = draw(st.permutations(range(16)))
+    for one in range(draw(st.integers(2, 4))):
+        way = [starts[one]]
+        for _ in range(draw(st.integers(2, 6))):
+            way.append(draw(st.sampled_from([cell for cell in range(16) if cell != way[-1]])))
+        inner = draw(st.sets(st.integers(1, len(way) - 2))) if len(way) > 2 else set()
+        cells.append(way)
+        holds.append([0, *sorted(inner), len(way) - 1])
+    return Cells(cells, holds)
+
+
+def all_hold_points(courses: list[Course]) -> Crossings:
+    return crossings(courses, {n: set(range(each.stretches)) for n, each in enumerate(courses)})
