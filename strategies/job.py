@@ -67,8 +67,9 @@ class Job:
     tracks that can keep to the headland, however longer it is. `around` has the passes that are bent round small
     obstacles. No way leads over a fence or an obstacle (`fence`) as long as one of the `careful` finders knows another.
     Ways once worked out are kept in `ways`, as strategies ask for the same ones, and `tables` of turns
-    (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared out, `formations`
-    the groups of tracks worked abreast; jobs of one site have these four in common. `used` counts turns driven by kind.
+    (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared out, `shifts` the
+    legs of such shares (headland.laps), `formations` the groups of tracks worked abreast; jobs of one site have these
+    in common. `used` counts turns driven by kind.
     """
 
     layout: Layout
@@ -88,6 +89,7 @@ class Job:
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     tables: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
     sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)
+    shifts: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formations: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
