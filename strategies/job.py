@@ -72,7 +72,8 @@ class Job:
     one of the `careful` finders knows another. Tractors come in and go out by the `gate`; without one they stand where
     work begins, and stay where it ends. Ways once worked out are kept in `ways`, as strategies ask for the same ones,
     `tables` of turns (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared
-    out, `formations` the groups of tracks worked abreast; jobs of one site have these four in common. `supply` is what
+    out, `shifts` the legs of such shares, `formations` the groups of tracks worked abreast; jobs of one site have these
+    in common. `supply` is what
     every tractor carries, None for nothing. `used` counts turns driven by kind.
     """
 
@@ -96,6 +97,7 @@ class Job:
     tables: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
     sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)
     supply: Supply | None = None
+    shifts: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formations: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 

@@ -50,8 +50,11 @@ def order_alone(job: Job, found: Grouping) -> list[Pass]:
     if not found.alone:
         return []
     before = leader_of(found.rounds[-1]).this
-    part = replace(job, layout=replace(job.layout, tracks=tuple(found.alone)))
-    return searched(found.alone, part, _After(part, found.alone, before)).order
+    key = "alone", before, tuple(found.alone)
+    if key not in job.formations:
+        part = replace(job, layout=replace(job.layout, tracks=tuple(found.alone)))
+        job.formations[key] = searched(found.alone, part, _After(part, found.alone, before), proven=False).order
+    return list(job.formations[key])
 
 
 def held_clear(job: Job, rounds: list[Round], order: list[Pass]) -> list[Round]:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise, product
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -60,7 +60,26 @@ class _Strip:
 
 
 def shift_of(job: Job, share: Sequence[Stretch]) -> Shift | None:
-    """The legs of a share; None where nothing of it can be driven.
+    """The legs of a share, written once for all jobs of a site; None where nothing of it can be driven."""
+    laps = tuple((lap.number, lap.ring, len(lap.sides)) for lap in job.rounds)
+    key = laps, tuple(_named(stretch) for stretch in share)
+    if key not in job.shifts:
+        own = replace(job, used={})
+        job.shifts[key] = _shift_of(own, share), own.used
+    shift, used = job.shifts[key]
+    for kind, count in used.items():
+        job.used[kind] = job.used.get(kind, 0) + count
+    return shift  # type: ignore[no-any-return]
+
+
+def _named(stretch: Stretch) -> tuple[Any, ...]:
+    """What tells a stretch from all others of a site, driven the other way as well."""
+    first, last = stretch.lap.sides[stretch.side].points[[0, -1]].tolist()
+    return stretch.lap.number, stretch.lap.ring, stretch.side, stretch.first_m, stretch.last_m, *first, *last
+
+
+def _shift_of(job: Job, share: Sequence[Stretch]) -> Shift | None:
+    """As `shift_of`.
 
     Where no way leads on from a side, a short one of the two that it would join is left out; where both are long, the
     tractor goes on by any way there is, however near the edge of the field, and else leaves the next one out.

@@ -181,11 +181,14 @@ class Searched:
     gap_pct: float
 
 
-def searched(share: list[Track], job: Job, table: TurnTable, *, roughly: bool = False) -> Searched:
+def searched(
+    share: list[Track], job: Job, table: TurnTable, *, roughly: bool = False, proven: bool = True
+) -> Searched:
     """The quickest order through some tracks by the ways that would be driven.
 
     `table` is that of all tracks of the layout. The search begins with the patterns in use and improves them
     (strategies.orders.tours). `roughly` is for comparing layouts: long ways are estimated, and the search ends early.
+    Without `proven` no circuit model says how good it is.
     """
     place = {track: index for index, track in enumerate(job.layout.tracks)}
     starts = [
@@ -193,7 +196,7 @@ def searched(share: list[Track], job: Job, table: TurnTable, *, roughly: bool = 
         for jump, corner in product(jumps(job), CORNERS)
     ]
     distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]
-    best = table.best([place[track] for track in share], distinct, roughly=roughly)
+    best = table.best([place[track] for track in share], distinct, roughly=roughly, proven=proven)
     work = sum(track.length for track in share) / job.manner.work_speed_mps
     return Searched([table.passes[p] for p in best.passes.tolist()], work + best.seconds, best.gap_pct)
 

@@ -112,11 +112,13 @@ class TurnTable:
         self._ends_known |= missing
         return bool(missing)
 
-    def best(self, members: list[int], starts: list[list[int]], seed: int = 1, *, roughly: bool = False) -> Tour:
+    def best(
+        self, members: list[int], starts: list[list[int]], seed: int = 1, *, roughly: bool = False, proven: bool = True
+    ) -> Tour:
         """The best order through some of the tracks, in passes of this table.
 
         `members` are their places in the table; `starts` orders of these to search from. `roughly` leaves estimates
-        as they are and the order where no move helps.
+        as they are and the order where no move helps; without `proven` the circuit model is left out.
         """
         rows = np.array([2 * track + way for track in members for way in (0, 1)])
         place = {track: index for index, track in enumerate(members)}
@@ -125,10 +127,10 @@ class TurnTable:
         if roughly:
             best = tour(self.seconds[np.ix_(rows, rows)], first, last, inner, seed, kicked=False)
             return Tour(rows[best.passes], best.seconds, best.bound_s)
-        for kicked, proven in EFFORTS[: 3 if len(members) <= MOST_PROVEN else 2]:
+        for kicked, proof in EFFORTS[: 3 if proven and len(members) <= MOST_PROVEN else 2]:
             for _ in range(MOST_ROUNDS):
                 turns = self.seconds[np.ix_(rows, rows)]
-                best = tour(turns, first, last, inner, seed, kicked=kicked, proven=proven)
+                best = tour(turns, first, last, inner, seed, kicked=kicked, proven=proof)
                 inner = [(best.passes // 2).tolist()]
                 order = rows[best.passes].tolist()
                 if not self.work_out(order) | self.work_out_ends(order):
