@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from fields.layout import Layout
+from planner.candidates.beaten import Beaten, Rival, beaten, result_of, surely
 from planner.candidates.choosing import promising
 from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.slowing import cures, promised_m, slowed
@@ -24,6 +26,7 @@ from planner.yielding.deconflict import GiveWay, without_conflicts
 from planner.yielding.giving_way import Rules, giving_way
 from reports.results import PlanResult
 from strategies.errors import StrategyError
+from strategies.formations.grouping import Corner
 from strategies.formations.promise import corners_by_promise
 from strategies.job import Job
 from strategies.record import Refined, Simulate, Strategy
@@ -74,13 +77,18 @@ def evaluate(site: Site, candidate: Candidate) -> PlanResult:
     return simulated(site, candidate).result
 
 
-def simulated(site: Site, candidate: Candidate) -> Evaluation:
-    """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason."""
+def simulated(site: Site, candidate: Candidate, rival: Rival | None = None) -> Evaluation:
+    """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason.
+
+    One that is found to be no match for a rival when it has been refined is not driven any farther.
+    """
     try:
-        tried = run_candidate(site, candidate)
+        tried = _tried(site, candidate, rival)
     except StrategyError as refusal:
         turn = site.scenario.turn
         return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
+    if isinstance(tried, Beaten):
+        return Evaluation(result_of(tried, site, candidate.strategy, candidate.tractors), None)
     result, area_ha = _measured(site, candidate, tried), site.layout.field.area_ha
     return Evaluation(
         with_outlook(result, tried.run, site.tractor, site.implement, area_ha, site.stakes), tried.run
@@ -89,24 +97,31 @@ def simulated(site: Site, candidate: Candidate) -> Evaluation:
 
 def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
     """Build, simulate and repair one candidate; raises StrategyError where its strategy cannot work the field."""
+    tried = _tried(site, candidate, None)
+    assert isinstance(tried, CandidateRun)
+    return tried
+
+
+def _tried(site: Site, candidate: Candidate, rival: Rival | None) -> CandidateRun | Beaten:
+    """The run of a candidate, or how a rival beats it."""
     strategy = STRATEGIES[candidate.strategy]
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(site.job(candidate.tractors), jump=candidate.jump)
-    return _from_some_corner(site, strategy, job) if strategy.abreast else _run_job(site, strategy, job)
+    return (_from_some_corner if strategy.abreast else _run_job)(site, strategy, job, rival)
 
 
-def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+def _from_some_corner(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
     """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    for corner in sorted(corners_by_promise(job), key=lambda corner: corner != job.corner):
+    for corner in corners_of(job):
         try:
-            latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
+            latest = _run_job(site, strategy, replace(job, corner=corner, used={}), rival)
         except StrategyError as error:
             refusal = refusal or error
             continue
-        if latest.reason is None:
+        if isinstance(latest, Beaten) or latest.reason is None:
             return latest
         first = first or latest
     if first is None:
@@ -114,7 +129,14 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+def corners_of(job: Job) -> Iterator[Corner]:
+    """The corner at the entrance, then the others, the most promising first; that is found out only where it counts."""
+    if job.corner is not None:
+        yield job.corner
+    yield from (corner for corner in corners_by_promise(job) if corner != job.corner)
+
+
+def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
     rehearsal = Rehearsal(
         site.tractor, site.implement, stop_clearance_m=site.scenario.clearance_m,
         beside_clearance_m=beside_clearance_m(site), position_errors=site.position_errors, seed=site.scenario.seed,
@@ -132,6 +154,10 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
+        if rival and strategy.refine and not first:
+            found = beaten(site, [each.plan for each in choices], rival)
+            if found is not None and surely(found):
+                return found
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
         driven = [each for each in runs if each.reason is None]
         if driven:
