@@ -103,7 +103,12 @@ class Site:
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: without what was worked out here."""
-        return {name: value for name, value in self.__dict__.items() if name != "_first"}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_first", "turns_tried")}
+
+    @cached_property
+    def turns_tried(self) -> dict[bytes, float | None]:
+        """How far off (m) a tractor comes out of turns tried alone, by what they are; None for not at all."""
+        return {}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""

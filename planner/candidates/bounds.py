@@ -8,18 +8,23 @@ plan, it is not done sooner.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from vehicle.compile import compile_model
 from vehicle.control import ARRIVED_M
 from vehicle.missions import Gate, Leg, Mission, Plan
+from vehicle.run import DONE, Run
 from vehicle.tractor import Implement, Tractor
 
 ASIDE_M = 0.05  # so far inside a bend guidance may be
 LATE_S = 0.4  # looks of the controller, and what its speed runs behind
+NEAR_M = 1.0  # on a leg: the antenna may be so much farther than the middle of the tractor has been driven
 AT_ONCE = 1e9  # m/s2
 
 
@@ -128,13 +133,45 @@ def _saved_m(leg: Leg, pace: Pace) -> float:
     return pace.bend_m * float(np.abs((turns + math.pi) % (2.0 * math.pi) - math.pi).sum())
 
 
+class _Way(Protocol):
+    """A leg that nobody is kept waiting on: seconds from the end of the one before to its end, or to a place on it."""
+
+    @property
+    def seconds(self) -> float: ...
+
+    def reached_s(self, metres: float) -> float: ...
+
+
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """A leg as it was driven alone: seconds in all, and metres driven at every row of the record, `step_s` apart."""
+
+    seconds: float
+    metres: npt.NDArray[np.float64]
+    step_s: float
+
+    def reached_s(self, metres: float) -> float:
+        """Seconds until so many metres are driven, or as good as driven."""
+        return min(float(np.searchsorted(self.metres, metres - NEAR_M)) * self.step_s, self.seconds)
+
+
+def _ways_of(mission: Mission, run: Run) -> list[_Driven]:
+    """The legs of a tractor as it drove them with nobody else on the field."""
+    at, end = run.leg(0), int(np.searchsorted(run.time_s, run.finish_s[0]))
+    rows = np.append(np.searchsorted(at[:end], np.arange(len(mission.legs))), end)
+    driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(run.poses(0)[:, :2], axis=0).T))))
+    step_s = float(run.time_s[1])
+    return [
+        _Driven(float(last - first) * step_s, driven[first:last] - driven[first], step_s)
+        for first, last in pairwise(rows.tolist())
+    ]
+
+
 class _Clock:
     """When each tractor begins its legs at the soonest (s): what is known so far."""
 
-    def __init__(self, plan: Plan, pace: Pace) -> None:
-        self.missions = plan.missions
-        self.ways = [_stretches(mission, pace) for mission in plan.missions]
-        self.saved_m = [[_saved_m(leg, pace) + pace.short_m for leg in mission.legs] for mission in plan.missions]
+    def __init__(self, plan: Plan, ways: Sequence[Sequence[_Way]], saved_m: Sequence[Sequence[float]]) -> None:
+        self.missions, self.ways, self.saved_m = plan.missions, ways, saved_m
         self.begun: list[list[float]] = [[] for _ in self.ways]
         self.free = [0.0] * len(self.ways)
 
@@ -167,12 +204,35 @@ def done_s(plan: Plan, pace: Pace = BARE) -> list[float]:
 
     Where tractors wait for each other and none can go on, what is driven until then counts.
     """
-    clock, moved = _Clock(plan, pace), True
+    saved_m = [[_saved_m(leg, pace) + pace.short_m for leg in mission.legs] for mission in plan.missions]
+    return _done_s(_Clock(plan, [_stretches(mission, pace) for mission in plan.missions], saved_m))
+
+
+def _done_s(clock: _Clock) -> list[float]:
+    moved = True
     while moved:
-        moved = sum(clock.advance(tractor) for tractor in range(plan.tractors)) > 0
+        moved = sum(clock.advance(tractor) for tractor in range(len(clock.free))) > 0
     return clock.free
 
 
 def least_s(plan: Plan, pace: Pace = BARE) -> float:
     """Seconds before which no run of the plan can be done."""
     return max(done_s(plan, pace))
+
+
+def alone_s(plan: Plan, alone: Callable[[Mission], Run]) -> float:
+    """Seconds that a plan takes where nobody waits but as its gates say, from what each tractor drives alone.
+
+    Whoever has to give way as well is not sooner. 0 where one does not get home even alone.
+    """
+    runs = [alone(mission) for mission in ungated(plan).missions]
+    if any(run.outcome != DONE for run in runs):
+        return 0.0
+    ways = [_ways_of(mission, run) for mission, run in zip(plan.missions, runs, strict=True)]
+    return max(_done_s(_Clock(plan, ways, [[0.0] * len(mission.legs) for mission in plan.missions])))
+
+
+def ungated(plan: Plan) -> Plan:
+    """The plan with nobody waiting for anybody."""
+    free = (tuple(replace(leg, gates=(), follow=None) for leg in mission.legs) for mission in plan.missions)
+    return Plan(tuple(Mission(legs) for legs in free), plan.notes)

@@ -10,7 +10,8 @@ import numpy as np
 
 from fields.layout import Layout
 from planner.candidates.beaten import Beaten, Rival, beaten, result_of, surely
-from planner.candidates.choosing import promising
+from planner.candidates.bounds import pace_of
+from planner.candidates.choosing import Limits, promising
 from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.slowing import cures, promised_m, slowed
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
@@ -22,6 +23,7 @@ from planner.ground.trampled import trampled_m2
 from planner.outlook import with_outlook
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import Site
+from planner.yielding.courses import Alone
 from planner.yielding.deconflict import GiveWay, without_conflicts
 from planner.yielding.giving_way import Rules, giving_way
 from reports.results import PlanResult
@@ -149,7 +151,9 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
         refine = strategy.refine
         return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
 
-    give_way = _give_way(site)
+    alone = _alone(site)
+    give_way = _give_way(site, alone)
+    limits = Limits(pace_of(site.tractor, site.implement, site.manner.radius_m), alone)
     refined, reached = built_within_reach(job, build)
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
@@ -158,7 +162,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
             found = beaten(site, [each.plan for each in choices], rival)
             if found is not None and surely(found):
                 return found
-        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
+        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way), limits)
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
@@ -167,8 +171,8 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     return first
 
 
-def _give_way(site: Site) -> GiveWay:
-    """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
+def _alone(site: Site) -> Alone:
+    """Drives one mission of this site alone; each tractor's own way once, however often it is asked for."""
     known: dict[tuple[int, ...], tuple[Mission, Run]] = {}
 
     def alone(mission: Mission) -> Run:
@@ -181,6 +185,11 @@ def _give_way(site: Site) -> GiveWay:
             known[key] = mission, world.run(max_time_s=_patience_s(Plan((mission,))))
         return known[key][1]
 
+    return alone
+
+
+def _give_way(site: Site, alone: Alone) -> GiveWay:
+    """Schedules plans of this site."""
     rules = Rules(site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone)
     return lambda plan, slack: giving_way(plan, rules, slack)
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from planner.candidates.beaten import Rival, beaten, result_of, surely
-from planner.candidates.bounds import least_s, pace_of
+from planner.candidates.bounds import least_s, pace_of, ungated
 from planner.candidates.evaluate import Candidate, corners_of
 from planner.candidates.headland import with_headland
 from planner.candidates.within_reach import built_within_reach
@@ -20,7 +20,7 @@ from strategies.errors import StrategyError
 from strategies.job import Job
 from strategies.record import Refined, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Mission, Plan
+from vehicle.missions import Plan
 
 WORTH_S = 1500.0  # of work in tracks: on smaller fields every plan is simulated, as that is quick
 
@@ -112,9 +112,3 @@ def _least(strategy: Strategy, job: Job) -> Plan:
     if strategy.refine is None:
         return strategy.build(job)
     return strategy.least(job) if strategy.least else ungated(strategy.build(job))
-
-
-def ungated(plan: Plan) -> Plan:
-    """The plan with nobody waiting for anybody."""
-    free = (tuple(replace(leg, gates=(), follow=None) for leg in mission.legs) for mission in plan.missions)
-    return Plan(tuple(Mission(legs) for legs in free), plan.notes)

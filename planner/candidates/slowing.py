@@ -7,6 +7,7 @@ simulated time where driving the whole plan again costs hours, and slowing makes
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from hashlib import blake2b
 
 import numpy as np
 import numpy.typing as npt
@@ -78,7 +79,24 @@ def _best(plan: Plan, slip: Slip, site: Site) -> tuple[float, float]:
 
 
 def _off(legs: list[Leg], site: Site) -> float | None:
-    """How far off a tractor is that drives these legs alone (m); None where it does not come through."""
+    """How far off a tractor is that drives these legs alone (m); None where it does not come through.
+
+    The same turn is driven once, whichever plans of a site have it.
+    """
+    key = _key(legs)
+    if key not in site.turns_tried:
+        site.turns_tried[key] = _driven_off(legs, site)
+    return site.turns_tried[key]
+
+
+def _key(legs: list[Leg]) -> bytes:
+    """All that decides how a tractor drives legs alone, in short."""
+    manner = [(len(leg.points), leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task) for leg in legs]
+    told = repr(manner).encode() + np.concatenate([leg.points for leg in legs]).tobytes()
+    return blake2b(told, digest_size=16).digest()
+
+
+def _driven_off(legs: list[Leg], site: Site) -> float | None:
     alone = Plan((Mission(tuple(replace(leg, gates=(), follow=None) for leg in legs)),))
     run = simulate(alone, site.tractor, site.implement, max_time_s=LONGEST_S)
     return worst_aside(slips(run, site)) if run.outcome == DONE else None

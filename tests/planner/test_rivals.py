@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from fields import Field
 from planner import SerialExecutor, plan
 from planner.candidates.beaten import Rival
-from planner.candidates.bounds import Pace, done_s, least_s, pace_of
-from planner.candidates.choosing import promising
-from planner.candidates.evaluate import Candidate, Evaluation, simulated
+from planner.candidates.bounds import Pace, alone_s, done_s, least_s, pace_of
+from planner.candidates.choosing import Limits, promising
+from planner.candidates.evaluate import Candidate, Evaluation, _alone, simulated
 from planner.candidates.rivals import hopeless, rivals, waves
 from planner.outlook import stakes_of
 from planner.scenario import Scenario
@@ -122,10 +122,25 @@ def rounds_of(metres: float) -> Refined:
 
 def test_only_choices_that_might_be_quicker_are_driven() -> None:
     quick, near, slow = rounds_of(2000.0), rounds_of(2060.0), rounds_of(2400.0)  # 1000, 1030 and 1200 s
-    driven = promising([slow, near, quick], lambda choice: Driven(choice, 20.0))
+    driven = promising([slow, near, quick], lambda choice: Driven(choice, 40.0))
     assert [one.run.plan for one in driven] == [quick.plan, near.plan]
+    driven = promising([slow, near, quick], lambda choice: Driven(choice, 20.0))  # in 1020 s
+    assert [one.run.plan for one in driven] == [quick.plan]
     refused = promising([slow, quick], lambda c: Driven(c, 20.0, "a reason" if c is quick else None))
     assert [one.reason for one in refused] == ["a reason", None]
+
+
+def test_who_drives_alone_is_not_later_than_among_others(
+    round_site: Site, driven_once: Callable[[str], Evaluation]
+) -> None:
+    for strategy in ("split-field", "row-by-row"):
+        run = driven_once(strategy).run
+        assert run is not None
+        pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
+        seconds = alone_s(run.plan, _alone(round_site))
+        assert least_s(run.plan, pace) < seconds < run.duration_s + 1.0
+        limits = Limits(pace, _alone(round_site))
+        assert limits.beaten(run.plan, seconds - 1.0) and not limits.beaten(run.plan, seconds + 1.0)
 
 
 def test_one_strategy_comes_before_the_others_save_on_small_fields(small_site: Site) -> None:
