@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from planner.candidates.bounds import done_s, pace_of
+from planner.candidates.bounds import CLOSE, alone_s, done_s, pace_of
 from planner.site import Site
 from reports.results import PlanResult
-from vehicle.missions import Plan
+from vehicle.missions import Mission, Plan
+from vehicle.run import Run
 
 SURE = 1.1  # times the rival: what takes longer from one corner is not looked at from the others
 
@@ -34,19 +35,25 @@ class Beaten:
     rival: Rival
 
 
-def beaten(site: Site, plans: Sequence[Plan], rival: Rival) -> Beaten | None:
+def beaten(
+    site: Site, plans: Sequence[Plan], rival: Rival, alone: Callable[[Mission], Run] | None = None
+) -> Beaten | None:
     """The plans as beaten by a rival, None where one of them might win.
 
-    Where chance and money decide, all tractors together must take longer as well.
+    What each tractor drives `alone` is found out where the pace of the tractors nearly decides. Where chance and money
+    decide, all tractors together must take longer as well.
     """
     pace = pace_of(site.tractor, site.implement, site.manner.radius_m)
     decided = site.stakes is not None and site.stakes.decides
     least = math.inf
     for plan in plans:
         done = done_s(plan, pace)
-        if max(done) <= rival.seconds or (decided and math.fsum(done) < rival.tractor_s):
+        seconds = max(done)
+        if alone is not None and plan.tractors > 1 and CLOSE * rival.seconds <= seconds <= rival.seconds:
+            seconds = max(seconds, alone_s(plan, alone))
+        if seconds <= rival.seconds or (decided and math.fsum(done) < rival.tractor_s):
             return None
-        least = min(least, max(done))
+        least = min(least, seconds)
     return Beaten(least, rival) if plans else None
 
 

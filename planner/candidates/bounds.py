@@ -25,6 +25,8 @@ from vehicle.tractor import Implement, Tractor
 ASIDE_M = 0.05  # so far inside a bend guidance may be
 LATE_S = 0.4  # looks of the controller, and what its speed runs behind
 NEAR_M = 1.0  # on a leg: the antenna may be so much farther than the middle of the tractor has been driven
+OTHERWISE = 0.999
+CLOSE = 0.96  # of what is driven: bounds of a pace come nearer to it
 AT_ONCE = 1e9  # m/s2
 
 
@@ -223,13 +225,14 @@ def least_s(plan: Plan, pace: Pace = BARE) -> float:
 def alone_s(plan: Plan, alone: Callable[[Mission], Run]) -> float:
     """Seconds that a plan takes where nobody waits but as its gates say, from what each tractor drives alone.
 
-    Whoever has to give way as well is not sooner. 0 where one does not get home even alone.
+    Whoever has to give way as well is not sooner by more than a thousandth, as it may come out of a turn otherwise.
+    0 where one does not get home even alone.
     """
     runs = [alone(mission) for mission in ungated(plan).missions]
     if any(run.outcome != DONE for run in runs):
         return 0.0
     ways = [_ways_of(mission, run) for mission, run in zip(plan.missions, runs, strict=True)]
-    return max(_done_s(_Clock(plan, ways, [[0.0] * len(mission.legs) for mission in plan.missions])))
+    return OTHERWISE * max(_done_s(_Clock(plan, ways, [[0.0] * len(mission.legs) for mission in plan.missions])))
 
 
 def ungated(plan: Plan) -> Plan:

@@ -7,13 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from planner.candidates.bounds import BARE, Pace, alone_s, least_s
+from planner.candidates.bounds import BARE, CLOSE, Pace, alone_s, least_s
 from strategies.record import Refined
 from vehicle.missions import ROUND, Mission, Plan
 from vehicle.run import Run
 
 UNSURE, UNSURE_S = 0.05, 15.0  # by so much of the rounds, and so many seconds, least times may err between two orders
-CLOSE = 0.96  # of what was driven: least times of a pace come no nearer to it
 
 
 class Tried(Protocol):

@@ -82,7 +82,7 @@ def evaluate(site: Site, candidate: Candidate) -> PlanResult:
 def simulated(site: Site, candidate: Candidate, rival: Rival | None = None) -> Evaluation:
     """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason.
 
-    One that is found to be no match for a rival when it has been refined is not driven any farther.
+    One that is found to be no match for a rival when its plans are written is not driven.
     """
     try:
         tried = _tried(site, candidate, rival)
@@ -158,9 +158,9 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
     for choices in with_headland(site, job, refined):
-        if rival and strategy.refine and not first:
-            found = beaten(site, [each.plan for each in choices], rival)
-            if found is not None and surely(found):
+        if rival and not first:
+            found = beaten(site, [each.plan for each in choices], rival, alone)
+            if found is not None and (surely(found) or not strategy.abreast):
                 return found
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way), limits)
         driven = [each for each in runs if each.reason is None]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fields import Field
 from planner import SerialExecutor, plan
-from planner.candidates.beaten import Rival
+from planner.candidates.beaten import Beaten, Rival, beaten
 from planner.candidates.bounds import Pace, alone_s, done_s, least_s, pace_of
 from planner.candidates.choosing import Limits, promising
 from planner.candidates.evaluate import Candidate, Evaluation, _alone, simulated
@@ -138,9 +138,13 @@ def test_who_drives_alone_is_not_later_than_among_others(
         assert run is not None
         pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
         seconds = alone_s(run.plan, _alone(round_site))
-        assert least_s(run.plan, pace) < seconds < run.duration_s + 1.0
+        assert least_s(run.plan, pace) < seconds < run.duration_s
         limits = Limits(pace, _alone(round_site))
         assert limits.beaten(run.plan, seconds - 1.0) and not limits.beaten(run.plan, seconds + 1.0)
+        rival = Rival("another", seconds - 1.0)
+        assert beaten(round_site, [run.plan], rival, _alone(round_site)) == Beaten(seconds, rival)
+        assert beaten(round_site, [run.plan], rival) is None
+        assert beaten(round_site, [run.plan], Rival("another", seconds + 1.0), _alone(round_site)) is None
 
 
 def test_one_strategy_comes_before_the_others_save_on_small_fields(small_site: Site) -> None:
@@ -166,10 +170,10 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
 ) -> None:
     driven = driven_once(strategy).result.time_s
     assert driven is not None
-    beaten = hopeless(round_site, Candidate(strategy, 2), Rival("split-field", 0.5 * driven))
-    assert beaten is not None and beaten.bound_s is not None and not beaten.feasible
-    assert 0.8 * driven < beaten.bound_s < driven
-    assert beaten.reason == f"cannot win: at least {beaten.bound_s:.0f} s, split-field takes {0.5 * driven:.0f} s"
+    told = hopeless(round_site, Candidate(strategy, 2), Rival("split-field", 0.5 * driven))
+    assert told is not None and told.bound_s is not None and not told.feasible
+    assert 0.8 * driven < told.bound_s < driven
+    assert told.reason == f"cannot win: at least {told.bound_s:.0f} s, split-field takes {0.5 * driven:.0f} s"
     assert hopeless(round_site, Candidate(strategy, 2), Rival("split-field", driven)) is None
     assert hopeless(round_site, Candidate(strategy, 2), None) is None
 
@@ -177,9 +181,9 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
 def test_what_is_refined_is_compared_once_more(round_site: Site, driven_once: Callable[[str], Evaluation]) -> None:
     candidate = Candidate("row-by-row", 2)
     driven = driven_once("row-by-row")
-    beaten = simulated(round_site, candidate, Rival("split-field", 0.8 * (driven.result.time_s or 0.0)))
-    assert beaten.run is None and beaten.result.bound_s is not None
-    assert beaten.result.bound_s < (driven.result.time_s or 0.0)
+    told = simulated(round_site, candidate, Rival("split-field", 0.8 * (driven.result.time_s or 0.0)))
+    assert told.run is None and told.result.bound_s is not None
+    assert told.result.bound_s < (driven.result.time_s or 0.0)
     near = simulated(round_site, candidate, Rival("split-field", 0.999 * (driven.result.time_s or 0.0)))
     assert near.result == driven.result
 
