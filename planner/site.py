@@ -52,7 +52,7 @@ SMALL = 4.0  # working widths across: smaller obstacles are driven round in the 
 SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, planned ways leave to guidance
 SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
-_WORKED_OUT = ("_first", "driven", "gate", "roomier")
+_WORKED_OUT = ("_first", "driven", "gate", "roomier", "turns_tried")
 GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 WIDER = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well
@@ -143,6 +143,11 @@ class Site:
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: without what was worked out here."""
         return {name: value for name, value in self.__dict__.items() if name not in _WORKED_OUT}
+
+    @cached_property
+    def turns_tried(self) -> dict[bytes, float | None]:
+        """How far off (m) a tractor comes out of turns tried alone, by what they are; None for not at all."""
+        return {}
 
     def _fence(self) -> tuple[Fence | None, tuple[Connector, ...]]:
         """What ways keep off, and a finder of ways driven forwards, whose nose comes to no fence where others' does."""

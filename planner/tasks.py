@@ -6,12 +6,12 @@ import pickle
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
-from functools import lru_cache
-from threading import get_ident
+from threading import current_thread
 from typing import Any
 
+from planner.candidates.beaten import Rival
 from planner.candidates.evaluate import Candidate, simulated
-from planner.candidates.rivals import Rival, hopeless
+from planner.candidates.rivals import hopeless
 from planner.drive import picture
 from planner.errors import WorkerError, named
 from planner.pool import completed
@@ -19,6 +19,7 @@ from planner.site import Site
 from reports.results import Drive, PlanResult
 from vehicle.run import DONE, Run
 
+KEPT = "headland_site"  # what a thread keeps its site as
 Progress = Callable[[int, int], None]
 LOST = (
     "A process that was planning is gone or could not be started, perhaps for want of memory; use fewer "
@@ -42,22 +43,28 @@ def pack(site: Site) -> bytes:
 
 def work_out(packed: bytes, candidate: Candidate, pictures: bool = False, rival: Rival | None = None) -> Outcome:
     """Evaluate a candidate on a packed site, unless it cannot win against a rival."""
-    site = _unpacked(packed, get_ident())
-    beaten = hopeless(site, candidate, rival)
-    if beaten is not None:
-        return Outcome(beaten)
-    one = simulated(site, candidate)
+    site = _unpacked(packed)
+    behind = hopeless(site, candidate, rival)
+    if behind is not None:
+        return Outcome(behind)
+    one = simulated(site, candidate, rival)
     result, run = one.result, one.run
     if run is None or run.outcome != DONE:
         return Outcome(result)
     return Outcome(result, run if result.feasible else None, picture(site, run, result) if pictures else None)
 
 
-@lru_cache(maxsize=2)
-def _unpacked(packed: bytes, _thread: int) -> Site:
-    """A site unpacked, once for the tasks of a thread that follow each other: ways found for one serve the next."""
-    site: Site = pickle.loads(packed)
-    return site
+def _unpacked(packed: bytes) -> Site:
+    """A site unpacked, once for the tasks that a worker does one after another: ways found for one serve the next.
+
+    The thread that works on it keeps it, for as long as it lives or until it is given another one.
+    """
+    worker: Any = current_thread()
+    kept: tuple[bytes, Site] | None = getattr(worker, KEPT, None)
+    if kept is None or kept[0] != packed:
+        kept = packed, pickle.loads(packed)
+        setattr(worker, KEPT, kept)
+    return kept[1]
 
 
 def outcomes(

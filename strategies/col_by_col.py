@@ -45,4 +45,5 @@ STRATEGY = Strategy(
     abreast=True,
     refine=_driven,
     most_repairs=FORMATION_REPAIRS,
+    least=lambda job: col_by_col(job).plan,
 )

@@ -37,6 +37,7 @@ class Strategy:
     field cannot be worked this way with this fleet. `abreast` tells whether tractors work neighbouring tracks side by
     side in rounds, which depends on the corner they begin at, or each has tracks of its own. `takes_jump` tells
     whether `build` heeds `Job.jump`. Where tractors meet, the plan is mended at most `most_repairs` times.
+    `least` writes the plan that `refine` begins from, with the waiting that it never takes back: for a bound.
     """
 
     name: str
@@ -46,3 +47,4 @@ class Strategy:
     refine: Refine | None = None
     takes_jump: bool = False
     most_repairs: int = MOST_REPAIRS
+    least: Callable[[Job], Plan] | None = None

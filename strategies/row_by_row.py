@@ -41,4 +41,5 @@ STRATEGY = Strategy(
     abreast=True,
     refine=_driven,
     most_repairs=FORMATION_REPAIRS,
+    least=lambda job: row_by_row(job).plan,
 )

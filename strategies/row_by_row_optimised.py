@@ -142,4 +142,5 @@ STRATEGY = Strategy(
     abreast=True,
     refine=optimised,
     most_repairs=FORMATION_REPAIRS,
+    least=lambda job: row_by_row_timed(job, {}).plan,
 )

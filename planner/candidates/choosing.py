@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from planner.candidates.bounds import least_s
+from planner.candidates.bounds import BARE, CLOSE, Pace, alone_s, least_s
 from strategies.record import Refined
-from vehicle.missions import ROUND, Plan
+from vehicle.missions import ROUND, Mission, Plan
 from vehicle.run import Run
 
 UNSURE, UNSURE_S = 0.05, 15.0  # by so much of the rounds, and so many seconds, least times may err between two orders
@@ -27,21 +28,45 @@ class Tried(Protocol):
 T = TypeVar("T", bound=Tried)
 
 
-def promising(choices: Sequence[Refined], drive: Callable[[Refined], T]) -> list[T]:
+@dataclass(frozen=True)
+class Limits:
+    """What is known of how long plans take: a tractor's pace, and how one is driven `alone`."""
+
+    pace: Pace = BARE
+    alone: Callable[[Mission], Run] | None = None
+
+    def beaten(self, plan: Plan, best_s: float) -> bool:
+        """Whether a plan takes no less than a time, however well it is driven.
+
+        What each tractor drives alone tells more than its pace, and is found out where it may decide.
+        """
+        least = least_s(plan, self.pace)
+        if least >= best_s or self.alone is None or plan.tractors == 1 or least < CLOSE * best_s:
+            return least >= best_s
+        return alone_s(plan, self.alone) >= best_s
+
+
+def promising(
+    choices: Sequence[Refined], drive: Callable[[Refined], T], limits: Limits | None = None
+) -> list[T]:
     """The choices driven in the order of their least times, without those that one driven before clearly beats.
 
     The work in tracks is the same: what one order takes longer than another is in its rounds and the ways to them.
-    What a run waits more than its plan asked for, another order might not wait.
+    What a run waits more than its plan asked for, another order might not wait; what takes at least as long as one
+    was driven in need not be tried.
     """
     timed = sorted((round(least_s(choice.plan), 3), number) for number, choice in enumerate(choices))
     driven: list[T] = []
-    done_s = math.inf
+    done_s = best_s = math.inf
     for least, number in timed:
         if least - UNSURE_S - UNSURE * rounds_s(choices[number].plan) >= done_s:
+            continue
+        if best_s < math.inf and (limits or Limits()).beaten(choices[number].plan, best_s):
             continue
         one = drive(choices[number])
         driven.append(one)
         if one.reason is None:
+            best_s = min(best_s, one.run.duration_s)
             done_s = min(done_s, max(least, least_s(one.run.plan)))
     return driven
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from fields.layout import Layout
-from planner.candidates.choosing import promising
+from planner.candidates.beaten import Beaten, Rival, beaten, result_of, surely
+from planner.candidates.bounds import pace_of
+from planner.candidates.choosing import Limits, promising
 from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.refills import check_leave, crowded, refilled
 from planner.candidates.slowing import cures, left_m, mended
@@ -22,10 +25,12 @@ from planner.outlook import with_outlook
 from planner.price.cost import coming_and_going
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import ROOM_KEPT, Site
+from planner.yielding.courses import Alone, mission_key
 from planner.yielding.deconflict import GiveWay, without_conflicts
 from planner.yielding.giving_way import Rules, giving_way
 from reports.results import PlanResult, done_s
 from strategies.errors import StrategyError
+from strategies.formations.grouping import Corner
 from strategies.formations.promise import corners_by_promise
 from strategies.job import Job
 from strategies.record import Refined, Simulate, Strategy
@@ -75,13 +80,18 @@ def evaluate(site: Site, candidate: Candidate) -> PlanResult:
     return simulated(site, candidate).result
 
 
-def simulated(site: Site, candidate: Candidate) -> Evaluation:
-    """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason."""
+def simulated(site: Site, candidate: Candidate, rival: Rival | None = None) -> Evaluation:
+    """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason.
+
+    One that is found to be no match for a rival when its plans are written is not driven.
+    """
     try:
-        tried = run_candidate(site, candidate)
+        tried = _tried(site, candidate, rival)
     except StrategyError as refusal:
         turn = site.scenario.turn
         return Evaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
+    if isinstance(tried, Beaten):
+        return Evaluation(result_of(tried, site, candidate.strategy, candidate.tractors), None)
     result, area_ha = _measured(site, candidate, tried), site.layout.field.area_ha
     return Evaluation(
         with_outlook(result, tried.run, site.tractor, site.implement, area_ha, site.stakes), tried.run
@@ -90,24 +100,31 @@ def simulated(site: Site, candidate: Candidate) -> Evaluation:
 
 def run_candidate(site: Site, candidate: Candidate) -> CandidateRun:
     """Build, simulate and repair one candidate; raises StrategyError where its strategy cannot work the field."""
+    tried = _tried(site, candidate, None)
+    assert isinstance(tried, CandidateRun)
+    return tried
+
+
+def _tried(site: Site, candidate: Candidate, rival: Rival | None) -> CandidateRun | Beaten:
+    """The run of a candidate, or how a rival beats it."""
     strategy = STRATEGIES[candidate.strategy]
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(site.job(candidate.tractors), jump=candidate.jump)
-    return _from_some_corner(site, strategy, job) if strategy.abreast else _run_job(site, strategy, job)
+    return (_from_some_corner if strategy.abreast else _run_job)(site, strategy, job, rival)
 
 
-def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+def _from_some_corner(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
     """A formation from the corner at the entrance, or else the one that promises most, of those that can be driven."""
     first: CandidateRun | None = None
     refusal: StrategyError | None = None
-    for corner in sorted(corners_by_promise(job), key=lambda corner: corner != job.corner):
+    for corner in corners_of(job):
         try:
-            latest = _run_job(site, strategy, replace(job, corner=corner, used={}))
+            latest = _run_job(site, strategy, replace(job, corner=corner, used={}), rival)
         except StrategyError as error:
             refusal = refusal or error
             continue
-        if latest.reason is None:
+        if isinstance(latest, Beaten) or latest.reason is None:
             return latest
         first = first or latest
     if first is None:
@@ -115,7 +132,14 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
+def corners_of(job: Job) -> Iterator[Corner]:
+    """The corner at the entrance, then the others, the most promising first; that is found out only where it counts."""
+    if job.corner is not None:
+        yield job.corner
+    yield from (corner for corner in corners_by_promise(job) if corner != job.corner)
+
+
+def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
     rehearsal = Rehearsal(
         site.tractor, site.implement, stop_clearance_m=site.scenario.clearance_m,
         beside_clearance_m=beside_clearance_m(site), position_errors=site.position_errors, seed=site.scenario.seed,
@@ -129,13 +153,19 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
         return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
 
     check_leave(job, strategy)
-    give_way = _give_way(site)
+    alone = _alone(site)
+    give_way = _give_way(site, alone)
+    limits = Limits(pace_of(site.tractor, site.implement, site.manner.radius_m), alone)
     refined, reached = built_within_reach(job, build)
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
     for dry in with_headland(site, job, refined):
         choices = refilled(job, strategy, dry)
-        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way))
+        if rival and not first:
+            found = beaten(site, [each.plan for each in choices], rival, alone)
+            if found is not None and (surely(found) or not strategy.abreast):
+                return found
+        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way), limits)
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
@@ -144,15 +174,19 @@ def _run_job(site: Site, strategy: Strategy, job: Job) -> CandidateRun:
     return first
 
 
-def _give_way(site: Site) -> GiveWay:
-    """Schedules plans of this site; each tractor's own way is driven once however often it is asked for."""
+def _alone(site: Site) -> Alone:
+    """Drives one mission of this site alone; each tractor's own way once, however often it is asked for."""
+    known: dict[bytes, Run] = {}
 
     def alone(mission: Mission) -> Run:
-        world = World(
-            Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
-            position_errors=site.position_errors,
-        )  # fmt: skip
-        return world.run(max_time_s=_patience_s(Plan((mission,))))
+        key = mission_key(mission)
+        if key not in known:
+            world = World(
+                Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
+                position_errors=site.position_errors,
+            )  # fmt: skip
+            known[key] = world.run(max_time_s=_patience_s(Plan((mission,))))
+        return known[key]
 
     rules = Rules(
         site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven

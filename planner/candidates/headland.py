@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -29,19 +29,17 @@ def with_headland(site: Site, job: Job, refined: Refined) -> Iterator[list[Refin
         yield [refined] if job.gate is None else [Refined(with_entrance(job, refined.plan), None, refined.remark)]
         return
     for passage in PASSAGES if job.tractors > 1 else PASSAGES[:1]:
-        if passage.alone and site.scenario.headland_orders == (FIRST,):
-            continue  # the others would stand on the headland
-        plans = _plans(site, job, refined.plan, passage)
-        yield [Refined(plan, None, _remark(refined, plan)) for plan in plans]
+        orders = [order for order in site.scenario.headland_orders if not (passage.alone and order == FIRST)]
+        if orders:  # with one alone on the rounds first the others would stand on the headland
+            plans = _plans(job, refined.plan, passage, orders)
+            yield [Refined(plan, None, _remark(refined, plan)) for plan in plans]
 
 
-def _plans(site: Site, job: Job, plan: Plan, passage: Passage) -> list[Plan]:
+def _plans(job: Job, plan: Plan, passage: Passage, orders: Sequence[str]) -> list[Plan]:
     """One plan for every order that leaves least of the rounds out."""
     plans: list[Plan] = []
     refusal: StrategyError | None = None
-    for order in site.scenario.headland_orders:
-        if passage.alone and order == FIRST:
-            continue  # the others would stand on the headland
+    for order in orders:
         try:
             plans.append(with_entrance(job, with_rounds(job, plan, order, passage)))
         except StrategyError as error:

@@ -1,7 +1,7 @@
-"""Formations that cannot win on a big field are told so with their bound, and not simulated.
+"""Candidates that cannot win are told so with their bound, and not simulated.
 
-Strategies whose tractors have tracks of their own are driven first. A formation of the same number of tractors that
-takes longer than the best of them, however well it is driven, would be ranked behind it.
+One strategy whose tractors have tracks of their own is driven first with every number of tractors. Another plan of as
+many tractors that takes longer than that, however well it is driven, would be ranked behind it.
 """
 
 from __future__ import annotations
@@ -9,74 +9,106 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from planner.candidates.bounds import least_s
-from planner.candidates.evaluate import Candidate
+from planner.candidates.beaten import Rival, beaten, result_of, surely
+from planner.candidates.bounds import least_s, pace_of, ungated
+from planner.candidates.evaluate import Candidate, corners_of
 from planner.candidates.headland import with_headland
+from planner.candidates.within_reach import built_within_reach
 from planner.site import Site
 from reports.results import PlanResult, finish_s
 from strategies.errors import StrategyError
-from strategies.formations.promise import corners_by_promise
 from strategies.job import Job
-from strategies.record import Refined
+from strategies.record import Refined, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Mission, Plan
+from vehicle.missions import Plan
 
-BIG_S = 30_000.0  # of work in tracks: on smaller fields every plan is simulated
-
-
-@dataclass(frozen=True)
-class Rival:
-    """The quickest feasible plan of as many tractors: its strategy, and seconds until it has finished the field."""
-
-    strategy: str
-    seconds: float
+WORTH_S = 1500.0  # of work in tracks: on smaller fields every plan is simulated, as that is quick
 
 
 def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
-    """Numbers of the candidates in the order they are simulated: on a big field formations after all others."""
-    if site.layout.total_m / site.manner.work_speed_mps < BIG_S:
+    """Numbers of the candidates in the order they are simulated: one strategy before all others, save on small fields.
+
+    That is the first one of the registry, of those asked for, whose tractors have tracks of their own.
+    """
+    if site.layout.total_m / site.manner.work_speed_mps < WORTH_S:
         return [list(range(len(todo)))]
-    abreast = [STRATEGIES[one.strategy].abreast and one.tractors > 1 for one in todo]
-    parts = [[number for number, late in enumerate(abreast) if late is part] for part in (False, True)]
+    asked = {one.strategy for one in todo}
+    first = next((name for name in STRATEGIES if name in asked and not STRATEGIES[name].abreast), None)
+    parts = [[n for n, one in enumerate(todo) if (one.strategy == first) is early] for early in (True, False)]
     return [part for part in parts if part]
 
 
 def rivals(results: Mapping[int, PlanResult]) -> dict[int, Rival]:
     """The quickest feasible plan for every number of tractors, of those driven so far."""
-    order = sorted((round(finish_s(one), 3), one.strategy, one.tractors) for one in results.values() if one.feasible)
-    return {tractors: Rival(strategy, seconds) for seconds, strategy, tractors in reversed(order)}
+    order = sorted((one for one in results.values() if one.feasible), key=_place, reverse=True)
+    return {one.tractors: Rival(one.strategy, round(finish_s(one), 3), _tractor_s(one)) for one in order}
+
+
+def _place(plan: PlanResult) -> tuple[float, str, int]:
+    return round(finish_s(plan), 3), plan.strategy, plan.tractors
+
+
+def _tractor_s(plan: PlanResult) -> float:
+    """Seconds of all tractors together, with those that the ground left open would take."""
+    return round((plan.tractor_time_s or 0.0) * (finish_s(plan) / plan.time_s if plan.time_s else 1.0), 3)
 
 
 def hopeless(site: Site, candidate: Candidate, rival: Rival | None) -> PlanResult | None:
     """The candidate as one that cannot win; None where it might, or where only trying tells."""
-    strategy = STRATEGIES[candidate.strategy]
-    if rival is None or not strategy.abreast:
+    if rival is None:
         return None
-    least = min(_bounds(replace(site.job(candidate.tractors), jump=candidate.jump), site, strategy.name), default=0.0)
-    if least <= rival.seconds:
+    starts = _starts(site, candidate)
+    first = next(starts, None)
+    try:
+        found = beaten(site, first.plans, rival) if first else None
+    except StrategyError:
         return None
-    reason = f"cannot win: at least {least:.0f} s, {rival.strategy} takes {rival.seconds:.0f} s"
-    return PlanResult(
-        candidate.strategy, candidate.tractors, site.scenario.turn, False, reason, bound_s=round(least, 3)
-    )
+    if first is None or found is None:
+        return None
+    spare_s = found.seconds - first.tracks_s - rival.seconds
+    if not surely(found) and any(spare_s + other.tracks_s <= 0.0 for other in starts):
+        return None
+    return result_of(found, site, candidate.strategy, candidate.tractors)
 
 
-def _bounds(job: Job, site: Site, name: str) -> Iterator[float]:
-    """The least seconds of a formation from every corner, its headland in every order.
+@dataclass(frozen=True)
+class _Start:
+    """What a candidate may do from one corner: the plan of its tracks, with no more waiting than it will have."""
 
-    What it waits for is found by driving where it is refined, so that there only its ways count.
+    site: Site
+    job: Job
+    refined: Refined
+
+    @property
+    def tracks_s(self) -> float:
+        """Seconds that the tracks take at least."""
+        return least_s(self.refined.plan, pace_of(self.site.tractor, self.site.implement, self.site.manner.radius_m))
+
+    @property
+    def plans(self) -> list[Plan]:
+        """The whole plan for every order of headland and tracks."""
+        return [choice.plan for choice in next(with_headland(self.site, self.job, self.refined))]
+
+
+def _starts(site: Site, candidate: Candidate) -> Iterator[_Start]:
+    """A candidate from where it is driven first; a formation then from other corners, where that one cannot be driven.
+
+    Where the rounds of the headland can be driven only by ways that keep the tractors farther apart, that takes longer.
     """
-    strategy = STRATEGIES[name]
-    for corner in corners_by_promise(job):
-        begun = replace(job, corner=corner, used={})
+    strategy = STRATEGIES[candidate.strategy]
+    job = replace(site.job(candidate.tractors), jump=candidate.jump)
+    for corner in corners_of(job) if strategy.abreast else (job.corner,):
         try:
-            for choice in next(with_headland(site, begun, Refined(strategy.build(begun)))):
-                yield least_s(ungated(choice.plan) if strategy.refine else choice.plan)
+            refined, reached = built_within_reach(
+                replace(job, corner=corner, used={}), lambda job: Refined(_least(strategy, job))
+            )
+            yield _Start(site, reached.job, refined)
         except StrategyError:
             continue
 
 
-def ungated(plan: Plan) -> Plan:
-    """The plan with nobody waiting for anybody."""
-    free = (tuple(replace(leg, gates=(), follow=None) for leg in mission.legs) for mission in plan.missions)
-    return Plan(tuple(Mission(legs) for legs in free), plan.notes)
+def _least(strategy: Strategy, job: Job) -> Plan:
+    """A plan of a strategy; of one that is refined by driving, the plan that waits least."""
+    if strategy.refine is None:
+        return strategy.build(job)
+    return strategy.least(job) if strategy.least else ungated(strategy.build(job))

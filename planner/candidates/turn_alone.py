@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from hashlib import blake2b
 
 import numpy as np
 import numpy.typing as npt
@@ -35,10 +36,17 @@ class TurnAlone:
     def off_m(self, legs: Sequence[Leg]) -> float | None:
         """How far off a tractor is that drives these legs in place of the turn's; None where it does not come through.
 
-        As in planner.candidates.steady: beside the line it leads to, or outside the field if that is worse.
+        As in planner.candidates.steady: beside the line it leads to, or outside the field if that is worse. The same
+        turn is driven once, whichever plans of a site have it.
         """
-        driven = (replace(leg, gates=(), follow=None) for leg in (*self.before, *legs, self.after))
-        run = simulate(Plan((Mission(tuple(driven)),)), self.site.tractor, self.site.implement, max_time_s=LONGEST_S)
+        driven = tuple(replace(leg, gates=(), follow=None) for leg in (*self.before, *legs, self.after))
+        key, known = _key(driven), self.site.turns_tried
+        if key not in known:
+            known[key] = self._driven_off_m(driven)
+        return known[key]
+
+    def _driven_off_m(self, legs: tuple[Leg, ...]) -> float | None:
+        run = simulate(Plan((Mission(legs),)), self.site.tractor, self.site.implement, max_time_s=LONGEST_S)
         return worst_aside(slips(run, self.site)) if run.outcome == DONE else None
 
     @property
@@ -53,6 +61,13 @@ class TurnAlone:
             replace(leg, speed_mps=factor * leg.speed_mps) if rest < LONGEST_M else leg
             for leg, rest in zip(self.legs, left.tolist(), strict=True)
         ]
+
+
+def _key(legs: tuple[Leg, ...]) -> bytes:
+    """All that decides how a tractor drives legs alone, in short."""
+    manner = [(len(leg.points), leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task, leg.stand_s) for leg in legs]
+    told = repr(manner).encode() + np.concatenate([leg.points for leg in legs]).tobytes()
+    return blake2b(told, digest_size=16).digest()
 
 
 def turn_of(plan: Plan, slip: Slip, site: Site) -> TurnAlone:

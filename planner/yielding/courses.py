@@ -106,7 +106,7 @@ class Known:
 
     def course(self, mission: Mission, alone: Alone) -> Course | None:
         """The course of a mission, driven where that has not been done yet; None where it does not get home."""
-        key = _key(mission)
+        key = mission_key(mission)
         if key not in self.courses:
             run = alone(_unbound(mission))
             course = _course(mission, run) if run.outcome == DONE else None
@@ -131,13 +131,13 @@ def courses_of(plan: Plan, alone: Alone, known: Known | None = None) -> list[Cou
     return found if len(found) == len(courses) else None
 
 
-def _key(mission: Mission) -> bytes:
+def mission_key(mission: Mission) -> bytes:
     """A digest of all that a course depends on."""
     digest = hashlib.sha256()
     for leg in mission.legs:
         what = leg.gear, leg.implement, leg.task.works, bool(leg.may_wait or leg.gates), len(leg.points)
-        digest.update(struct.pack("<d5i", leg.speed_mps, *what))
-        digest.update(leg.ground.encode())
+        digest.update(struct.pack("<2d5i", leg.speed_mps, leg.stand_s, *what))
+        digest.update(f"{leg.ground} {leg.task.kind}".encode())
         digest.update(np.ascontiguousarray(leg.points, dtype=np.float64).tobytes())
     return digest.digest()
 

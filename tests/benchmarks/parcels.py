@@ -21,7 +21,7 @@ from pathlib import Path
 
 from fields.field import Field
 from fields.read import read_field
-from planner.candidates.evaluate import Candidate, evaluate
+from planner.candidates.evaluate import Candidate, simulated
 from planner.candidates.rivals import hopeless, rivals, waves
 from planner.rank import candidates
 from planner.scenario import Scenario, parse_counts
@@ -100,8 +100,9 @@ def _plans(row: Row, where: Field, scenario: Scenario, ledger: Ledger) -> None:
         known = rivals(results)
         for number in wave:
             with ledger.part("order"):
-                beaten = hopeless(site, todo[number], known.get(todo[number].tractors))
-            results[number] = beaten or evaluate(site, todo[number])
+                rival = known.get(todo[number].tractors)
+                beaten = hopeless(site, todo[number], rival)
+            results[number] = beaten or simulated(site, todo[number], rival).result
             row.plans.append(results[number])
 
 
@@ -182,7 +183,7 @@ def main() -> None:
     scenario = Scenario(width_m=options.width, tractors=counts, tracks_only=options.tracks_only, **more)
     warm = prepare(Scenario(field="iwamizawa", tracks_only=options.tracks_only))
     for name in ("split-field", "row-by-row-optimised"):
-        evaluate(warm, Candidate(name, 2))
+        simulated(warm, Candidate(name, 2))
     heads = " ".join(f"{part[:7]:>7}" for part in PARTS)
     print(f"{'field':20} {'ha':>6} lines    CPU s {heads}  feasible worked  quickest s per count")
     rows = []
