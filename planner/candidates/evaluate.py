@@ -188,6 +188,11 @@ def _alone(site: Site) -> Alone:
             known[key] = world.run(max_time_s=_patience_s(Plan((mission,))))
         return known[key]
 
+    return alone
+
+
+def _give_way(site: Site, alone: Alone) -> GiveWay:
+    """Schedules plans of this site."""
     rules = Rules(
         site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven
     )  # fmt: skip

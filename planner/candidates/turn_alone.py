@@ -65,7 +65,9 @@ class TurnAlone:
 
 def _key(legs: tuple[Leg, ...]) -> bytes:
     """All that decides how a tractor drives legs alone, in short."""
-    manner = [(len(leg.points), leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task, leg.stand_s) for leg in legs]
+    manner = [
+        (len(leg.points), leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task, leg.stand_s) for leg in legs
+    ]
     told = repr(manner).encode() + np.concatenate([leg.points for leg in legs]).tobytes()
     return blake2b(told, digest_size=16).digest()
 
