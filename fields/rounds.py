@@ -195,21 +195,28 @@ def _corners(ring: FloatArray, bend_m: float) -> tuple[list[int], FloatArray]:
 def _drawn_together(
     ring: FloatArray, bends: list[tuple[int, int]], bend_m: float
 ) -> tuple[list[int], FloatArray]:
-    """The ring with every bend (first vertex, vertices) as one vertex, and the places of these."""
+    """The ring with every bend (first vertex, vertices) as one vertex, and the places of these.
+
+    Where the lines that lead to a bend and from it meet nowhere near, as at the end of a strip, it is two corners.
+    """
     count = len(ring)
     gone, vertex = np.zeros(count, dtype=bool), ring.copy()
     kept = []
     for first, size in bends:
         members = np.arange(first, first + size) % count
-        gone[members[1:]] = True
         kept.append(first)
-        if size > 1:
-            before, after = ring[(first - 1) % count], ring[(first + size) % count]
-            meet = _meeting(before, ring[first], ring[members[-1]], after)
-            middle = ring[members[size // 2]]
-            vertex[first] = middle if meet is None or math.dist(meet, middle) > bend_m else meet
+        if size == 1:
+            continue
+        before, after = ring[(first - 1) % count], ring[(first + size) % count]
+        meet = _meeting(before, ring[first], ring[members[-1]], after)
+        if meet is None or math.dist(meet, ring[members[size // 2]]) > bend_m:
+            gone[members[1:-1]] = True
+            kept.append(int(members[-1]))
+        else:
+            gone[members[1:]] = True
+            vertex[first] = meet
     place = np.cumsum(~gone) - 1
-    return [int(place[first]) for first in kept if not gone[first]], vertex[~gone]
+    return sorted(int(place[corner]) for corner in kept if not gone[corner]), vertex[~gone]
 
 
 def _meeting(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray | None:

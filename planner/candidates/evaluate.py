@@ -222,7 +222,7 @@ def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
     if run.min_clearance_m < site.scenario.clearance_m:
         told.append(
             f"side by side on neighbouring tracks tractors come within {run.min_clearance_m:.2f} m of each other, as "
-            f"these leave {max(0.0, _between_m(site)):.2f} m between machines"
+            f"some of these leave only {max(0.0, _between_m(site)):.2f} m between machines"
         )
     if loosened := run.plan.notes.get("loosened"):
         times = "once" if loosened == 1 else f"{loosened} times"

@@ -186,6 +186,8 @@ def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_pa
     told = json.loads(headland("field", place, "--local", "--json", "--rounds").out)
     # North of the ditch are 60 m by 19 m; the margin takes 0.3 m on either side of it.
     behind = {why: area for why, area in left_open(told).items() if "obstacles" in why}
+    swing = behind.pop("beside obstacles: beyond the margin")
+    assert 0.0 < swing < 60 * 1.0, "on the side that is worked"
     assert behind["cut off by obstacles"] == pytest.approx(60 * 18.7, abs=25)
     assert sum(behind.values()) == pytest.approx(60 * 19 + 60 * 0.3, abs=1.0)
     assert (told["obstacles"][0]["width_m"], told["obstacles"][0]["radius_m"]) == (2.0, None)

@@ -175,3 +175,14 @@ class TestRefusals:
     def test_no_room_inside_the_rounds(self) -> None:
         with pytest.raises(FieldError, match=r"use a smaller headland \(headland_m\)"):
             lay_tracks(rectangle(100, 20), 3.0, 12.0, rounds=4)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_round_turns_at_both_corners_of_a_narrow_end(count: int) -> None:
+    """The third round inside a spur of 18 m is 3 m across at its end; drawn to one corner, it would leave its sides."""
+    field = Field("spur", shapely.box(0, 0, 120, 60).union(shapely.box(50, 60, 68, 160)))
+    lines = [shapely.LinearRing(lap.line) for lap in lay_rounds(field, 3.0, count)]
+    band = field.boundary.difference(inner_region(field, 3.0 * count))
+    assert band.difference(swept(lines, 3.0)).area < 1.0
+    (lap,) = [lap for lap in lay_rounds(field, 3.0, count) if lap.number == count]
+    assert len(lap.sides) == 8
