@@ -49,6 +49,7 @@ PLAN_KEYS = (
     "p80_s",
     "p95_s",
     "expected_cost",
+    "paid_cost",
     "bound_s",
 )
 INTERVAL_KEYS = ("low", "high")

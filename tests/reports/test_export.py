@@ -55,6 +55,7 @@ CONTRACT = [
     "p80_s",
     "p95_s",
     "expected_cost",
+    "paid_cost",
     "bound_s",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
