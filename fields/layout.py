@@ -166,8 +166,9 @@ def _room(field: Field, width_m: float) -> shapely.Geometry:
     """The boundary drawn in by half the width; refuses a width that no track or too many would have."""
     region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
     if region.is_empty:
+        kept = "" if field.outline is None else "What obstacles and the margin to them leave of "
         raise FieldError(
-            f"Field '{field.name}' is nowhere wider than the working width {width_m:g} m; "
+            f"{kept}{'f' if kept else 'F'}ield '{field.name}' is nowhere wider than the working width {width_m:g} m; "
             "use a narrower implement.",
             parameter="width_m",
         )

@@ -13,9 +13,11 @@ import os
 import re
 import sys
 import traceback
+from collections.abc import Iterator
 from typing import Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from planner.commands.day import day
 from planner.commands.design import design
@@ -33,11 +35,41 @@ from planner.commands.validate import validate
 from planner.interrupts import heard, was_interrupt
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
-HELP_SHOWN = "NoArgsIsHelpError"  # typer raises it after it has printed the help
+HELP_SHOWN = "NoArgsIsHelpError"  # what typer raises where it has printed the help
 DEBUG = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints where it happened
+
+
+class MisuseError(Exception):
+    """Words of the command line that it cannot use, in one sentence."""
+
+
+class Commands(TyperGroup):
+    """All commands; what typer says of words it cannot use becomes one sentence, as every other refusal is."""
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """As typer does."""
+        with _in_a_sentence():
+            return super().make_context(*arguments, **options)
+
+    def invoke(self, ctx: Any) -> Any:
+        """As typer does."""
+        with _in_a_sentence():
+            return super().invoke(ctx)
+
+
+@contextlib.contextmanager
+def _in_a_sentence() -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:
+        if not hasattr(error, "format_message") or type(error).__name__ == HELP_SHOWN:
+            raise
+        raise MisuseError(_misuse(error)) from None
+
 
 app = typer.Typer(
     name="headland",
+    cls=Commands,
     help="Plan field work for a fleet of robot tractors: simulate every plan, rank by time and tractor count.\n\n"
     "Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --before 17:00",
     no_args_is_help=True,
@@ -65,9 +97,7 @@ def main() -> None:
     _print_any_character()
     try:
         with heard():
-            status = app(standalone_mode=False)
-        if isinstance(status, int):
-            sys.exit(status)
+            app()
     except KeyboardInterrupt as interrupt:
         _interrupted(interrupt)
     except SystemExit as end:
@@ -81,8 +111,6 @@ def main() -> None:
     except Exception as error:
         if was_interrupt(error):
             _interrupted(error)
-        if type(error).__name__ == HELP_SHOWN:
-            sys.exit(BAD_INPUT_STATUS)
         _fail(*_told(error))
 
 
@@ -93,8 +121,8 @@ def _told(error: Exception) -> tuple[str, int]:
         from planner.commands.options import option_of
 
         return error.spoken(option_of), getattr(error, "status", BAD_INPUT_STATUS)
-    if hasattr(error, "format_message"):
-        return _misuse(error), BAD_INPUT_STATUS
+    if isinstance(error, MisuseError):
+        return str(error), BAD_INPUT_STATUS
     debug, done = os.environ.get(DEBUG) == "1", _written_before(error)
     if debug:
         traceback.print_exception(error)

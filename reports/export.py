@@ -53,6 +53,7 @@ PLAN_KEYS = (
     "p80_s",
     "p95_s",
     "expected_cost",
+    "paid_cost",
     "bound_s",
     "refills",
     "refilling_s",

@@ -45,15 +45,20 @@ def track_labels(drive: Drive, size: float) -> list[Label]:
     """Names of tracks beyond both their ends, as many as have room beside each other and the names of cells."""
     names = drive.track_names or tuple(str(index + 1) for index in range(len(drive.tracks)))
     places = numbered(drive.tracks, _BESIDE * size / 100, _LABELS * size / 100)
-    boxes = [_box(label, size, _LARGE) for label in (*cell_labels(drive), *_ground_labels(drive))]
-    return _clear([[Label(names[index], place)] for index, place in places], boxes, size)
+    return _clear([[Label(names[index], place)] for index, place in places], _larger_boxes(drive, size), size)
 
 
 def round_labels(drive: Drive, size: float) -> list[Label]:
     """R1, R2, ... on the longest edges of every round, as many as have room beside each other and other names."""
-    boxes = [_box(label, size, _LARGE) for label in (*cell_labels(drive), *_ground_labels(drive))]
+    starts = [Label(str(number), xy[0]) for number, xy in enumerate(drive.xy, start=1)]
+    boxes = [*_larger_boxes(drive, size), *(_box(start, size, _LARGE) for start in starts)]
     boxes += [_box(label, size) for label in track_labels(drive, size)]
     return _clear([_round_places(one) for one in drive.rounds], boxes, size)
+
+
+def _larger_boxes(drive: Drive, size: float) -> list[Points]:
+    """Where names of cells and of ground that is left stand."""
+    return [_box(label, size, _LARGE) for label in (*cell_labels(drive), *_ground_labels(drive))]
 
 
 def _round_places(one: RoundLine) -> list[Label]:

@@ -158,6 +158,7 @@ def _columns_words(deadline: bool, left: bool, chances: bool, refills: bool) -> 
     """What is in the columns of plans, a sentence."""
     headings = [column.column.heading for column in _columns(True, deadline, left, chances, refills)]
     told = [f"{heading.removesuffix(' m')}: {COLUMN_WORDS[heading]}" for heading in headings if heading in COLUMN_WORDS]
+    told = ["Cost: of what was simulated", *told] if chances else told
     return f"{'; '.join(told)}."
 
 

@@ -153,6 +153,17 @@ class TestGroundLeft:
         assert donut.clear_of_obstacles(0.5).ground.area == pytest.approx(20_000 - 11 * 21)
         assert donut.clear_of_obstacles(0.0) is donut
 
+    def test_a_margin_that_takes_nearly_all_is_refused_and_what_it_takes_is_known(self) -> None:
+        """A pole in the middle of 200 m by 100 m: 45 m leave it in one piece, 55 m a piece of either side."""
+        pole = Field("f", BOX, obstacles=(Obstacle("pole", shapely.Point(100, 50), 0.25),))
+        left = pole.clear_of_obstacles(45.0)
+        assert left.cut_off == () and left.without_margin_m2 == pytest.approx(20_000 - math.pi / 16, abs=0.01)
+        cut = pole.clear_of_obstacles(55.0)
+        (other,) = cut.cut_off
+        assert other.area == cut.cut_off_m2 == pytest.approx(cut.ground.area, rel=1e-6)
+        with pytest.raises(FieldError, match=r"margin_m.* of 99 m is too wide for field 'f': it leaves"):
+            pole.clear_of_obstacles(99.0)
+
     def test_without_obstacles_a_field_stays_as_it_is(self) -> None:
         field = Field("f", BOX)
         assert field.clear_of_obstacles(5.0) is field

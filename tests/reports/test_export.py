@@ -59,6 +59,7 @@ CONTRACT = [
     "p80_s",
     "p95_s",
     "expected_cost",
+    "paid_cost",
     "bound_s",
     "refills",
     "refilling_s",
