@@ -19,6 +19,7 @@ fleet_study    study: the tables of the thesis
 steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe       a field in figures
+day            several fields and fleets on one day
 asked          a farm in place of what a scenario leaves open
 farm           the farm file: tractors, implements, prices, times, what is left to chance
 warmup         every compiled function in memory before it is needed

@@ -16,6 +16,7 @@ from typing import NoReturn
 
 import typer
 
+from planner.commands.day import day
 from planner.commands.design import design
 from planner.commands.diagnose import diagnose
 from planner.commands.drive import drive
@@ -54,6 +55,7 @@ app.command()(design)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")
+app.add_typer(day, name="day")
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
     results             result types of plans and of the study
     table, export, page, figures   a ranking or the study: for the terminal, JSON and CSV, a page, a map
     field_report        a field in figures, for the terminal
+    day_results, day_table, day_export, day_figures, day_page   a day of several fields and fleets
     odds                probability and expected cost against count
     front, drawing, paths, timed   what pages draw, as numbers: time against count, the map, paths thinned
     landmarks, layers   where names and arrows stand on any map; the layers of the map that is a picture

@@ -42,7 +42,7 @@ BY_NAME = {"planner", "strategies.registry"}
 
 MAPPED = (
     *ROOMS,
-    *(f"planner/{name}" for name in ("candidates", "chance", "farm", "ground", "price", "yielding")),
+    *(f"planner/{name}" for name in ("candidates", "chance", "day", "farm", "ground", "price", "yielding")),
     *(f"strategies/{name}" for name in ("formations", "headland", "orders", "ways")),
     "vehicle/measured",
     "vehicle/trials",

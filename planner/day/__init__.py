@@ -3,7 +3,7 @@
     from planner.day import load_day, plan_day, prepare_day
 
 file        the day file: fields, fleets, roads, light, rain; read and checked
-example     the day file that comes with Headland
+example     (TOML) the day file that comes with Headland
 places      where fields and yard are, and how far apart
 cache       simulated field times kept by content
 times       how long every fleet takes for every field: simulated plans

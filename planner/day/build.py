@@ -41,16 +41,18 @@ class Frame:
     onset: Onset | None
 
     def windows(self, texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
-        """Windows of a field within the day and its light, in working seconds; those that are nothing are left out."""
+        """Windows of a field within the day and its light, in working seconds, apart and in order."""
         asked = [placed(text, self.start_s) for text in texts] or [(self.start_s, self.end_s)]
-        found = set()
-        for opens, closes in asked:
+        found: list[tuple[int, int]] = []
+        for opens, closes in sorted(asked):
             lit = self.light or (opens, closes)
             begin, end = max(opens, lit[0], self.start_s), min(closes, lit[1], self.end_s)
             begin, end = math.ceil(self.clock.working(begin)), math.floor(self.clock.working(end))
-            if begin < end:
-                found.add((begin, end))
-        return tuple(sorted(found))
+            if found and begin <= found[-1][1]:
+                found[-1] = found[-1][0], max(end, found[-1][1])
+            elif begin < end:
+                found.append((begin, end))
+        return tuple(found)
 
 
 def frame_of(day: DayFile, farm: FarmFile) -> Frame:
@@ -191,7 +193,8 @@ def _thinned(times: list[tuple[float, float]]) -> list[tuple[float, float]]:
     whole = sum(share for _, share in times)
     upto = np.cumsum([share for _, share in times])
     middles = (np.arange(MOST_ONSETS) + 0.5) * whole / MOST_ONSETS
-    return [(times[min(int(place), len(times) - 1)][0], whole / MOST_ONSETS) for place in np.searchsorted(upto, middles)]
+    found = np.minimum(np.searchsorted(upto, middles), len(times) - 1).tolist()
+    return [(times[place][0], whole / MOST_ONSETS) for place in found]
 
 
 

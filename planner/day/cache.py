@@ -1,4 +1,4 @@
-"""Simulated field times kept on disk by what they are made of; what is kept only saves time and may go at any moment."""
+"""Simulated field times kept on disk by what they are made of; they only save time and may be deleted at any moment."""
 
 from __future__ import annotations
 

@@ -141,15 +141,19 @@ class DayFile(Section):
         return given
 
 
-def load_day(where: str | Path) -> tuple[DayFile, FarmFile]:
+def load_day(where: str | Path, *, farm: str | None = None, rain: str | None = None) -> tuple[DayFile, FarmFile]:
     """Read a day file and the farm it names; files it names are looked for beside it.
 
-    Raises ScenarioError with every fault of the file in one sentence.
+    `farm` and `rain` take the place of what the file says. Raises ScenarioError with every fault of the file in one
+    sentence.
     """
-    return day_from(read_text(where, "a day file (TOML)", ScenarioError), str(where), Path(where).parent)
+    text = read_text(where, "a day file (TOML)", ScenarioError)
+    return day_from(text, str(where), Path(where).parent, farm=farm, rain=rain)
 
 
-def day_from(text: str, called: str, folder: Path = Path()) -> tuple[DayFile, FarmFile]:
+def day_from(
+    text: str, called: str, folder: Path = Path(), *, farm: str | None = None, rain: str | None = None
+) -> tuple[DayFile, FarmFile]:
     """The day of a text and its farm; `called` names it in refusals."""
     values: dict[str, Any] = {}
     try:
@@ -160,12 +164,13 @@ def day_from(text: str, called: str, folder: Path = Path()) -> tuple[DayFile, Fa
         raise ScenarioError(f"The day file {called} cannot be used: {faults}.") from None
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"The day file {called} is not TOML: {parse_fault(error)}.") from None
-    day = _beside(day, folder)
-    farm = farm_of(day)
-    faults = "; ".join(_faults(day, farm))
+    given = {key: value for key, value in (("farm", farm), ("rain", rain)) if value is not None}
+    day = _beside(day, folder).model_copy(update=given)
+    own = farm_of(day)
+    faults = "; ".join(_faults(day, own))
     if faults:
         raise ScenarioError(f"The day file {called} cannot be used: {faults}.")
-    return day, farm
+    return day, own
 
 
 def farm_of(day: DayFile) -> FarmFile:
@@ -181,7 +186,7 @@ def start_of(day: DayFile, farm: FarmFile) -> int:
         return parse_clock(day.start, "start_s")
     begins = farm.times.shift_s[0]
     if begins is None:
-        raise ScenarioError("The day has no start; give start = 'hh:mm' in the day file or shift_start in the farm file.")
+        raise ScenarioError("The day has no start; give start = 'hh:mm' in the day file, or shift_start in the farm.")
     return begins
 
 

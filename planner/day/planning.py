@@ -24,7 +24,7 @@ from planner.day.odds import Chain, Stop, chained, rain_draws
 from planner.day.places import Spot, on_map, road_km, spots, yard_of
 from planner.day.problem import Problem
 from planner.day.solve import Day, solved
-from planner.day.times import FieldTime, Table, Task, field_times, tasks_of
+from planner.day.times import FieldTime, Table, Task, field_times, tasks_of, unknown
 from planner.day.words import Why, advice_of, why_left
 from planner.farm.file import FarmFile
 from planner.pool import SerialExecutor
@@ -46,6 +46,10 @@ class Ready:
     km: Array
     frame: Frame
     tasks: list[list[Task | None]]
+
+    def unknown(self, cache: Cache) -> int:
+        """How many field times a cache does not know."""
+        return unknown(self.tasks, cache)
 
 
 @dataclass(frozen=True, eq=False)

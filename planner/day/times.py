@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from fields.errors import HeadlandError
 from fields.field import Field
@@ -24,10 +26,10 @@ from planner.scenario import Scenario
 from planner.tasks import LOST, Progress
 from vehicle.tractor import Implement, Tractor, as_tractor
 
-ARRAYS = {
-    "tractor": np.int64, "driven_s": np.float64, "group": np.int64, "kind": np.int64, "worked_m": np.float64,
-}  # fmt: skip
-UNNAMED = {"name": "", "crs": None, "origin_m": (0.0, 0.0), "source": "", "remarks": ()}
+ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m")
+NO_NAME = "field"
+Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +54,12 @@ class Task:
     tractor: Tractor
     implement: Implement
 
-    @property
+    @cached_property
     def key(self) -> str:
         """A name for what decides the answer: content, not names or places on the earth."""
-        scenario = replace(self.scenario, field="", tractor="")
-        return digest(replace(self.field, **UNNAMED), scenario, self.tractor, self.implement)
+        scenario = replace(self.scenario, field=NO_NAME, tractor=NO_NAME)
+        nameless = replace(self.field, name=NO_NAME, crs=None, origin_m=(0.0, 0.0), source="", remarks=())
+        return digest(nameless, scenario, self.tractor, self.implement)
 
 
 Table = tuple[tuple[FieldTime | None, ...], ...]
@@ -105,6 +108,12 @@ def field_times(
     return tuple(tuple(None if key is None else known[key] for key in row) for row in keys), kept
 
 
+def unknown(rows: Sequence[Sequence[Task | None]], cache: Cache) -> int:
+    """How many field times have to be simulated."""
+    keys = {task.key for row in rows for task in row if task is not None}
+    return sum(_unpacked(cache.read(key)) is None for key in keys)
+
+
 def work_out(task: Task) -> FieldTime:
     """The quickest plan of a fleet on a field; where it cannot work together, of as many of its tractors as can."""
     reason = ""
@@ -149,8 +158,17 @@ def _unpacked(content: dict[str, Any] | None) -> FieldTime | None:
         graph = Graph(
             tractors=int(own["tractors"]), first=tuple(own["first"]), order=tuple(own["order"]),
             links=tuple(Link(**link) for link in own["links"]),
-            **{name: np.array(own[name], dtype=kind) for name, kind in ARRAYS.items()},
+            tractor=_whole(own["tractor"]), group=_whole(own["group"]), kind=_whole(own["kind"]),
+            driven_s=_floats(own["driven_s"]), worked_m=_floats(own["worked_m"]),
         )  # fmt: skip
         return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
     except (KeyError, TypeError, ValueError):
         return None
+
+
+def _whole(values: Any) -> Whole:
+    return np.array(values, dtype=np.int64)
+
+
+def _floats(values: Any) -> Array:
+    return np.array(values, dtype=np.float64)

@@ -39,7 +39,8 @@ def why_left(problem: Problem, routes: Routes, field: int, refusals: Sequence[st
         return Why(f"doing it costs {options[0].added:.2f} more than leaving it", (0, options[0].added))
     late, fleet = min((_late_s(problem, fleet, field), fleet) for fleet in able)
     if late > 0:
-        return Why(f"even {names[fleet]}, going there first, would be {hours(max(late, 60))} too late", (1, float(late)))
+        words = f"even {names[fleet]}, going there first, would be {hours(max(late, 60))} too late"
+        return Why(words, (1, float(late)))
     return Why("no fleet has the time for it beside the others", (0, 0.0))
 
 

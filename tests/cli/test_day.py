@@ -1,0 +1,271 @@
+"""`headland day`: a small farm with two fields, by hand; refusals; the same bytes with and without a cache."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Headland = Callable[..., Any]
+FARM = """
+[[tractors]]
+name = "Carrier"
+file = "eg105"
+count = 3
+
+[[implements]]
+name = "harrow"
+width_m = 6.0
+speed_kmh = 8.0
+
+[[implements]]
+name = "drill"
+width_m = 6.0
+operation = "sow"
+
+[prices]
+per_hour = 36.0
+supervision_share = 0.0
+
+[times]
+shift_start = "08:00"
+shift_end = "18:00"
+breaks = ["08:10-08:40"]
+road_speed_kmh = 36.0
+unfold_s = 60.0
+fold_s = 30.0
+
+[chances]
+speed_cv = 0.0
+job_cv = 0.0
+slip_cv = 0.0
+turn_cv = 0.0
+turn_more_cv = 0.0
+stops_per_hour = 0.0
+breakdown_hours = 0.0
+start_delay_s = 0.0
+"""
+DAY = """
+farm = "farm.toml"
+strategies = ["split-field"]
+
+[[fields]]
+name = "near"
+file = "small.geojson"
+local = true
+value_per_ha = 1000.0
+
+[[fields]]
+name = "far"
+file = "small.geojson"
+local = true
+value_per_ha = 1000.0
+
+[[fleets]]
+name = "one"
+count = 1
+implement = "harrow"
+
+[[roads]]
+between = ["yard", "near"]
+km = 3.6
+
+[[roads]]
+between = ["yard", "far"]
+km = 7.2
+
+[[roads]]
+between = ["near", "far"]
+km = 4.5
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch, kept: Path) -> Path:
+    """A folder with farm, day and field to work in, and field times kept for all tests."""
+    (tmp_path / "farm.toml").write_text(FARM, encoding="utf-8")
+    (tmp_path / "day.toml").write_text(DAY, encoding="utf-8")
+    (tmp_path / "small.geojson").write_text(small.read_text())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(kept))
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("kept")
+
+
+def planned(headland: Headland, text: str, *options: str) -> dict[str, Any]:
+    Path("other.toml").write_text(text, encoding="utf-8")
+    told = headland("day", "other.toml", "--json", "--processes", 1, *options)
+    assert told.status == 0, told.err
+    return dict(json.loads(told.out))
+
+
+def test_two_fields_by_hand(headland: Headland, folder: Path) -> None:
+    """360 s of road and 60 s of unfolding, a break from 08:10, work, 30 + 450 + 60 s to the other field, work, home."""
+    told = planned(headland, DAY)
+    near, far = told["jobs"]
+    assert (near["field"], far["field"], told["not_done"], told["gap_pct"]) == ("near", "far", [], 0.0)
+    assert (near["machine"], near["strategy"], near["tractors"]) == ("one", "split-field", 1)
+    work = math.ceil(near["time_s"])
+    assert far["time_s"] == near["time_s"], "two fields of one shape"
+    begins = 8 * 3600 + 360 + 60
+    assert near["leaves_s"] == 8 * 3600 and near["start_s"] == begins
+    assert begins + work > 8 * 3600 + 600, "the break falls into the first field"
+    assert near["end_s"] == begins + work + 1800
+    assert far["start_s"] == near["end_s"] + 30 + 450 + 60
+    assert far["end_s"] == far["start_s"] + work
+    assert told["machines"][0]["home_s"] == far["end_s"] + 30 + 720
+    assert told["machines"][0]["km"] == pytest.approx(3.6 + 4.5 + 7.2)
+    assert near["cost"] == pytest.approx(0.01 * near["time_s"], rel=0.01)
+    ways = 0.01 * (360 + 60 + 30 + 450 + 60 + 30 + 720)
+    assert told["cost"] == pytest.approx(near["cost"] + far["cost"] + ways)
+    assert near["finish_probability"] == far["finish_probability"] == 1.0
+
+
+def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: Path) -> None:
+    window = DAY.replace('name = "far"', 'name = "far"\nwindows = ["08:00-09:30"]')
+    assert [job["field"] for job in planned(headland, window)["jobs"]] == ["far", "near"]
+    first = planned(headland, DAY)["jobs"][0]
+    certain = planned(headland, DAY, "--rain", "09:30")
+    assert certain["jobs"][0]["end_s"] == first["end_s"] and certain["jobs"][0]["finish_probability"] == 1.0
+    assert certain["jobs"][1]["finish_probability"] == 0.0 if len(certain["jobs"]) > 1 else certain["not_done"]
+
+
+def test_what_does_not_pay_is_left(headland: Headland, folder: Path) -> None:
+    poor = DAY.replace("value_per_ha = 1000.0", "value_per_ha = 1.0", 2)
+    told = headland("day", "day.toml", "--json")
+    assert told.status == 0
+    Path("poor.toml").write_text(poor, encoding="utf-8")
+    refused = headland("day", "poor.toml", "--json")
+    content = json.loads(refused.out)
+    assert refused.status == 3 and content["jobs"] == [] and len(content["not_done"]) == 2
+    assert "the closest is near: doing it costs" in refused.err
+    half = DAY.replace("value_per_ha = 1000.0", "value_per_ha = 1.0", 1)
+    left = planned(headland, half)["not_done"]
+    assert [one["field"] for one in left] == ["near"] and left[0]["cost"] == pytest.approx(0.36)
+    later = planned(headland, poor.replace("value_per_ha", "loss_per_ha").replace("km = 7.2", "km = 0.0")
+                    .replace("km = 3.6", "km = 0.0").replace("km = 4.5", "km = 0.0"))  # fmt: skip
+    assert later["jobs"] == [] or all(one["cost"] > 5.0 for one in later["not_done"]), "put off, it costs as much later"
+
+
+def test_a_day_that_is_too_short_says_what_comes_closest(headland: Headland, folder: Path) -> None:
+    short = DAY.replace('farm = "farm.toml"', 'farm = "farm.toml"\nlight = "08:00-08:20"')
+    Path("short.toml").write_text(short, encoding="utf-8")
+    told = headland("day", "short.toml")
+    assert told.status == 3 and "the closest is near: even one, going there first, would be" in told.err
+    assert len(told.sentences) == 1 and "No field can be done on this day." in told.out
+
+
+def test_two_fleets_share_the_work(headland: Headland, folder: Path) -> None:
+    two = DAY + '\n[[fleets]]\nname = "two"\ncount = 2\nimplement = "harrow"\n'
+    hurry = two.replace('farm = "farm.toml"', 'farm = "farm.toml"\nrain = "09:30"')
+    told = planned(headland, hurry)
+    assert {job["machine"] for job in told["jobs"]} == {"one", "two"}
+    assert {job["tractors"] for job in told["jobs"]} == {1, 2}
+
+
+def test_a_night_ends_on_the_next_day(headland: Headland, folder: Path) -> None:
+    night = DAY.replace('farm = "farm.toml"', 'farm = "farm.toml"\nstart = "23:00"').replace(
+        'name = "far"', 'name = "far"\nwindows = ["00:30-04:00"]'
+    )
+    told = planned(headland, night)
+    assert [job["field"] for job in told["jobs"]] == ["near", "far"]
+    assert told["jobs"][1]["start_s"] == 24 * 3600 + 1800
+    shown = headland("day", "other.toml", "--processes", 1).out
+    assert "00:30+1" in shown and "of the next day" in shown
+
+
+def test_same_bytes_with_and_without_a_cache(headland: Headland, folder: Path) -> None:
+    words = ("day", "day.toml", "--json", "--processes", 1, "--cache")
+    fresh = headland(*words, folder / "a")
+    assert fresh.status == 0 and len(list((folder / "a").iterdir())) == 1, "two fields of one shape are simulated once"
+    again, anew = headland(*words, folder / "a"), headland(*words, folder / "b")
+    assert fresh.out == again.out == anew.out
+    for broken in (folder / "a").iterdir():
+        broken.write_text(broken.read_text()[:100])
+    assert headland(*words, folder / "a").out == fresh.out
+
+
+def test_tables_pages_and_pictures(headland: Headland, folder: Path) -> None:
+    told = headland("day", "day.toml", "--html", "day.html", "--png", "day.png", "--map", "map.png")
+    assert told.status == 0 and "All 2 fields are done by" in told.out and "08:07" in told.out
+    assert "no map" in told.err, "nobody placed anything"
+    page = (folder / "day.html").read_text()
+    assert "By machine" in page and "data:image/svg+xml" in page and "http://" not in page and "https://" not in page
+    assert (folder / "day.png").read_bytes()[:4] == b"\x89PNG" and not (folder / "map.png").exists()
+    rows = list(csv.DictReader(io.StringIO(headland("day", "day.toml", "--csv").out)))
+    assert [row["field"] for row in rows] == ["near", "far"] and rows[0]["machine"] == "one"
+
+
+def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Path) -> None:
+    printed = headland("day", "example").out
+    assert headland("day", "new", "mine.toml").status == 0
+    assert (folder / "mine.toml").read_text(encoding="utf-8") == printed
+    assert headland("day", "new", "mine.toml").status == 2
+    assert headland("day", "new", "mine.toml", "--force").status == 0
+    help_text = " ".join(headland("day", "--help").out.split())
+    assert "Example: headland day day.toml" in help_text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('name = "near"', 'name = "near"\nwindows = ["12:00-09:00"]', "'12:00-09:00' closes before it opens"),
+        ('name = "near"', 'name = "near"\nwindows = ["noon"]', "'noon' are no hours"),
+        ('name = "near"', 'name = "near"\nwindows = ["25:00-26:00"]', "is not a time of day"),
+        ('name = "near"', 'name = "near"\nimplement = "drill"', "no fleet fits 'near', which asks for the implement"),
+        ('name = "near"', 'name = "near"\noperation = "sow"', "no fleet fits 'near', which asks for the operation"),
+        ('name = "near"', 'name = "near"\nimplement = "dril"', "did you mean 'drill'?"),
+        ('name = "near"', 'name = "near"\nloss_per_ha = 3.0', "value_per_ha and loss_per_ha exclude each other"),
+        ('name = "near"', 'name = "far"', "two fields have the name 'far'"),
+        ('name = "near"', 'name = "yard"', "a field is called 'yard'"),
+        ('file = "small.geojson"', 'file = "none.geojson"', "There is no file 'none.geojson'"),
+        ("value_per_ha = 1000.0", "value_per_ha = -1.0", "value_per_ha = -1.0: give a number from 0"),
+        ('name = "one"', 'name = "one"\ntractor = "Carier"', "did you mean 'Carrier'?"),
+        ("count = 1", "count = 4", "the fleets have 4 x Carrier together, and the farm 3"),
+        ("km = 4.5", "km = -4.5", "km = -4.5: give a number from 0"),
+        ('between = ["near", "far"]', 'between = ["near", "fart"]', "no field of it (did you mean 'far'?)"),
+        ('between = ["near", "far"]', 'between = ["yard", "far"]', "is 7.2 km and 4.5 km; keep one of them"),
+        ('between = ["near", "far"]\nkm = 4.5', 'between = ["yard", "far"]\nkm = 7.2', "'near' and 'far' is missing"),
+        ("[[fields]]", "[fields]", "two brackets"),
+        ('farm = "farm.toml"', 'farm = "none.toml"', "There is no file"),
+        ('farm = "farm.toml"', 'farm = "farm.toml"\nrain = "wet"', "--rain 'wet' is none of"),
+        ('farm = "farm.toml"', 'farm = "farm.toml"\nstart = "7"', "is not a time of day"),
+        ('farm = "farm.toml"', 'farm = "farm.toml"\nlight = "20:00-19:00"', "closes before it opens"),
+        ('["split-field"]', '["split-feld"]', "did you mean 'split-field'?"),
+        ('["split-field"]', "[]", "strategies is empty"),
+        ('farm = "farm.toml"', 'farm = "farm.toml"\nhurry = true', "hurry is not known"),
+        ("[[fleets]]", "[[fleet]]", "it lacks fleets"),
+    ],
+)
+def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, new: str, words: str) -> None:
+    (folder / "bad.toml").write_text(DAY.replace(old, new, 1), encoding="utf-8")
+    told = headland("day", "bad.toml")
+    assert (told.status, told.out, len(told.sentences)) == (2, "", 1), told
+    assert words in told.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("none.toml",), "There is no file 'none.toml'"),
+        (("day.toml", "--json", "--csv"), "choose one"),
+        (("day.toml", "--draws", "0"), "--draws is 0"),
+        (("day.toml", "--cache", "farm.toml"), "is a file"),
+        (("day.toml", "--html", "day.toml"), "name the file day.html"),
+        (("day.toml", "--png", "day.html"), "name the file day.png"),
+        (("day.toml", "--farm", "none.toml"), "There is no file"),
+        (("day.toml", "--processes", "0"), "--processes is 0"),
+    ],
+)
+def test_bad_options_are_one_sentence(headland: Headland, folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    told = headland("day", *arguments)
+    assert (told.status, told.out, len(told.sentences)) == (2, "", 1), told
+    assert words in told.err

@@ -1,0 +1,90 @@
+"""What is kept of simulated field times."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from fields.field import Field
+from planner.chance.graph import Graph, Link
+from planner.day.cache import Cache, code_version, digest, user_folder
+from planner.day.times import FieldTime, Task, field_times, packed, unknown
+from planner.pool import SerialExecutor
+from planner.scenario import Scenario
+from vehicle.tractor import Implement, load_tractor
+
+GRAPH = Graph(
+    tractors=2, first=(0, 2), tractor=np.array([0, 0, 1]), driven_s=np.array([0.1, 1.0 / 3.0, 7e-9]),
+    group=np.array([0, 1, 0]), kind=np.array([0, 1, 0]), worked_m=np.array([10.0, 0.0, 1e6 / 7.0]), order=(0, 2, 1),
+    links=(Link(2, 1, 0.1 + 0.2, 1.0, at_end=True),),
+)  # fmt: skip
+
+
+@pytest.fixture
+def task() -> Task:
+    field = Field("one", shapely.box(0, 0, 40, 80))
+    return Task(field, Scenario(field="one", tractors=(1,)), load_tractor("eg105"), Implement())
+
+
+def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: Task) -> None:
+    cache = Cache(tmp_path / "deep" / "down")
+    kept = FieldTime("split-field", 2, 1.0 / 3.0, 99.1, None, GRAPH)
+    assert cache.write(task.key, packed(kept))
+    ((found,),), written = field_times([[task]], cache, SerialExecutor())
+    assert written and found is not None and found.graph is not None
+    assert packed(found) == packed(kept)
+    assert found.graph.links == GRAPH.links and found.graph.driven_s.tolist() == GRAPH.driven_s.tolist()
+    assert [path.name for path in (tmp_path / "deep" / "down").iterdir()] == [f"{task.key}.json"]
+
+
+def test_the_name_is_that_of_the_content(task: Task) -> None:
+    renamed = replace(task.field, name="two", crs="EPSG:32632", origin_m=(5.0, 6.0), remarks=("Hm.",))
+    assert replace(task, field=renamed).key == task.key
+    assert replace(task, scenario=replace(task.scenario, field="two")).key == task.key
+    wider = replace(task, field=Field("one", shapely.box(0, 0, 40.001, 80)))
+    more = replace(task, scenario=replace(task.scenario, tractors=(2,)))
+    other = replace(task, tractor=load_tractor("mr1000a"))
+    longer = replace(task, implement=Implement(length_m=0.8))
+    assert len({task.key, wider.key, more.key, other.key, longer.key}) == 5
+    assert digest("a", ["b"]) != digest("a", "b") and len(code_version()) == 64
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"strategy": "x"}', '{"graph": {"first": 3}}', "\x00"])
+def test_what_is_not_whole_is_not_there(tmp_path: Path, task: Task, text: str) -> None:
+    (tmp_path / f"{task.key}.json").write_text(text)
+    assert unknown([[task]], Cache(tmp_path)) == 1
+
+
+def test_a_folder_that_takes_no_files_only_costs_time(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    assert not Cache(blocked / "sub").write("name", {"a": 1})
+    assert Cache(blocked / "sub").read("name") is None
+    assert Cache(None).write("name", {}) and Cache(None).read("name") is None
+
+
+def test_a_file_is_never_half_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache = Cache(tmp_path)
+    assert cache.write("name", {"a": 1})
+
+    def full(*_: object) -> None:
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr("os.replace", full)
+    assert not cache.write("name", {"a": 2})
+    assert [path.name for path in tmp_path.iterdir()] == ["name.json"]
+    assert json.loads((tmp_path / "name.json").read_text()) == {"a": 1}
+
+
+@pytest.mark.parametrize("system", ["linux", "darwin", "win32"])
+def test_every_system_has_its_folder(system: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("sys.platform", system)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
+    assert "headland" in user_folder().parts
+    assert system == "darwin" or tmp_path in user_folder().parents

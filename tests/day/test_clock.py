@@ -1,0 +1,62 @@
+"""Time without breaks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.day.clock import Clock, clock_of
+from planner.day.file import placed
+from planner.errors import ScenarioError
+
+HOUR = 3600
+NOON = Clock(((12 * HOUR, 13 * HOUR),))
+
+
+def test_work_goes_on_after_a_break() -> None:
+    assert NOON.working(11 * HOUR) == 11 * HOUR
+    assert NOON.working(12.5 * HOUR) == 12 * HOUR == NOON.working(13 * HOUR)
+    assert NOON.working(15 * HOUR) == 14 * HOUR
+    assert (NOON.end(12 * HOUR), NOON.begin(12 * HOUR)) == (12 * HOUR, 13 * HOUR)
+    assert NOON.begin(14 * HOUR) == NOON.end(14 * HOUR) == 15 * HOUR
+
+
+def test_breaks_that_are_over_are_of_the_next_day_and_ones_that_touch_are_one() -> None:
+    assert clock_of([(1 * HOUR, 2 * HOUR)], 18 * HOUR).breaks == ((25 * HOUR, 26 * HOUR),)
+    assert clock_of([(12 * HOUR, 13 * HOUR), (13 * HOUR, 14 * HOUR), (12 * HOUR, 12 * HOUR)], 0).breaks == (
+        (12 * HOUR, 14 * HOUR),
+    )
+
+
+breaks = st.lists(st.tuples(st.integers(0, 40_000), st.integers(1, 9_000)), max_size=4)
+
+
+@given(breaks, st.integers(0, 100_000), st.integers(0, 50_000))
+def test_a_piece_of_work_takes_its_time_outside_breaks(pairs: list[tuple[int, int]], at: int, work: int) -> None:
+    clock = clock_of([(start, start + length) for start, length in pairs], 0)
+    begin, end = clock.begin(clock.working(at)), clock.end(clock.working(at) + work)
+    paused = sum(max(0.0, min(end, b) - max(begin, a)) for a, b in clock.breaks)
+    assert end - begin - paused == pytest.approx(work if work else min(end - begin - paused, 0.0))
+    assert clock.all_working(np.array([at, np.inf])).tolist() == [clock.working(at), np.inf]
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "seen"),
+    [
+        ("06:00-09:00", 7, (6, 9)),
+        ("22:00-02:00", 7, (22, 26)),
+        ("01:00-05:00", 18, (25, 29)),
+        ("08:00-12:00", 8, (8, 12)),
+        ("20:00-08:00", 8, (20, 32)),
+    ],
+)
+def test_times_past_midnight_are_of_the_next_day(text: str, start: int, seen: tuple[int, int]) -> None:
+    assert placed(text, start * HOUR) == (seen[0] * HOUR, seen[1] * HOUR)
+
+
+@pytest.mark.parametrize("text", ["12:00-09:00", "10:00-10:00", "20:00-19:00"])
+def test_a_window_that_closes_before_it_opens_is_refused(text: str) -> None:
+    with pytest.raises(ScenarioError, match="closes before it opens"):
+        placed(text, 8 * HOUR)
