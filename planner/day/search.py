@@ -11,7 +11,7 @@ from planner.chance.streams import stream
 from planner.day.insertion import Routes, repaired
 from planner.day.problem import EVEN, Problem, empty
 
-EFFORT = 400_000  # routes priced, some 5 microseconds each
+EFFORT = 1_600_000  # routes priced, most of them known already: a second or two
 LEAST_ROUNDS, MOST_ROUNDS = 30, 3000
 FEWEST, SHARE, MOST_OUT = 2, 0.4, 12  # fields taken out at a time
 WORSE = 0.01  # of the cost: what a day may be worse by and still be gone on with, at the beginning

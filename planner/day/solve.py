@@ -10,7 +10,7 @@ from planner.day.problem import EVEN, Problem
 from planner.day.search import searched
 
 FEW = 8  # fields whose order is proven
-EFFORT_FEW, EFFORT_MANY = 20.0, 6.0  # deterministic seconds of the constraint model
+EFFORT_FEW, EFFORT_MANY = 20.0, 4.0  # deterministic seconds of the constraint model
 ROUNDING_PCT = 1e-3
 SEARCH_FEW = 20_000  # routes priced before the constraint model takes over
 

@@ -1,0 +1,54 @@
+"""Where fields are and how far apart."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fields import read_field
+from planner.day.file import day_from, example_text
+from planner.day.places import Spot, on_map, road_km, spots, yard_of
+from planner.day.planning import prepare_day
+
+LENGTH_M = 2.0 * math.pi * 6_378_137.0 / 360.0  # of a degree along the equator
+
+
+def test_straight_lines_times_a_factor_and_roads_that_are_given() -> None:
+    day, _ = day_from(example_text().replace('"polder"]', '"long"]'), "day.toml")
+    places = (Spot("long", (0.0, 0.0)), Spot("polder", (1.0, 0.0)), Spot("yard", (0.0, 0.0)))
+    km = road_km(day, places, 1.3)
+    assert km[0, 1] == km[1, 0] == pytest.approx(1.3 * LENGTH_M / 1000.0, rel=1e-6)
+    assert km[0, 2] == km[2, 0] == 3.4, "as given, though they are one place"
+    assert np.diag(km).tolist() == [0.0] * 3
+
+
+def test_fields_are_where_they_are_or_where_they_are_put() -> None:
+    day, farm = day_from(example_text(), "day.toml")
+    found = spots(day, [read_field(each.file, name=each.name) for each in day.fields])
+    assert [spot.name for spot in found] == ["long", "polder", "slope"]
+    assert found[0].at == (4.6, 52.13) and found[2].at == (4.53, 52.09)
+    own = read_field("netherlands")
+    assert found[1].at is not None
+    inside = own.to_wgs84(np.asarray(own.boundary.exterior.coords))
+    assert (inside.min(axis=0) < found[1].at).all() and (found[1].at < inside.max(axis=0)).all()
+    yard = yard_of(day, farm)
+    assert yard is not None and yard.at == (4.55, 52.11), "that of the day before that of the farm"
+
+
+def test_the_map_is_in_metres_with_north_up() -> None:
+    shown = on_map((Spot("a", (9.0, 56.0)), Spot("b", None), Spot("c", (9.0, 56.01)), Spot("d", (9.01, 56.0))))
+    a, b, c, d = shown
+    assert b is None and a is not None and c is not None and d is not None
+    assert c[1] - a[1] == pytest.approx(1114.0, abs=3.0) and c[0] == pytest.approx(a[0], abs=1.0)
+    assert d[0] - a[0] == pytest.approx(LENGTH_M * 0.01 * math.cos(math.radians(56.0)), rel=0.003)
+    assert on_map((Spot("b", None),)) == [None]
+
+
+def test_without_a_yard_the_day_begins_at_a_field() -> None:
+    text = example_text().replace("[yard]\nlon = 4.55\nlat = 52.11\n", "").replace('farm = "example"', "")
+    text = text[: text.index("[[fleets]]")] + '[[fleets]]\nname = "one"\n'
+    ready = prepare_day(*day_from(text, "day.toml"))
+    assert yard_of(ready.day, ready.farm) is None and len(ready.places) == 3
+    assert ready.km[3].tolist() == [0.0] * 4 and ready.km[0, 1] > 1.0
