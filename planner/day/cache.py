@@ -20,11 +20,14 @@ from pydantic import BaseModel
 
 ROOMS = ("fields", "vehicle", "strategies", "planner")
 LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "scipy", "shapely")
+ELSEWHERE = "HEADLAND_CACHE"
 KINDS = (".py", ".toml", ".csv")
 
 
 def user_folder() -> Path:
-    """Where this system keeps what programs may lose."""
+    """Where this system keeps what programs may lose; HEADLAND_CACHE names another folder."""
+    if os.environ.get(ELSEWHERE):
+        return Path(os.environ[ELSEWHERE])
     home = Path.home()
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "headland" / "Cache"

@@ -1,6 +1,7 @@
 """The command as a user runs it: in this process where that is enough, in its own where the system matters."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -39,6 +40,12 @@ def compiled_simulator() -> None:
     from planner.warmup import run_once
 
     run_once()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kept(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Field times are kept in a folder of the tests, by the processes they start too."""
+    os.environ["HEADLAND_CACHE"] = str(tmp_path_factory.mktemp("kept"))
 
 
 @pytest.fixture

@@ -85,19 +85,13 @@ km = 4.5
 
 
 @pytest.fixture
-def folder(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch, kept: Path) -> Path:
-    """A folder with farm, day and field to work in, and field times kept for all tests."""
+def folder(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with farm, day and field to work in."""
     (tmp_path / "farm.toml").write_text(FARM, encoding="utf-8")
     (tmp_path / "day.toml").write_text(DAY, encoding="utf-8")
     (tmp_path / "small.geojson").write_text(small.read_text())
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(kept))
     return tmp_path
-
-
-@pytest.fixture(scope="session")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("kept")
 
 
 def planned(headland: Headland, text: str, *options: str) -> dict[str, Any]:

@@ -84,7 +84,10 @@ def test_a_file_is_never_half_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize("system", ["linux", "darwin", "win32"])
 def test_every_system_has_its_folder(system: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("sys.platform", system)
+    monkeypatch.delenv("HEADLAND_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
     assert "headland" in user_folder().parts
     assert system == "darwin" or tmp_path in user_folder().parents
+    monkeypatch.setenv("HEADLAND_CACHE", str(tmp_path / "own"))
+    assert user_folder() == tmp_path / "own"
