@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import date
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,11 @@ from planner.chance.rain import parse_rain
 from planner.chance.settings import Chances, like
 from planner.chance.streams import stream
 from planner.day.clock import Clock, clock_of
-from planner.day.file import DayField, DayFile, machines_of, placed, start_of
+from planner.day.file import SUN, DayField, DayFile, machines_of, placed, start_of
+from planner.day.light import sun_hours
 from planner.day.problem import Problem, Rain
 from planner.day.times import FieldTime, Table
+from planner.errors import ScenarioError
 from planner.farm.file import FarmFile
 from planner.price.cost import HOUR_S, Terms, paid_per_draw
 from planner.price.machine import rates
@@ -55,14 +58,32 @@ class Frame:
         return tuple(found)
 
 
-def frame_of(day: DayFile, farm: FarmFile) -> Frame:
-    """The frame of a day; raises ScenarioError."""
+def frame_of(day: DayFile, farm: FarmFile, at: tuple[float, float] | None = None) -> Frame:
+    """The frame of a day; `at` (longitude, latitude) is where the sun is looked for. Raises ScenarioError."""
     start = start_of(day, farm)
     ends = farm.times.shift_s[1]
     end = start + DAY_S if ends is None else ends % DAY_S + (DAY_S if ends % DAY_S <= start else 0)
-    light = None if day.light is None else placed(day.light, start)
+    light = _light(day, start, at)
     onset = None if day.rain is None else parse_rain(day.rain, start)
     return Frame(start, end, clock_of(farm.times.breaks_s, start), light, onset)
+
+
+def _light(day: DayFile, start_s: int, at: tuple[float, float] | None) -> tuple[int, int] | None:
+    """When it is light, None for always."""
+    if day.light is None:
+        return None
+    if day.light != SUN:
+        return placed(day.light, start_s)
+    if at is None:
+        raise ScenarioError(
+            f"light = {SUN!r} needs a place on the earth; give lon and lat of the yard or a field, or light in hours."
+        )
+    found = sun_hours(date.fromisoformat(day.date or ""), *at, day.utc_offset_h or 0.0)
+    if found is None:
+        return None
+    rise, sets = found
+    sets += DAY_S if sets < rise else 0
+    return (rise + DAY_S, sets + DAY_S) if sets <= start_s else (rise, sets)
 
 
 def chances_of(farm: FarmFile, *, late: bool = False) -> Chances:

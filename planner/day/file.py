@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import date
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,6 +25,7 @@ from vehicle.faults import faults_of
 
 YARD = "yard"
 EXAMPLE = "example"
+SUN = "sun"
 MOST_TOLD = 30
 MOST_KM = 1000.0
 
@@ -36,6 +38,21 @@ def _is_window(text: str) -> str:
 def _is_clock(text: str | None) -> str | None:
     if text is not None:
         parse_clock(text, "the start")
+    return text
+
+
+def _is_light(text: str | None) -> str | None:
+    if text is not None and text != SUN:
+        hours(text)
+    return text
+
+
+def _is_date(text: str | None) -> str | None:
+    if text is not None:
+        try:
+            date.fromisoformat(text)
+        except ValueError:
+            raise ValueError(f"{text!r} is no date; write for instance '2026-05-01'") from None
     return text
 
 
@@ -66,6 +83,12 @@ def placed(text: str, start_s: int) -> tuple[int, int]:
 
 def _clock(seconds: int) -> str:
     return f"{seconds // 3600 % 24:02d}:{seconds % 3600 // 60:02d}"
+
+
+def _are_two(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(names) != 2:
+        raise ValueError(f"{len(names)} names are no road; give two")
+    return names
 
 
 Window = Annotated[str, AfterValidator(_is_window)]
@@ -114,21 +137,23 @@ class DayFleet(Section):
 class Road(Section):
     """The way between two fields, or a field and the yard, in kilometres of road; the same both ways."""
 
-    between: tuple[str, str] = Field(description="two names in brackets")
+    between: Annotated[tuple[str, ...], AfterValidator(_are_two)] = Field(description="two names in brackets")
     km: float = Field(ge=0.0, le=MOST_KM, strict=True, allow_inf_nan=False, description="km of road")
 
 
 class DayFile(Section):
     """A day: what there is to do, with whom, and when."""
 
-    fields: tuple[DayField, ...] = Field(min_length=1)
-    fleets: tuple[DayFleet, ...] = Field(min_length=1)
+    fields: tuple[DayField, ...] = Field(description="one [[fields]] each")
+    fleets: tuple[DayFleet, ...] = Field(description="one [[fleets]] each")
     roads: tuple[Road, ...] = other((), "ways between places", "straight lines times road_factor")
     farm: str | None = other(None, "a farm file, or 'example'", "a farm of defaults", strict=True)
     start: Annotated[str | None, AfterValidator(_is_clock)] = other(None, "hh:mm", "shift_start of the farm")
-    light: Annotated[str | None, AfterValidator(lambda text: text and _is_window(text))] = other(
-        None, "sunrise and sunset, such as '06:10-20:40'", "robots need none"
+    light: Annotated[str | None, AfterValidator(_is_light)] = other(
+        None, "'sun', or hours such as '06:10-20:40'", "robots need none", strict=True
     )
+    date: Annotated[str | None, AfterValidator(_is_date)] = other(None, "yyyy-mm-dd in quotes", strict=True)
+    utc_offset_h: float | None = number(None, -12.0, 14.0, "hours that clocks are ahead of UTC")
     rain: str | None = other(None, "as --rain of headland plan", "none", strict=True)
     strategies: tuple[str, ...] = other(tuple(STRATEGIES), "names in quotes", "all of them")
     yard: Yard | None = other(None, "lon and lat", "that of the farm")
@@ -136,7 +161,7 @@ class DayFile(Section):
     @field_validator("fields", "fleets", "roads", mode="before")
     @classmethod
     def _are_listed(cls, given: Any) -> Any:
-        if isinstance(given, Mapping):
+        if isinstance(given, Mapping) or (isinstance(given, list) and not all(isinstance(x, Mapping) for x in given)):
             raise ValueError("write the heading of each with two brackets on either side, as [[fields]]")
         return given
 
@@ -245,6 +270,10 @@ def _with_names(faults: str, values: Mapping[str, Any]) -> str:
 
 def _faults(day: DayFile, farm: FarmFile) -> Iterator[str]:
     """What does not go together."""
+    empty = [what for what in ("fields", "fleets") if not getattr(day, what)]
+    yield from (f"{what} is empty; give one or more under [[{what}]]" for what in empty)
+    if empty:
+        return
     yield from _twice([fleet.name for fleet in day.fleets], "fleets have")
     yield from _twice([field.name for field in day.fields if field.name], "fields have")
     for field in day.fields:
@@ -264,8 +293,10 @@ def _faults(day: DayFile, farm: FarmFile) -> Iterator[str]:
             asked = f"the implement {field.implement!r}" if field.implement else f"the operation {field.operation!r}"
             have = ", ".join(dict.fromkeys(f"{each.name} ({each.operation or 'till'})" for each in implements))
             yield f"no fleet fits {brief(field.name or field.file)}, which asks for {asked}; the fleets have {have}"
-    begins = start_of(day, farm)
-    for text in (*(window for field in day.fields for window in field.windows), *([day.light] if day.light else [])):
+    if day.light == SUN and (day.date is None or day.utc_offset_h is None):
+        yield f"light = {SUN!r} needs a date and utc_offset_h (2.0 for summer in central Europe); give both"
+    begins, light = start_of(day, farm), [] if day.light in (None, SUN) else [str(day.light)]
+    for text in (*(window for field in day.fields for window in field.windows), *light):
         placed(text, begins)
 
 

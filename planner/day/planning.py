@@ -74,7 +74,12 @@ def prepare_day(day: DayFile, farm: FarmFile) -> Ready:
     km = np.zeros((len(own) + 1, len(own) + 1))
     places = own if yard is None else (*own, yard)
     km[: len(places), : len(places)] = road_km(day, places, farm.times.road_factor)
-    return Ready(day, farm, fields, places, km, frame_of(day, farm), tasks_of(day, farm, fields))
+    return Ready(day, farm, fields, places, km, frame_of(day, farm, _sun_at(places)), tasks_of(day, farm, fields))
+
+
+def _sun_at(places: Sequence[Spot]) -> tuple[float, float] | None:
+    """Where the sun is looked for: the yard, else the last field that is somewhere."""
+    return next((place.at for place in reversed(places) if place.at is not None), None)
 
 
 def plan_day(

@@ -1,18 +1,20 @@
-"""The best day: proven for few fields, searched for many, and how far from the best it can be."""
+"""The best day: proven by a constraint model for few fields, searched for many, and how far from the best it can be."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from planner.day.exact import proven
 from planner.day.insertion import Routes
 from planner.day.problem import EVEN, Problem
-from planner.day.search import searched
+from planner.day.search import EFFORT, searched
+from planner.day.sets import Choice, chosen
 
 FEW = 8  # fields whose order is proven
-EFFORT_FEW, EFFORT_MANY = 20.0, 4.0  # deterministic seconds of the constraint model
+EFFORT_FEW, EFFORT_MANY = 3.0, 4.0  # deterministic seconds of the constraint model
 ROUNDING_PCT = 1e-3
-SEARCH_FEW = 20_000  # routes priced before the constraint model takes over
+SEARCH_FEW, SEARCH_MANY = 20_000, EFFORT  # routes priced by the search
 
 
 @dataclass(frozen=True)
@@ -28,25 +30,48 @@ class Day:
 
 
 def solved(problem: Problem, *, seed: int = 1, few: int = FEW) -> Day:
-    """The best day that is found; the same for the same problem and seed."""
-    if problem.fields <= few:
-        found = searched(problem, seed=seed, effort=SEARCH_FEW)
-        proof = proven(problem, found, EFFORT_FEW)
-    else:
-        found = searched(problem, seed=seed)
-        proof = proven(problem, found, EFFORT_MANY)
-    cost = problem.cost(found)
-    other = None if proof.routes is None else problem.cost(proof.routes)
-    if proof.routes is not None and other is not None and (cost is None or other < cost - EVEN):
-        found, cost = proof.routes, other
-    whole = 0.0 if cost is None else cost
-    bound = max(proof.bound, simple_bound(problem))
-    return Day(found, whole, _gap_pct(whole, bound))
+    """The best day that is found; the same for the same problem and seed.
+
+    The second proof is only asked where the first leaves a gap.
+    """
+    is_few = problem.fields <= few
+    found = searched(problem, seed=seed, effort=SEARCH_FEW if is_few else SEARCH_MANY)
+    least = least_each(problem)
+    best = Day(found, _cost(problem, found), _gap_pct(_cost(problem, found), sum(least)))
+    for by_routes in (not is_few, is_few):
+        if best.gap_pct == 0.0:
+            break
+        choice = chosen(problem, best.cost, least) if by_routes else None
+        if not by_routes:
+            proof = proven(problem, best.routes, EFFORT_FEW if is_few else EFFORT_MANY)
+            choice = Choice(proof.routes, proof.bound)
+        if choice is not None:
+            best = _better(problem, best, choice)
+    return best
+
+
+def _better(problem: Problem, day: Day, choice: Choice) -> Day:
+    """A day with what a proof has found: other routes that cost less, a smaller gap."""
+    routes, cost = day.routes, day.cost
+    if choice.routes is not None and _cost(problem, choice.routes) < cost - EVEN:
+        routes, cost = choice.routes, _cost(problem, choice.routes)
+    known = day.cost * (1.0 - 0.01 * day.gap_pct)
+    return Day(routes, cost, _gap_pct(cost, max(choice.bound, known)))
+
+
+def _cost(problem: Problem, routes: Routes) -> float:
+    cost = problem.cost(routes)
+    return math.inf if cost is None else cost
 
 
 def simple_bound(problem: Problem) -> float:
-    """What no day costs less than: every field by itself, left or done at its soonest by the fleet that suits it."""
-    total = 0.0
+    """What no day costs less than: all fields at their least."""
+    return sum(least_each(problem))
+
+
+def least_each(problem: Problem) -> list[float]:
+    """What each field costs at least: left, or done at its soonest by the fleet that suits it."""
+    least = []
     for field in range(problem.fields):
         options = [problem.put_off[field]]
         for fleet in range(problem.fleets):
@@ -56,8 +81,8 @@ def simple_bound(problem: Problem) -> float:
                 prices = [row[field] for row in problem.move_cost[fleet]]
                 way = min(price for place, price in enumerate(prices) if place != field)
                 options.append(problem.job_cost(fleet, field, start) + way)
-        total += min(options)
-    return total
+        least.append(min(options))
+    return least
 
 
 def _soonest(problem: Problem, field: int) -> int:

@@ -11,6 +11,8 @@ from planner.price.advice import hours, percent
 from planner.scenario import DAY_S, clock
 from reports.day_results import DayJob, NotDone
 
+MOST_TOLD = 3  # fields that are left and have their reason in the advice
+
 
 @dataclass(frozen=True)
 class Why:
@@ -79,7 +81,9 @@ def advice_of(
     weakest = min(jobs, key=lambda job: (round(job.finish_probability, 6), job.end_s))
     if len(jobs) > 1 and sure is not None and weakest.finish_probability < 0.995:
         sentences.append(f"Least sure is {weakest.field}, {percent(weakest.finish_probability)}.")
-    sentences += [f"{one.field} is left: {one.reason}." for one in left]
+    sentences += [f"{one.field} is left: {one.reason}." for one in left[:MOST_TOLD]]
+    more = len(left) - MOST_TOLD
+    sentences += [f"{more} more {_are(more)} left."] if more > 0 else []
     return " ".join(sentences)
 
 

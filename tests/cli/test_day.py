@@ -246,6 +246,9 @@ def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Pa
         ('["split-field"]', "[]", "strategies is empty"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nhurry = true', "hurry is not known"),
         ("[[fleets]]", "[[fleet]]", "it lacks fleets"),
+        ('name = "near"', 'name = "near"\nwindows = "12:00-13:00"', "give a list in brackets."),
+        ('name = "near"', 'name = "near"\nlon = 4.0', "lon and lat go together; give both in degrees, or neither."),
+        ('between = ["near", "far"]', 'between = ["far"]', "1 names are no road; give two."),
     ],
 )
 def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, new: str, words: str) -> None:
@@ -259,6 +262,10 @@ def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, n
     ("arguments", "words"),
     [
         (("none.toml",), "There is no file 'none.toml'"),
+        (("empty.toml",), "it lacks fields (one [[fields]] each), fleets"),
+        (("lists.toml",), "fields: write the heading of each with two brackets"),
+        (("bare.toml",), "fields is empty"),
+        (("open.toml",), "The day has no start"),
         (("day.toml", "--json", "--csv"), "choose one"),
         (("day.toml", "--draws", "0"), "--draws is 0"),
         (("day.toml", "--cache", "farm.toml"), "is a file"),
@@ -269,6 +276,12 @@ def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, n
     ],
 )
 def test_bad_options_are_one_sentence(headland: Headland, folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    texts = {
+        "empty": "", "lists": 'fields = ["x"]\nfleets = []\n', "bare": "fields = []\nfleets = []\n",
+        "open": '[[fields]]\nfile = "sweden"\n[[fleets]]\nname = "a"\n',
+    }  # fmt: skip
+    for name, text in texts.items():
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     told = headland("day", *arguments)
     assert (told.status, told.out, len(told.sentences)) == (2, "", 1), told
     assert words in told.err
