@@ -53,9 +53,9 @@ SPARE, MOST_SPARE_M = 0.8, 0.3  # of the margin to a fence, at most so much, pla
 SWING_SPARE_M = 0.1  # what swings out of a bend, and what guidance adds to it
 BEND_RADIUS = 2.0  # planned radii, or halves of the machine: the wheels must be turned over while the implement works
 _WORKED_OUT = ("_first", "driven", "gate", "roomier", "turns_tried")
-GATE_M = 5.0  # so far to either side of the entrance a fence has its gate
 ROOM_KEPT = 1.0 / 3.0  # of the room that neighbouring tracks leave between machines: the rest is for errors of guidance
 WIDER = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well
+GATE_M, GATE_SPARE_M = 5.0, 1.0  # to either side of the entrance a fence has its gate: that far, or as the machine asks
 AHEAD_M = 3.0  # two of a row that turned side by side would come nearer to each other than a usual clearance
 RIM_M = 0.3  # in the corners of a round the guided point keeps so far inside the outline
 SHUNTING_MPS = 5.0 * KMH  # nobody reverses faster, nor turns faster with direction changes in the turn
@@ -104,6 +104,14 @@ class Site:
         if field.entrance is None or self.scenario.tracks_only or self.free.is_empty:
             return None
         return gateway(field.outline or field.boundary, self.free, field.entrance)
+
+    @property
+    def gate_m(self) -> float:
+        """How far to either side of the entrance there is no fence: implements come in unfolded."""
+        if self.gate is None:
+            return GATE_M
+        machine_m = max(self.implement.contact_width_m, self.tractor.width_m)
+        return max(GATE_M, 0.5 * machine_m + GATE_SPARE_M)
 
     @cached_property
     def driven(self) -> Known:
@@ -158,7 +166,7 @@ class Site:
         spare_m = min(SPARE * max(self.scenario.margin_m, LEAST_FENCE_MARGIN_M), MOST_SPARE_M)
         fences = shapely.union_all(field.fences)
         if self.gate is not None:
-            fences = shapely.difference(fences, shapely.Point(self.gate.at[:2]).buffer(GATE_M))
+            fences = shapely.difference(fences, shapely.Point(self.gate.at[:2]).buffer(self.gate_m))
         obstacles = shapely.union_all([shape.boundary for shape in field.solid])
         fence = Fence(fences, obstacles, body, spare_m)
         forwards = tuple(kind for kind in self.kinds if kind != "switch-back")

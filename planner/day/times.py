@@ -143,7 +143,8 @@ def packed(found: FieldTime) -> dict[str, Any]:
         return {"reason": found.reason}
     arrays = {name: getattr(graph, name).tolist() for name in ARRAYS}
     links = [asdict(link) for link in graph.links]
-    whole = {"tractors": graph.tractors, "first": list(graph.first), "order": list(graph.order)}
+    leaving = None if graph.leaving is None else graph.leaving.tolist()
+    whole = {"tractors": graph.tractors, "first": list(graph.first), "order": list(graph.order), "leaving": leaving}
     return {**content, "graph": {**whole, **arrays, "links": links}}
 
 
@@ -160,6 +161,7 @@ def _unpacked(content: dict[str, Any] | None) -> FieldTime | None:
             links=tuple(Link(**link) for link in own["links"]),
             tractor=_whole(own["tractor"]), group=_whole(own["group"]), kind=_whole(own["kind"]),
             driven_s=_floats(own["driven_s"]), worked_m=_floats(own["worked_m"]), stand_s=_floats(own["stand_s"]),
+            leaving=None if own["leaving"] is None else np.array(own["leaving"], dtype=np.bool_),
         )  # fmt: skip
         return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
     except (KeyError, TypeError, ValueError):

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.site import GATE_M, Site, body_of
+from planner.site import Site, body_of
 from vehicle.run import Run
 
 EVERY = 2  # rows of the 10 Hz record between looks: under half a metre of driving
@@ -25,7 +25,7 @@ class FenceCheck:
         self._site = site
         self._fence = shapely.union_all(field.fences)
         if field.entrance is not None:
-            self._fence = shapely.difference(self._fence, shapely.Point(field.entrance).buffer(GATE_M))
+            self._fence = shapely.difference(self._fence, shapely.Point(field.entrance).buffer(site.gate_m))
         self._area = shapely.Polygon((field.outline or field.boundary).exterior)
         shapely.prepare([self._fence, self._area])
 

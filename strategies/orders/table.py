@@ -133,8 +133,9 @@ class TurnTable:
                 best = tour(turns, first, last, inner, seed, kicked=kicked, proven=proof)
                 inner = [(best.passes // 2).tolist()]
                 order = rows[best.passes].tolist()
-                if not self.work_out(order) | self.work_out_ends(order):
-                    break
+                more = self.work_out(order)
+                if not more and (kicked or not self.work_out_ends(order)):
+                    break  # the ways in and out are worked out while orders are cheap to search
                 first, last = self.ends()[:, rows]
         return Tour(rows[best.passes], best.seconds, best.bound_s)
 

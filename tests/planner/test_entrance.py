@@ -24,7 +24,7 @@ from strategies.orders.table import TurnTable
 from strategies.registry import STRATEGIES
 from strategies.ways.gateway import EDGE_M, gateway
 from vehicle.compile import compile_model
-from vehicle.meetings import meetings, poses_of
+from vehicle.meetings import Trail, meetings, poses_of
 from vehicle.missions import ENTER, LEAVE, Gate, Leg, Mission, Plan, Task
 from vehicle.plan_file import plan_to_json, saved_from_json
 from vehicle.run import DONE
@@ -147,7 +147,7 @@ class TestPlan:
             for other in range(one):
                 both = np.intersect1d(present[one], present[other])
                 poses = [poses_of(found.poses(tractor)[both]) for tractor in (one, other)]
-                pairs = meetings(poses[0], poses[1], model, 0.3, 0.05)
+                pairs = meetings(Trail(poses[0]), Trail(poses[1]), model, 0.3, 0.05)
                 assert not (pairs[:, 0] == pairs[:, 1]).any()
 
     def test_one_alone_takes_the_time_of_its_ways_longer(self) -> None:
