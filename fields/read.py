@@ -81,7 +81,7 @@ def _remarks(document: Document) -> tuple[str, ...]:
     told = ", ".join(f"{count} {what}" for what, count in document.unused)
     return (
         f"Not used of the field file: {told}; an obstacle has the role 'obstacle' or is a hole of the boundary, an "
-        "entrance is a Point with role 'entrance', a place to refill one with 'refill', a ground zone a Polygon with a "
+        "entrance is a Point with role 'entrance' (a place to refill: 'refill'), a ground zone a Polygon with a "
         "'ground', a fence a LineString along the boundary with edge 'fence'.",
     )
 

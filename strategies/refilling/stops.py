@@ -61,22 +61,17 @@ class Filled:
 
 
 def pieces_of(job: Job, supply: Supply, mission: Mission) -> list[Piece]:
-    """The work of a mission in pieces between which a tractor may go for its next load."""
+    """The work of a mission in pieces between which a tractor may go for its next load: tracks, and legs of rounds."""
     found: list[list[int]] = []
     for number, leg in enumerate(mission.legs):
         if not (leg.task.works or leg.task.kind == DRIVE_IN):
             continue
         goes_on = bool(found) and found[-1][1] == number
-        if goes_on and not _may_part(mission.legs[number - 1], leg):
+        if goes_on and not mission.legs[number - 1].task.kind == leg.task.kind == ROUND:
             found[-1][1] = number + 1
         else:
             found.append([number, number + 1])
     return [Piece(first, last, _need(job, supply, mission.legs[first:last])) for first, last in found]
-
-
-def _may_part(before: Leg, leg: Leg) -> bool:
-    """Whether a tractor may leave its work between two legs that follow each other: on a round, where it may wait."""
-    return before.task.kind == leg.task.kind == ROUND and leg.may_wait
 
 
 def _need(job: Job, supply: Supply, legs: Sequence[Leg]) -> float:
@@ -188,8 +183,8 @@ def filled(job: Job, supply: Supply, mission: Mission, busy: Sequence[Span] = ()
         return Filled(mission.legs, (), tuple(range(len(mission.legs))))
     if max(needs) > supply.capacity:
         raise StrategyError(
-            f"One piece of work takes {max(needs):.0f} l or kg and a load is {supply.capacity:g}; use a larger tank or "
-            "a lower rate."
+            f"A side of a round takes {max(needs):.0f} l or kg in one go and a load is {supply.capacity:g}; use a "
+            "larger tank, a lower rate, or square corners."
         )
     least = [gaps.least_s(gap) for gap in range(len(pieces))]
     found = cheapest_known(needs, least, gaps.more_s, supply.capacity, gaps.wait_s)

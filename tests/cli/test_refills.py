@@ -1,0 +1,93 @@
+"""`headland plan` with an implement that carries something."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.conftest import polygon
+
+Headland = Callable[..., Any]
+FARM = """
+[[implements]]
+name = "spreader"
+width_m = 3.0
+capacity = 400.0
+rate_per_m2 = 0.3
+[[implements]]
+name = "harrow"
+width_m = 3.0
+[times]
+refill_s = 60.0
+"""
+
+
+@pytest.fixture
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, headland: Headland) -> Headland:
+    """`headland plan` on 60 m by 90 m with a farm that has a spreader."""
+    (tmp_path / "farm.toml").write_text(FARM, encoding="utf-8")
+    point = {"type": "Feature", "properties": {"role": "refill"}, "geometry": {"type": "Point", "coordinates": [0, 0]}}
+    field = {"type": "Feature", "properties": {}, "geometry": polygon((0, 0), (60, 0), (60, 90), (0, 90))}
+    collection = {"type": "FeatureCollection", "features": [field, point]}
+    (tmp_path / "field.geojson").write_text(json.dumps(collection), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    same = ("--local", "--farm", "farm.toml", "--strategies", "split-field", "--tractors", "1", "--processes", "1")
+    return lambda *options: headland("plan", "field.geojson", *same, "--tracks-only", *options)
+
+
+def test_a_plan_tells_its_refills_where_they_are_asked_for(plan: Headland) -> None:
+    told = plan("--refill", "headland", "--save", "plan.json", "--html", "plan.html", "--png", "plan.png", "--json")
+    assert told.status == 0, told.err
+    answer = json.loads(told.out)
+    best = answer["best"]
+    assert best["refills"] > 1
+    assert best["refilling_s"] == pytest.approx(60.0 * best["refills"], abs=0.2 * best["refills"])
+    assert (answer["scenario"]["refill"], answer["scenario"]["capacity"]) == ("headland", 400.0)
+    saved = json.loads(Path("plan.json").read_text())
+    assert len(saved["notes"]["refills"]) == best["refills"]
+    for one in saved["notes"]["refills"]:
+        assert saved["tractors"][one["tractor"] - 1][one["leg"]]["stand_s"] == 60.0
+        assert 0.0 < one["amount"] <= 400.0
+    page = Path("plan.html").read_text()
+    assert "refilling" in page and "Refills" in page and "refill 3" in page
+
+
+def test_the_place_of_the_field_file_is_used_and_another_wins(plan: Headland) -> None:
+    told = plan()
+    assert told.status == 0 and "refills" in told.out and "not used" not in told.err.lower()
+    assert json.loads(plan("--json").out)["scenario"]["refill"] == "0.00,0.00 m"
+    assert json.loads(plan("--json", "--refill", "60,90").out)["scenario"]["refill"] == "60.00,90.00 m"
+
+
+def test_an_implement_that_carries_nothing_is_not_refilled(plan: Headland) -> None:
+    answer = json.loads(plan("--implement", "harrow", "--json").out)
+    assert answer["best"]["refills"] is None and answer["best"]["refilling_s"] is None
+    assert "capacity" not in answer["scenario"]
+    told = plan("--implement", "harrow")
+    assert "refill" not in told.out.lower()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--refill", "gate"), "--refill 'gate' is no place; write headland, tender or x,y in metres"),
+        (("--refill", "500,0"), "The place to refill lies 440 m from the field"),
+        (("--implement", "harrow", "--refill", "tender"), "no implement carries anything"),
+    ],
+)
+def test_bad_requests_are_one_sentence(plan: Headland, options: tuple[str, ...], words: str) -> None:
+    told = plan(*options)
+    assert told.status == 2
+    (sentence,) = told.sentences
+    assert words in sentence
+
+
+def test_a_tank_smaller_than_one_track_is_one_sentence(plan: Headland) -> None:
+    Path("farm.toml").write_text(FARM.replace("400.0", "50.0"), encoding="utf-8")
+    told = plan()
+    assert told.status == 2
+    (sentence,) = told.sentences
+    for part in ("A capacity of 50 lasts for 56 m", "0.3 per m2", "use a capacity of", "a lower rate", "--bearing"):
+        assert part in sentence
