@@ -40,7 +40,7 @@ class TurnAlone:
         turn is driven once, whichever plans of a site have it.
         """
         driven = tuple(replace(leg, gates=(), follow=None) for leg in (*self.before, *legs, self.after))
-        key, known = _key(driven), self.site.turns_tried
+        key, known = turn_key(driven), self.site.turns_tried
         if key not in known:
             known[key] = self._driven_off_m(driven)
         return known[key]
@@ -63,7 +63,7 @@ class TurnAlone:
         ]
 
 
-def _key(legs: tuple[Leg, ...]) -> bytes:
+def turn_key(legs: tuple[Leg, ...]) -> bytes:
     """All that decides how a tractor drives legs alone, in short."""
     manner = [
         (len(leg.points), leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task, leg.stand_s) for leg in legs

@@ -21,7 +21,8 @@ from vehicle.tractor import Implement, load_tractor
 GRAPH = Graph(
     tractors=2, first=(0, 2), tractor=np.array([0, 0, 1]), driven_s=np.array([0.1, 1.0 / 3.0, 7e-9]),
     group=np.array([0, 1, 0]), kind=np.array([0, 1, 0]), worked_m=np.array([10.0, 0.0, 1e6 / 7.0]), order=(0, 2, 1),
-    links=(Link(2, 1, 0.1 + 0.2, 1.0, at_end=True),),
+    links=(Link(2, 1, 0.1 + 0.2, 1.0, at_end=True),), stand_s=np.array([0.0, 300.1, 0.0]),
+    leaving=np.array([False, True, False]),
 )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ def one_leg(seconds: float) -> Graph:
     return Graph(
         tractors=1, first=(0,), tractor=np.zeros(1, np.int64), driven_s=np.array([seconds]),
         group=np.zeros(1, np.int64), kind=np.array([PASS]), worked_m=np.array([100.0]), order=(0,), links=(),
+        stand_s=np.zeros(1),
     )  # fmt: skip
 
 
