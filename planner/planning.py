@@ -57,7 +57,7 @@ def plan(
     `terms` (prices) are those of a farm. `executor` simulates
     the candidates; by default fresh processes on all cores. The answer does not depend on it. `progress` is called
     with (done, all). Raises a HeadlandError for a scenario that cannot be planned at all; a single candidate that
-    cannot is in the ranking with its reason, and on a big field a formation that cannot win with its bound.
+    cannot is in the ranking with its reason, and one that cannot win with its bound, save on small fields.
     """
     todo = candidates(scenario)
     if executor is None:
