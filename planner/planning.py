@@ -54,6 +54,7 @@ def plan(
     executor: Executor | None = None,
     progress: Progress | None = None,
     pictures: bool = False,
+    every: bool = False,
 ) -> Planned:
     """Simulate and rank every candidate of a scenario.
 
@@ -62,14 +63,14 @@ def plan(
     those of a farm, `supply` what its implement carries. `executor` simulates the candidates; by default fresh
     processes on all cores. The answer does not depend on it. `progress` is called with (done, all). Raises a
     HeadlandError for a scenario that cannot be planned at all; a single candidate that cannot is in the ranking with
-    its reason, and on a big field a formation that cannot win with its bound.
+    its reason, and one that cannot win with its bound, save on small fields; with `every` that one is simulated too.
     """
     todo = candidates(scenario)
     if executor is None:
         with local_pool(len(todo)) as executor:
             return plan(
                 scenario, field=field, tractor=tractor, implement=implement, chances=chances, terms=terms,
-                supply=supply, times=times, yard=yard, executor=executor, progress=progress, pictures=pictures,
+                supply=supply, times=times, yard=yard, executor=executor, progress=progress, pictures=pictures, every=every,
             )  # fmt: skip
     site = prepare(scenario, field, tractor, implement, chances, terms, supply, times, yard)
     packed = pack(site)
@@ -77,7 +78,7 @@ def plan(
     drives: dict[int, Drive] = {}
     best: Outcome | None = None
     allowed = scenario.allowed_s
-    for wave in waves(site, todo):
+    for wave in [list(range(len(todo)))] if every else waves(site, todo):
         known = rivals(results)
         work = [(packed, todo[index], pictures, known.get(todo[index].tractors)) for index in wave]
         for place, one in outcomes(executor, work, progress, len(results), len(todo)):

@@ -187,7 +187,7 @@ def _by_count(ranking: Ranking) -> list[RenderableType]:
 def _refused_part(plans: list[PlanResult]) -> list[RenderableType]:
     beaten = [plan for plan in plans if plan.bound_s is not None]
     driven = [plan for plan in plans if plan.bound_s is None]
-    return [*_reasons("Refused", driven), *_reasons("Not simulated", beaten)]
+    return [*_reasons("Refused", driven), *_reasons("Not simulated, or only with --all", beaten)]
 
 
 def _reasons(what: str, plans: list[PlanResult]) -> list[RenderableType]:

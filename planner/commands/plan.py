@@ -96,7 +96,7 @@ def plan(
     processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,  # noqa: UP045
     cluster: Annotated[Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.")] = None,  # noqa: UP045
     keep: Annotated[Optional[Path], typer.Option(help=KEEP)] = None,  # noqa: UP045
-    full: Annotated[bool, typer.Option("--all", help="Show every plan in the table.")] = False,
+    full: Annotated[bool, typer.Option("--all", help="Simulate and show every plan, those that cannot win too.")] = False,
 ) -> None:
     """Simulate every combination of tractor count and strategy on a field and rank them.
 
@@ -130,7 +130,7 @@ def plan(
         raise typer.Exit(0 if whole else NO_PLAN_STATUS)
     reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table, farm=farm, rain=rain)
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
-    planned = _planned(with_farm(scenario, farm, implement, context), hands, pictures=html is not None)
+    planned = _planned(with_farm(scenario, farm, implement, context), hands, pictures=html is not None, every=full)
     remark(planned.site.layout.field.remarks)
     with written(_results(planned, html, png, save)):
         _print(planned.ranking, json, csv, full)
@@ -202,7 +202,7 @@ def _of_one_field(*outputs: tuple[str, Path | None]) -> None:
             raise ScenarioError(f"{option} {path} is of one field and one width; name one, or use --csv or --json.")
 
 
-def _planned(asked: Asked, hands: Hands, pictures: bool) -> Planned:
+def _planned(asked: Asked, hands: Hands, pictures: bool, every: bool) -> Planned:
     from planner.commands.show import progress_bar, warm_up
     from planner.planning import plan as simulate_all
     from planner.rank import candidates
@@ -213,7 +213,7 @@ def _planned(asked: Asked, hands: Hands, pictures: bool) -> Planned:
         return simulate_all(
             scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances, terms=asked.terms,
             supply=asked.supply, times=asked.times, yard=asked.yard, executor=executor, progress=progress,
-            pictures=pictures,
+            pictures=pictures, every=every,
         )  # fmt: skip
 
 
