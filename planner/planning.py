@@ -70,7 +70,8 @@ def plan(
         with local_pool(len(todo)) as executor:
             return plan(
                 scenario, field=field, tractor=tractor, implement=implement, chances=chances, terms=terms,
-                supply=supply, times=times, yard=yard, executor=executor, progress=progress, pictures=pictures, every=every,
+                supply=supply, times=times, yard=yard, executor=executor, progress=progress,
+                pictures=pictures, every=every,
             )  # fmt: skip
     site = prepare(scenario, field, tractor, implement, chances, terms, supply, times, yard)
     packed = pack(site)

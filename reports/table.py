@@ -187,7 +187,11 @@ def _by_count(ranking: Ranking) -> list[RenderableType]:
 def _refused_part(plans: list[PlanResult]) -> list[RenderableType]:
     beaten = [plan for plan in plans if plan.bound_s is not None]
     driven = [plan for plan in plans if plan.bound_s is None]
-    return [*_reasons("Refused", driven), *_reasons("Not simulated, or only with --all", beaten)]
+    return [*_reasons("Refused", driven), *_reasons("Not simulated", beaten), *_how(beaten)]
+
+
+def _how(beaten: list[PlanResult]) -> list[RenderableType]:
+    return [sentence("--all simulates these too.", style="dim")] if beaten else []
 
 
 def _reasons(what: str, plans: list[PlanResult]) -> list[RenderableType]:

@@ -96,7 +96,7 @@ def plan(
     processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,  # noqa: UP045
     cluster: Annotated[Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.")] = None,  # noqa: UP045
     keep: Annotated[Optional[Path], typer.Option(help=KEEP)] = None,  # noqa: UP045
-    full: Annotated[bool, typer.Option("--all", help="Simulate and show every plan, those that cannot win too.")] = False,
+    full: Annotated[bool, typer.Option("--all", help="Simulate and show every plan, however slow.")] = False,
 ) -> None:
     """Simulate every combination of tractor count and strategy on a field and rank them.
 
