@@ -349,7 +349,7 @@ def parse_widths(text: str) -> tuple[float, ...]:
     """ "3" or "3,6" as widths in metres, each once, in the order given; raises ScenarioError."""
     widths: dict[float, None] = {}
     for part in text.split(","):
-        if not re.fullmatch(rf"\s*[-+]?(\d{{1,{MOST_DIGITS}}}(\.\d*)?|\.\d+)\s*", part):
+        if not re.fullmatch(rf"\s*[-+]?(\d{{1,{MOST_DIGITS}}}(\.\d*)?|\.\d+)(e[-+]?\d{{1,3}})?\s*", part, re.I):
             raise ScenarioError(f"{named('width_m')} {brief(text)} is not a width; write metres, such as 3 or 3,6.")
         widths[float(part)] = None
     return tuple(widths)

@@ -34,7 +34,7 @@ def csv_rows(record: Record) -> str:
     """A row for each plan of a field; one with the reason where the field was refused."""
     ranking = record["ranking"]
     none = dict.fromkeys(PLAN_KEYS) | {"feasible": False, "reason": record["refused"]}
-    plans = ranking["plans"] if ranking else [none]
+    plans = [{key: plan[key] for key in PLAN_KEYS} for plan in (ranking["plans"] if ranking else [none])]
     asked = ranking["scenario"] if ranking else {"width_m": record["width_m"]}
     same = [cell(finite(asked.get(key), DECIMALS)) for key in CSV_KEYS]
     return _csv([*map(cell, flat(plan).values()), *same, record[ASKED]] for plan in plans)

@@ -65,7 +65,7 @@ def plan(
 ) -> None:
     """Simulate every fleet on every field it fits, and give the fields to the fleets in the best order.
 
-    Example: headland day day.toml --html day.html
+    Example: headland day plan day.toml --html day.html. The word plan may be left out.
     """
     from planner.commands.outputs import check_outputs, written
     from planner.commands.show import remark

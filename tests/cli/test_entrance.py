@@ -53,9 +53,9 @@ def test_entrances_that_cannot_be_used_are_refused(
 def test_the_day_of_a_farm_is_told_in_lines(headland: Headland, small: Path, tmp_path: Path) -> None:
     farm = tmp_path / "farm.toml"
     farm.write_text(FARM, encoding="utf-8")
-    words = ("plan", small, *PLAN, "--tracks-only", "--farm", farm)
+    words = ("plan", small, *PLAN, "--tractors", "1", "--tracks-only", "--farm", farm)
     result = planned(headland(*words, "--json"))
-    assert result["transport_s"] == pytest.approx(2 * 150.0) and result["ready_s"] == 60.0
+    assert result["transport_s"] == pytest.approx(150.0) and result["ready_s"] == 60.0
     assert result["done_s"] == pytest.approx(60.0 + result["time_s"], abs=1e-3)
     late = headland(*words, "--start", "11:55", "--before", "10:00", "--draws", "0")
     text = " ".join(late.out.split())

@@ -358,7 +358,7 @@ def test_a_folder_without_permission(headland: Callable[..., Any], folder: Path)
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--width", "abc"), ("--seed", "x"), ("--processes", "1.5"), ("--unknown",), ("--width",), ("extra",)]
+    "arguments", [("--radius", "abc"), ("--seed", "x"), ("--processes", "1.5"), ("--unknown",), ("--width",)]
 )
 def test_misuse_ends_with_2_and_names_the_word(
     headland: Callable[..., Any], folder: Path, arguments: tuple[str, ...]
