@@ -22,7 +22,7 @@ from strategies.record import Refined, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
 
-WORTH_S = 1500.0  # of work in tracks: on smaller fields every plan is simulated, as that is quick
+WORTH_S = 900.0  # of work in tracks: on smaller fields every plan is simulated, as that is quick
 
 
 def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
