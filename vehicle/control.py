@@ -83,8 +83,13 @@ def allowed_speed(state, model, legs, gates, states) -> tuple[float, bool]:  # t
 
 @compiled
 def advance_leg(state, model, legs, gates, states, time) -> None:  # type: ignore[no-untyped-def]
-    """Enter the next leg when this one is driven, its gates are open and, where it must halt, the tractor stands."""
+    """Enter the next leg when this one is driven, its gates are open and, where it must halt, the tractor stands.
+
+    One that has still to stand before this leg drives none of it, however short it is.
+    """
     while True:
+        if state.stand_left > 0.0:
+            return
         leg = state.leg
         left = legs[leg].end - state.progress
         standing = abs(state.forward) < STOPPED_MPS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planner.candidates.bounds import CLOSE, alone_s, done_s, pace_of
 from planner.site import Site
@@ -60,6 +60,11 @@ def beaten(
 def surely(found: Beaten | None) -> bool:
     """Whether a formation is beaten by so much that no other corner can make up for it."""
     return found is not None and found.seconds > SURE * found.rival.seconds
+
+
+def from_any_corner(found: Beaten) -> Beaten:
+    """A formation that is surely beaten from one corner, with what that leaves to all others."""
+    return replace(found, seconds=found.seconds / SURE)
 
 
 def result_of(found: Beaten, site: Site, strategy: str, tractors: int) -> PlanResult:

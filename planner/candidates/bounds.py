@@ -96,8 +96,9 @@ class _Stretch:
 
     def reached_s(self, metres: float) -> float:
         """From the end of the leg before until so many metres are driven, at the soonest."""
-        stood = self.stand_s if metres > 0.0 else 0.0
-        return stood + self._moved_s(max(min(metres, self.length_m), 0.0))
+        if metres <= 0.0:
+            return min(self.before_s, 0.0)  # a leg has begun before anything is stood or shifted
+        return self.stand_s + self._moved_s(max(min(metres, self.length_m), 0.0))
 
     def _moved_s(self, metres: float) -> float:
         v, u, a = self.speed, self.first, self.mps2

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from fields.layout import Layout
-from planner.candidates.beaten import Beaten, Rival, beaten, result_of, surely
+from planner.candidates.beaten import Beaten, Rival, beaten, from_any_corner, result_of, surely
 from planner.candidates.bounds import pace_of
 from planner.candidates.choosing import Limits, promising
 from planner.candidates.headland import headland_s, with_headland
@@ -164,7 +164,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
         if rival and not first:
             found = beaten(site, [each.plan for each in choices], rival, alone)
             if found is not None and (surely(found) or not strategy.abreast):
-                return found
+                return from_any_corner(found) if strategy.abreast else found
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way), limits)
         driven = [each for each in runs if each.reason is None]
         if driven:

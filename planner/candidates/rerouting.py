@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from planner.candidates.steady import ASIDE_M
 from planner.candidates.turn_alone import TurnAlone
@@ -54,18 +55,32 @@ def _pose(leg: Leg, end: int) -> Pose:
 
 
 def with_turns(plan: Plan, turns: Mapping[Turn, tuple[Leg, ...]]) -> Plan:
-    """The plan with other legs for some of its turns. Who waited for something in a turn waits for its end."""
-    missions = list(plan.missions)
+    """The plan with other legs for some of its turns. Who waited for something in a turn waits for its end.
+
+    A stand in a turn comes before it, and what the plan notes of refills goes with it.
+    """
+    missions, refills = list(plan.missions), plan.notes.get("refills")
     for (tractor, first, last), legs in sorted(turns.items(), reverse=True):
         old = missions[tractor].legs
         if [id(leg.points) for leg in legs] == [id(leg.points) for leg in old[first:last]]:
             missions[tractor] = Mission((*old[:first], *legs, *old[last:]))
             continue
         gates = tuple(gate for leg in old[first:last] for gate in leg.gates)
-        begun = replace(legs[0], may_wait=old[first].may_wait, gates=gates)
+        stand_s = math.fsum(leg.stand_s for leg in old[first:last])
+        begun = replace(legs[0], may_wait=old[first].may_wait, gates=gates, stand_s=stand_s)
         missions[tractor] = Mission((*old[:first], begun, *legs[1:], *old[last:]))
         missions = [_renumbered(mission, tractor, first, last, legs) for mission in missions]
-    return replace(plan, missions=tuple(missions))
+        refills = refills and [_noted(one, tractor, first, last, len(legs)) for one in refills]
+    notes = plan.notes if refills is None else {**plan.notes, "refills": refills}
+    return replace(plan, missions=tuple(missions), notes=notes)
+
+
+def _noted(refill: Mapping[str, Any], tractor: int, first: int, last: int, count: int) -> dict[str, Any]:
+    """What is noted of a refill, with the number of its leg as it is with another turn of so many legs."""
+    leg = refill["leg"]
+    if refill["tractor"] != tractor + 1 or leg < first:
+        return dict(refill)
+    return {**refill, "leg": first if leg < last else leg + count - (last - first)}
 
 
 def _renumbered(mission: Mission, tractor: int, first: int, last: int, turn: tuple[Leg, ...]) -> Mission:

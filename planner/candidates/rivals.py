@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from planner.candidates.beaten import Rival, beaten, result_of, surely
+from planner.candidates.beaten import Beaten, Rival, beaten, from_any_corner, result_of, surely
 from planner.candidates.bounds import least_s, pace_of, ungated
 from planner.candidates.evaluate import Candidate, corners_of
 from planner.candidates.headland import with_headland
 from planner.candidates.within_reach import built_within_reach
+from planner.scenario import SUREST
 from planner.site import Site
 from reports.results import PlanResult, finish_s
 from strategies.errors import StrategyError
@@ -28,9 +29,12 @@ WORTH_S = 900.0  # of work in tracks: on smaller fields every plan is simulated,
 def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
     """Numbers of the candidates in the order they are simulated: one strategy before all others, save on small fields.
 
+    All are simulated where the surest is asked for: a slower plan may be that.
+
     That is the first one of the registry, of those asked for, whose tractors have tracks of their own.
     """
-    if site.layout.total_m / site.manner.work_speed_mps < WORTH_S:
+    surest = site.stakes is not None and site.stakes.prefer == SUREST
+    if surest or site.layout.total_m / site.manner.work_speed_mps < WORTH_S:
         return [list(range(len(todo)))]
     asked = {one.strategy for one in todo}
     first = next((name for name in STRATEGIES if name in asked and not STRATEGIES[name].abreast), None)
@@ -65,10 +69,16 @@ def hopeless(site: Site, candidate: Candidate, rival: Rival | None) -> PlanResul
         return None
     if first is None or found is None:
         return None
-    spare_s = found.seconds - first.tracks_s - rival.seconds
-    if not surely(found) and any(spare_s + other.tracks_s <= 0.0 for other in starts):
-        return None
-    return result_of(found, site, candidate.strategy, candidate.tractors)
+    if STRATEGIES[candidate.strategy].abreast:
+        found = from_any_corner(found) if surely(found) else _from_all(found, first, starts)
+    return None if found is None else result_of(found, site, candidate.strategy, candidate.tractors)
+
+
+def _from_all(found: Beaten, first: _Start, others: Iterator[_Start]) -> Beaten | None:
+    """A formation that is beaten from the first corner, with the least from all; None where another might win."""
+    more_s = found.seconds - first.tracks_s
+    seconds = [found.seconds, *(more_s + other.tracks_s for other in others)]
+    return replace(found, seconds=min(seconds)) if min(seconds) > found.rival.seconds else None
 
 
 @dataclass(frozen=True)

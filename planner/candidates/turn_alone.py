@@ -39,7 +39,7 @@ class TurnAlone:
         As in planner.candidates.steady: beside the line it leads to, or outside the field if that is worse. The same
         turn is driven once, whichever plans of a site have it.
         """
-        driven = tuple(replace(leg, gates=(), follow=None) for leg in (*self.before, *legs, self.after))
+        driven = tuple(replace(leg, gates=(), follow=None, stand_s=0.0) for leg in (*self.before, *legs, self.after))
         key, known = turn_key(driven), self.site.turns_tried
         if key not in known:
             known[key] = self._driven_off_m(driven)
@@ -65,9 +65,7 @@ class TurnAlone:
 
 def turn_key(legs: tuple[Leg, ...]) -> bytes:
     """All that decides how a tractor drives legs alone, in short."""
-    manner = [
-        (len(leg.points), leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task, leg.stand_s) for leg in legs
-    ]
+    manner = [(len(leg.points), leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task) for leg in legs]
     told = repr(manner).encode() + np.concatenate([leg.points for leg in legs]).tobytes()
     return blake2b(told, digest_size=16).digest()
 

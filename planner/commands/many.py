@@ -58,7 +58,7 @@ def asking(names: Sequence[str], width: str, local: bool) -> Wanted:
 
 def plan_many(
     wanted: Wanted, scenario: Scenario, ask: Callable[[Scenario], Asked], hands: Hands, keep: Path | None, json: bool,
-    csv: bool,
+    csv: bool, every: bool,
 ) -> bool:  # fmt: skip
     """Print one table of every field at every width; whether each has a plan that meets what was asked."""
     from planner.commands.outputs import check_outputs
@@ -67,11 +67,11 @@ def plan_many(
     from planner.many.digest import question_digest
 
     questions = [
-        Question(ask(replace(scenario, field=field, width_m=width_m)))
+        Question(ask(replace(scenario, field=field, width_m=width_m)), every)
         for field in wanted.fields
         for width_m in wanted.widths_m
     ]
-    keys = [question_digest(question.asked) for question in questions]
+    keys = [question_digest(question.asked, every) for question in questions]
     check_outputs((keep, ".jsonl"), reads={name.rpartition("#")[0] or name: "a field" for name in wanted.fields})
     warm_up()
     with progress_bar("Planning fields") as progress, _printer(json, csv) as show:

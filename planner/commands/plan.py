@@ -126,7 +126,7 @@ def plan(
     if wanted.many or keep is not None:
         _of_one_field(("--html", html), ("--png", png), ("--save", save))
         ask = partial(with_farm, farm=farm, implement=implement, context=context)
-        whole = plan_many(wanted, scenario, ask, hands, keep, json, csv)
+        whole = plan_many(wanted, scenario, ask, hands, keep, json, csv, full)
         raise typer.Exit(0 if whole else NO_PLAN_STATUS)
     reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table, farm=farm, rain=rain)
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)

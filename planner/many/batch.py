@@ -16,9 +16,10 @@ from reports.results import Ranking
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """A field and what is asked about it."""
+    """A field and what is asked about it; with `every` plans that cannot win are simulated too."""
 
     asked: Asked
+    every: bool = False
 
     @property
     def field(self) -> str:
@@ -40,7 +41,8 @@ def answered(question: Question) -> Answer:
     try:
         planned = plan(
             asked.scenario, tractor=asked.tractor, implement=asked.implement, chances=asked.chances,
-            terms=asked.terms, executor=SerialExecutor(),
+            terms=asked.terms, supply=asked.supply, times=asked.times, yard=asked.yard, executor=SerialExecutor(),
+            every=question.every,
         )  # fmt: skip
     except HeadlandError as refusal:
         return Answer(None, refusal)

@@ -4,12 +4,14 @@ import json
 import os
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from planner.asked import as_it_is
 from planner.errors import HeadlandError
+from planner.farm import example_farm
 from planner.many import Answer, Question, answers, fields_of
 from planner.many.cluster import cluster
 from planner.many.digest import question_digest
@@ -148,3 +150,14 @@ def test_a_cluster_gives_the_same_answers_though_a_worker_is_killed(farm: Path, 
                 os.kill(pids.pop(), signal.SIGKILL)
                 pids.clear()
     assert found == alone
+
+
+def test_what_a_farm_carries_and_when_it_works_is_in_the_answer_and_in_its_digest(farm: Path) -> None:
+    (question,) = questions(farm, 3.0)[:1]
+    times = example_farm().times
+    late = Question(replace(question.asked, times=times))
+    assert question_digest(question.asked) != question_digest(late.asked)
+    assert question_digest(question.asked) != question_digest(question.asked, True)
+    ((_, answer),) = answers(SerialExecutor(), [late])
+    assert answer.ranking is not None and answer.ranking.best is not None
+    assert answer.ranking.best.transport_s is not None

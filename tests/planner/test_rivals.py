@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fields import Field
 from planner import SerialExecutor, plan
-from planner.candidates.beaten import Beaten, Rival, beaten
+from planner.candidates.beaten import SURE, Beaten, Rival, beaten
 from planner.candidates.bounds import Pace, alone_s, done_s, least_s, pace_of
 from planner.candidates.choosing import Limits, promising
 from planner.candidates.evaluate import Candidate, Evaluation, _alone, simulated
@@ -172,7 +172,7 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
     assert driven is not None
     told = hopeless(round_site, Candidate(strategy, 2), Rival("split-field", 0.5 * driven))
     assert told is not None and told.bound_s is not None and not told.feasible
-    assert 0.8 * driven < told.bound_s < driven
+    assert 0.8 / SURE * driven < told.bound_s < driven
     assert told.reason == f"cannot win: at least {told.bound_s:.0f} s, split-field takes {0.5 * driven:.0f} s"
     assert hopeless(round_site, Candidate(strategy, 2), Rival("split-field", driven)) is None
     assert hopeless(round_site, Candidate(strategy, 2), None) is None

@@ -1,6 +1,7 @@
 """What tractors do with a plan: gates, formation, gear changes, stops, stalls, and what the record says about it."""
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -200,3 +201,12 @@ def test_a_stand_may_come_before_the_first_leg_and_at_a_change_of_gear(build: An
     assert run.outcome == "done"
     assert run.standing_s == pytest.approx([12.0], abs=0.21)
     assert (run.record[:69, 0, STATUS] == STANDING).all()
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_a_stand_before_a_leg_of_centimetres_is_stood_out(build: Any, drive: Any, slow: bool) -> None:
+    ends = ((0, 0), (0, 10), (0, 10.06), (0, 30))
+    legs = [build.leg(*pair) for pair in pairwise(ends)]
+    legs[1] = replace(legs[1], stand_s=40.0)
+    run: Run = drive(build.plan(legs), slow=slow)
+    assert run.outcome == "done" and run.standing_s == pytest.approx([40.0], abs=0.11)

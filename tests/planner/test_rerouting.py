@@ -1,0 +1,26 @@
+"""Turns driven another way: stands and what is noted of refills stay with them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from planner.candidates.rerouting import with_turns
+from vehicle.missions import Leg, Mission, Plan
+
+
+def leg(first: float, last: float, stand_s: float = 0.0) -> Leg:
+    return replace(Leg(np.array([[0.0, first], [0.0, last]]), 1.0), stand_s=stand_s)
+
+
+def test_a_turn_with_more_legs_keeps_its_stand_and_the_numbers_of_refills() -> None:
+    legs = (leg(0, 10), leg(10, 12, 300.0), leg(12, 14), leg(14, 30), leg(30, 40, 120.0))
+    notes = {"refills": [{"tractor": 1, "leg": 1}, {"tractor": 1, "leg": 4}, {"tractor": 2, "leg": 4}]}
+    plan = Plan((Mission(legs), Mission(legs)), notes)
+    other = (leg(10, 11), leg(11, 12), leg(12, 13), leg(13, 14))
+    new = with_turns(plan, {(0, 1, 3): other})
+    stands = [(number, each.stand_s) for number, each in enumerate(new.missions[0].legs) if each.stand_s]
+    assert stands == [(1, 300.0), (6, 120.0)]
+    assert [(one["tractor"], one["leg"]) for one in new.notes["refills"]] == [(1, 1), (1, 6), (2, 4)]
+    assert new.missions[1] is plan.missions[1] or len(new.missions[1].legs) == len(legs)
+    assert math.fsum(each.stand_s for each in new.missions[0].legs) == math.fsum(each.stand_s for each in legs)
