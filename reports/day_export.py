@@ -28,10 +28,10 @@ def day_json(result: DayResult) -> str:
     """The day as JSON text with a trailing newline.
 
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
-    ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost``
-    of the jobs, ``ways_cost`` of the machines, ``cost`` of what is not done), ``finish_probability`` (of all jobs), ``currency``,
-    ``draws``, ``seed``, ``start_s``, ``end_s``, ``remarks``. Times are seconds of the day that begins the work, above
-    86,400 past midnight.
+    ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
+    ``ways_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
+    ``currency``, ``draws``, ``seed``, ``start_s``, ``end_s``, ``remarks``. Times are seconds of the day that begins the
+    work, above 86,400 past midnight.
     """
     content = {
         "jobs": [_job(job) for job in result.jobs],

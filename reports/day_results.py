@@ -52,7 +52,7 @@ class NotDone:
 
 @dataclass(frozen=True)
 class FleetDay:
-    """What a fleet is in words, when it leaves and is home, how far it drives and what its ways cost; None where it stays."""
+    """What a fleet is in words, when it leaves and is home (None where it stays), its road and what that costs."""
 
     name: str
     words: str

@@ -42,8 +42,8 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """What came out for the fields of one fleet: `end_s` (gone, where it leaves by an entrance) and `in_time` (its work)
-    of (fields, draws), in working seconds.
+    """What came out for the fields of one fleet: (fields, draws) `end_s`, the working second when it is gone, and
+    whether the work is done `in_time`.
 
     `paid` (fields,) is what the work costs in the mean, `lost` (fields,) what is not done in time takes.
     """

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.chance.graph import PASS, TURN, Graph
+from planner.chance.graph import PASS, TURN_MORE, Graph
 from planner.chance.rain import Rain
 from planner.chance.settings import Chances, certain
 from planner.day.clock import Clock
@@ -97,8 +97,9 @@ def test_rain_in_a_break_is_rain_at_its_beginning() -> None:
 def test_the_way_out_is_not_work_that_must_be_in_time() -> None:
     """A pass of 1000 s and 200 s to the entrance: rain or the end of the hours in between finds the work done."""
     leaves = replace(
-        one_leg(1000.0), tractor=np.zeros(2, np.int64), driven_s=np.array([1000.0, 200.0]), kind=np.array([PASS, TURN]),
-        group=np.array([0, 1]), worked_m=np.array([100.0, 0.0]), order=(0, 1), stand_s=np.zeros(2),
+        one_leg(1000.0), tractor=np.zeros(2, np.int64), driven_s=np.array([1000.0, 200.0]),
+        kind=np.array([PASS, TURN_MORE]), group=np.array([0, 1]),
+        worked_m=np.array([100.0, 0.0]), order=(0, 1), stand_s=np.zeros(2),
         leaving=np.array([False, True]),
     )  # fmt: skip
     first = replace(stop(1.0, 1, window=(0.0, 1100.0)), graph=leaves)

@@ -29,7 +29,7 @@ def test_a_yard_that_nobody_drives_to_is_refused() -> None:
     """A slip of the degrees: two degrees along the equator are 223 km; a road that is given says better."""
     places = (Spot("long", (0.0, 0.0)), Spot("yard", (2.0, 0.0)))
     day = day_from(example_text(), "day.toml")[0].model_copy(update={"roads": ()})
-    with pytest.raises(ScenarioError, match="yard of the day is 223 km from field 'long' .* use 200 km or less"):
+    with pytest.raises(ScenarioError, match=r"yard of the day is 223 km from field 'long' .* use 200 km or less"):
         road_km(day, places, 1.3)
     given = day.model_copy(update={"roads": (Road(between=("yard", "long"), km=230.0),)})
     assert road_km(given, places, 1.3)[0, 1] == 230.0
