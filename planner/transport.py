@@ -30,8 +30,7 @@ def road_to(field: Field, yard: Yard, times: Times) -> Road | None:
         return None
     from pyproj import Geod
 
-    centre = field.boundary.centroid
-    ((lon, lat),) = field.to_wgs84([field.entrance or (centre.x, centre.y)]).tolist()
+    ((lon, lat),) = field.to_wgs84([end_of_road(field)]).tolist()
     line_m = float(Geod(ellps="WGS84").inv(yard.lon, yard.lat, lon, lat)[2])
     if line_m > 1000.0 * FARTHEST_KM:
         raise ScenarioError(
@@ -41,3 +40,9 @@ def road_to(field: Field, yard: Yard, times: Times) -> Road | None:
         )
     length_m = line_m * times.road_factor
     return Road(length_m, length_m / (times.road_speed_kmh * KMH))
+
+
+def end_of_road(field: Field) -> tuple[float, float]:
+    """Where the road to a field ends, in its own metres: at the entrance, or in the middle where it has none."""
+    middle = field.boundary.centroid
+    return field.entrance or (middle.x, middle.y)

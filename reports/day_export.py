@@ -12,14 +12,14 @@ from reports.plain import finite
 
 JOB_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
-    "finish_probability_interval", "p50_end_s", "p95_end_s", "leaves_s", "km", "time_s", "cost", "area_ha",
-    "worked_pct",
+    "finish_probability_interval", "p50_end_s", "p95_end_s", "leaves_s", "km", "time_s", "cost", "lost_cost",
+    "area_ha", "worked_pct",
 )  # fmt: skip
 NOT_DONE_KEYS = ("field", "area_ha", "cost", "reason")
-FLEET_KEYS = ("name", "words", "leaves_s", "home_s", "km")
+FLEET_KEYS = ("name", "words", "leaves_s", "home_s", "km", "ways_cost")
 CSV_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability", "p50_end_s", "p95_end_s",
-    "leaves_s", "km", "time_s", "cost", "area_ha", "reason",
+    "leaves_s", "km", "time_s", "cost", "lost_cost", "area_ha", "reason",
 )  # fmt: skip
 _DECIMALS = 6
 
@@ -28,9 +28,10 @@ def day_json(result: DayResult) -> str:
     """The day as JSON text with a trailing newline.
 
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
-    ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost``, ``finish_probability`` (of all jobs), ``currency``,
-    ``draws``, ``seed``, ``start_s``, ``end_s``, ``remarks``. Times are seconds of the day that begins the work, above
-    86,400 past midnight.
+    ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
+    ``ways_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
+    ``currency``, ``draws``, ``seed``, ``start_s``, ``end_s``, ``remarks``. Times are seconds of the day that begins the
+    work, above 86,400 past midnight.
     """
     content = {
         "jobs": [_job(job) for job in result.jobs],

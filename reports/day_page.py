@@ -6,7 +6,7 @@ from typing import Any
 
 from reports.day_figures import gantt_figure, map_figure
 from reports.day_results import DayResult
-from reports.day_table import FIELD_COLUMNS, LEGEND, at, by_field, field_row, gap_words, machine_rows
+from reports.day_table import FIELD_COLUMNS, LEGEND, at, by_field, field_row, gap_words, machine_rows, money_rows
 from reports.figures import to_data
 from reports.template import rendered
 from reports.wording import number, percent, price
@@ -43,5 +43,5 @@ def _facts(result: DayResult) -> list[tuple[str, str]]:
         ("Hectares done", number(sum(job.area_ha for job in result.jobs), 1)),
         *([("Last one done", at(max(ends)))] if ends else []),
         *([("All in time", f"{percent(sure)} %")] if sure is not None else []),
-        (f"Expected cost, {result.currency}", price(result.cost)),
+        *((f"{label}, {result.currency}", money) for label, money in money_rows(result)),
     ]

@@ -17,7 +17,8 @@ class DayJob:
     The fleet leaves the place before at `leaves_s`, for `km` of road. `finish_probability` is that of being done before
     the rain and the end of its window, with its 95 % interval; `p50_end_s` and `p95_end_s` are when it is done as often
     as not and in 95 of 100 draws. `time_s` is what the simulated plan takes without anything that varies, `cost` what
-    the work costs, `worked_pct` the share of the field that the plan works.
+    the work costs, `lost_cost` what is lost in the mean of ground that is not done in time, `worked_pct` the share of
+    the field that the plan works.
     """
 
     field: str
@@ -35,6 +36,7 @@ class DayJob:
     p50_end_s: float
     p95_end_s: float
     cost: float
+    lost_cost: float = 0.0
     worked_pct: float | None = None
 
 
@@ -50,13 +52,14 @@ class NotDone:
 
 @dataclass(frozen=True)
 class FleetDay:
-    """What a fleet is in words, when it leaves and is home, and how far it drives; None where it stays."""
+    """What a fleet is in words, when it leaves and is home (None where it stays), its road and what that costs."""
 
     name: str
     words: str
     leaves_s: float | None
     home_s: float | None
     km: float
+    ways_cost: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +76,8 @@ class MapPlace:
 class DayResult:
     """The answer to a day file.
 
-    `cost` is expected of the whole day: work, ways, ground that the rain takes and fields that are left; by the draws.
+    `cost` is expected of the whole day, by the draws: the sum of `cost` and `lost_cost` of all jobs, `ways_cost` of all
+    fleets and `cost` of the fields that are left.
     `gap_pct` is by how much less another day could cost at most, by the mean times. `windows` are the hours in which
     each field may be worked, in the order of `fields`; `breaks` are those of the people.
     """

@@ -15,18 +15,19 @@ DAY_S = 86_400
 LEGEND = (
     "Times are hh:mm, +1 is the next day. Begins and Ends are planned with mean times of work; P95 is the end in 95 of "
     "100 draws, late starts included. In time %: done before the rain and the end of the hours in which the field may "
-    "be worked."
+    "be worked. Lost is what ground that is not done by then costs in the mean."
 )
 
 
 def day_table(result: DayResult) -> RenderableType:
-    """The answer in words, what every machine does in order, every field, and what is left and why."""
+    """The answer in words, what every machine does in order, every field, what is left and why, and what all costs."""
     parts: list[RenderableType] = [sentence(result.advice), sentence(gap_words(result))]
     if result.jobs:
         parts += [Text(""), _title("By machine"), _by_machine(result)]
         parts += [Text(""), _title("By field"), _by_field(result), sentence(LEGEND, style="dim")]
     if result.not_done:
         parts += [Text(""), _title("Left"), _left(result)]
+    parts += [Text(""), _title("Money"), FittedTable(_money_columns(result), tuple(money_rows(result)))]
     parts += [sentence(text, style="dim") for text in result.remarks]
     return Group(*parts)
 
@@ -77,10 +78,11 @@ def _by_machine(result: DayResult) -> FittedTable:
 
 
 def field_row(job: DayJob) -> tuple[str, ...]:
-    """A field that is done: name, area, machine, tractors, start, end, P95, plan's time, in time, cost."""
+    """A field that is done: name, area, machine, tractors, start, end, P95, plan's time, in time, cost, lost."""
     return (
         job.field, number(job.area_ha, 2), job.machine, str(job.tractors), at(job.start_s), at(job.end_s),
         at(job.p95_end_s), duration(job.time_s), percent(job.finish_probability), price(job.cost),
+        price(job.lost_cost),
     )  # fmt: skip
 
 
@@ -88,7 +90,7 @@ FIELD_COLUMNS = (
     Column("Field", words=True), Column("ha", drop=4), Column("Machine", words=True),
     Column("Tractors", "Trac-\ntors", drop=5), Column("Begins"), Column("Ends"), Column("P95", drop=2),
     Column("Plan's time", "Plan's\ntime", drop=6), Column("In time %", "In\ntime %", drop=1),
-    Column("Cost", drop=3),
+    Column("Cost", drop=3), Column("Lost", drop=4),
 )  # fmt: skip
 
 
@@ -99,6 +101,21 @@ def by_field(result: DayResult) -> Sequence[DayJob]:
 
 def _by_field(result: DayResult) -> FittedTable:
     return FittedTable(FIELD_COLUMNS, tuple(field_row(job) for job in by_field(result)))
+
+
+def money_rows(result: DayResult) -> list[tuple[str, str]]:
+    """What the day is expected to cost and of what that is made, each with its money."""
+    return [
+        ("Work", price(sum(job.cost for job in result.jobs))),
+        *((f"Ways of {fleet.name}", price(fleet.ways_cost)) for fleet in result.fleets if fleet.leaves_s is not None),
+        ("Ground not done in time", price(sum(job.lost_cost for job in result.jobs))),
+        ("Fields left", price(sum(one.cost for one in result.not_done))),
+        ("Expected cost", price(result.cost)),
+    ]
+
+
+def _money_columns(result: DayResult) -> tuple[Column, ...]:
+    return Column("For", words=True), Column(result.currency)
 
 
 def _left(result: DayResult) -> FittedTable:

@@ -23,13 +23,11 @@ from planner.day.problem import Problem, Rain
 from planner.day.times import FieldTime, Table
 from planner.errors import ScenarioError
 from planner.farm.file import FarmFile
-from planner.price.cost import HOUR_S, Terms, paid_per_draw
-from planner.price.machine import rates
+from planner.price.cost import HOUR_S, Terms, coming_and_going, paid_per_draw
 from planner.scenario import DAY_S
 
 FEW_DRAWS = 1000  # behind the mean time and price of a field, by which the day is planned
 MOST_ONSETS = 24  # times of rain by which it is planned; draws use all
-KM = 1000.0
 Array = npt.NDArray[np.float64]
 
 
@@ -108,8 +106,9 @@ def means(
 
 
 def terms_of(day: DayFile, farm: FarmFile, fleet: int) -> Terms:
-    """At what prices a fleet works; its ways are counted for themselves."""
-    return Terms(farm.prices, *machines_of(day.fleets[fleet], farm))
+    """At what prices a fleet works; its ways are counted for themselves, bringing it by lorry with them."""
+    on_field = farm.prices.model_copy(update={"transport_per_tractor": 0.0})
+    return Terms(on_field, *machines_of(day.fleets[fleet], farm))
 
 
 def per_ha(field: DayField, farm: FarmFile) -> float:
@@ -157,15 +156,16 @@ def _later(said: DayField, mean: Iterable[tuple[int, float] | None]) -> float:
 
 def _moves(km: Array, farm: FarmFile) -> tuple[tuple[int, ...], ...]:
     """Seconds from place to place: folded, driven, unfolded; home ends with the road, and begins with it."""
-    times, yard = farm.times, len(km) - 1
-    rows = []
-    for a in range(len(km)):
-        fold = 0.0 if a == yard else times.fold_s
-        rows.append(tuple(
-            0 if a == b else math.ceil(fold + _drive_s(km[a, b], farm) + (0.0 if b == yard else times.unfold_s))
-            for b in range(len(km))
-        ))  # fmt: skip
-    return tuple(rows)
+    places, yard = range(len(km)), len(km) - 1
+    return tuple(
+        tuple(0 if a == b else math.ceil(_drive_s(km[a, b], farm) + _handling_s(a, b, yard, farm)) for b in places)
+        for a in places
+    )
+
+
+def _handling_s(a: int, b: int, yard: int, farm: FarmFile) -> float:
+    """Folding and unfolding on a way; nobody does either at the yard."""
+    return (0.0 if a == yard else farm.times.fold_s) + (0.0 if b == yard else farm.times.unfold_s)
 
 
 def _drive_s(km: float, farm: FarmFile) -> float:
@@ -173,24 +173,16 @@ def _drive_s(km: float, farm: FarmFile) -> float:
 
 
 def _move_costs(day: DayFile, farm: FarmFile, fleet: int, km: Array) -> tuple[tuple[float, ...], ...]:
-    """What the ways of a fleet cost: people, and machines on their own wheels or a lorry by the kilometre."""
-    prices, count = farm.prices, day.fleets[fleet].count
-    own = rates(prices, *machines_of(day.fleets[fleet], farm))
-    carried = prices.transport_per_km > 0.0 or prices.transport_per_tractor > 0.0
-    hourly = own.machine if prices.per_hour is None else prices.per_hour
-    people = prices.supervision_share * prices.supervision_per_hour
-    fuel = 0.0 if carried or prices.per_hour is not None else own.fuel_on_road
-    seconds = _moves(km, farm)
-    return tuple(
-        tuple(
-            count * (
-                seconds[a][b] / HOUR_S * (people + hourly) + _drive_s(km[a, b], farm) / HOUR_S * fuel
-                + km[a, b] * prices.transport_per_km
-            )
-            for b in range(len(km))
-        )
-        for a in range(len(km))
-    )  # fmt: skip
+    """What the ways of a fleet cost, by the prices of a plan; bringing a tractor is paid on the way to a field."""
+    count, home, places = day.fleets[fleet].count, len(km) - 1, range(len(km))
+    machines, prices = machines_of(day.fleets[fleet], farm), farm.prices
+
+    def way(a: int, b: int) -> float:
+        drive_s = _drive_s(km[a, b], farm)
+        found = coming_and_going(Terms(prices, *machines, float(km[a, b]), drive_s, _handling_s(a, b, home, farm)))
+        return found - (prices.transport_per_tractor if b == home else 0.0)
+
+    return tuple(tuple(0.0 if a == b else count * way(a, b) for b in places) for a in places)
 
 
 def _onsets(frame: Frame) -> Iterable[tuple[int, float]]:

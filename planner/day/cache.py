@@ -18,7 +18,7 @@ from typing import Any
 import shapely
 from pydantic import BaseModel
 
-ROOMS = ("fields", "vehicle", "strategies", "planner")
+ROOMS = ("fields", "vehicle", "strategies", "planner", "reports")
 LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "scipy", "shapely")
 ELSEWHERE = "HEADLAND_CACHE"
 KINDS = (".py", ".toml", ".csv")

@@ -42,7 +42,8 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """What came out for the fields of one fleet: `end_s` and `in_time` (fields, draws), in working seconds.
+    """What came out for the fields of one fleet: (fields, draws) `end_s`, the working second when it is gone, and
+    whether the work is done `in_time`.
 
     `paid` (fields,) is what the work costs in the mean, `lost` (fields,) what is not done in time takes.
     """
@@ -73,7 +74,7 @@ def chained(
         sample = draw(stop.graph, on_field, draws=draws, seed=stop.seed, limit_s=limit - start)
         now = start + sample.finish_s
         ends.append(now)
-        in_time.append(now <= limit)
+        in_time.append(start + sample.worked_s <= limit)
         paid.append(float(paid_per_draw(sample, stop.terms).mean()))
         lost.append(float((1.0 - sample.done).mean()) * stop.stake)
     shape = (len(stops), draws)

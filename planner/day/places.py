@@ -13,6 +13,7 @@ from fields.projection import project
 from planner.day.file import YARD, DayField, DayFile, Road
 from planner.errors import ScenarioError, nearest
 from planner.farm.file import FarmFile
+from planner.transport import FARTHEST_KM, end_of_road
 
 M_PER_KM = 1000.0
 Array = npt.NDArray[np.float64]
@@ -51,7 +52,8 @@ def yard_of(day: DayFile, farm: FarmFile) -> Spot | None:
 def road_km(day: DayFile, places: Sequence[Spot], road_factor: float) -> Array:
     """Kilometres of road between all places, (n, n): as given, else straight lines times a factor.
 
-    Raises ScenarioError for a road to nowhere, two lengths of one road, and a pair with neither road nor places.
+    Raises ScenarioError for a road to nowhere, two lengths of one road, a pair with neither road nor places, and a
+    yard farther from a field than anybody would drive.
     """
     given = _given(day.roads, [place.name for place in places])
     km = np.zeros((len(places), len(places)))
@@ -77,8 +79,7 @@ def _position(said: DayField, field: Field) -> Degrees | None:
         return said.lon, said.lat
     if field.crs is None:
         return None
-    point = field.entrance or tuple(field.boundary.representative_point().coords[0][:2])
-    lon, lat = field.to_wgs84([point])[0].tolist()
+    lon, lat = field.to_wgs84([end_of_road(field)])[0].tolist()
     return lon, lat
 
 
@@ -113,4 +114,11 @@ def _straight_km(one: Spot, other: Spot) -> float:
                 f"The road between {other.name!r} and {one.name!r} is missing; give it under [[roads]], or {where}."
             )
     (lon, lat), (to_lon, to_lat) = one.at or (0.0, 0.0), other.at or (0.0, 0.0)
-    return float(Geod(ellps="WGS84").inv(lon, lat, to_lon, to_lat)[2]) / M_PER_KM
+    km = float(Geod(ellps="WGS84").inv(lon, lat, to_lon, to_lat)[2]) / M_PER_KM
+    if km > FARTHEST_KM and YARD in (one.name, other.name):
+        field = other.name if one.name == YARD else one.name
+        raise ScenarioError(
+            f"The yard of the day is {km:.0f} km from field {field!r} by the straight line; use {FARTHEST_KM:g} km or "
+            "less, or give the road between them under [[roads]]."
+        )
+    return km

@@ -10,7 +10,6 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 
 from fields.errors import about
 from fields.field import Field
@@ -29,6 +28,7 @@ from planner.day.words import Why, advice_of, why_left
 from planner.farm.file import FarmFile
 from planner.pool import SerialExecutor
 from planner.tasks import Progress
+from planner.transport import end_of_road
 from reports.day_results import DayJob, DayResult, FleetDay, MapPlace, NotDone
 
 NOT_KEPT = "Field times could not be kept, so the next run simulates them anew; --cache names another folder."
@@ -178,7 +178,7 @@ def _job(found: _Found, fleet: int, place: int) -> DayJob:
         leaves_s=clock.begin(_leaves(problem, fleet, route, place)), km=float(ready.km[before, number]),
         start_s=clock.begin(starts[place]), end_s=clock.end(starts[place] + work), time_s=plan.time_s,
         finish_probability=probability, finish_probability_interval=interval, p50_end_s=p50, p95_end_s=p95,
-        cost=float(chain.paid[place]), worked_pct=plan.worked_pct,
+        cost=float(chain.paid[place]), lost_cost=float(chain.lost[place]), worked_pct=plan.worked_pct,
     )  # fmt: skip
 
 
@@ -201,7 +201,8 @@ def _fleet(found: _Found, fleet: int) -> FleetDay:
     last = starts[-1] + (problem.work_s[fleet][route[-1]] or 0)
     home = clock.end(last + problem.move_s[route[-1]][problem.fields])
     km = sum(float(ready.km[a, b]) for a, b in pairwise((problem.fields, *route, problem.fields)))
-    return FleetDay(said.name, words, clock.begin(_leaves(problem, fleet, route, 0)), home, km)
+    leaves = clock.begin(_leaves(problem, fleet, route, 0))
+    return FleetDay(said.name, words, leaves, home, km, problem.ways_cost(fleet, route))
 
 
 def _left(found: _Found) -> list[tuple[NotDone, Why]]:
@@ -264,7 +265,7 @@ def _map(ready: Ready) -> tuple[MapPlace, ...]:
         outline = None
         if place.name != YARD:
             ground = ready.fields[number].boundary
-            middle = shapely.get_coordinates(ground.representative_point())[0]
+            middle = np.asarray(end_of_road(ready.fields[number]))
             outline = np.asarray(ground.exterior.coords)[:, :2] - middle + np.asarray(at)
         found.append(MapPlace(place.name, at[0], at[1], outline))
     return tuple(found)

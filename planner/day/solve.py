@@ -64,11 +64,6 @@ def _cost(problem: Problem, routes: Routes) -> float:
     return math.inf if cost is None else cost
 
 
-def simple_bound(problem: Problem) -> float:
-    """What no day costs less than: all fields at their least."""
-    return sum(least_each(problem))
-
-
 def least_each(problem: Problem) -> list[float]:
     """What each field costs at least: left, or done at its soonest by the fleet that suits it."""
     least = []

@@ -119,6 +119,7 @@ def test_two_fields_by_hand(headland: Headland, folder: Path) -> None:
     assert told["machines"][0]["km"] == pytest.approx(3.6 + 4.5 + 7.2)
     assert near["cost"] == pytest.approx(0.01 * near["time_s"], rel=0.01)
     ways = 0.01 * (360 + 60 + 30 + 450 + 60 + 30 + 720)
+    assert told["machines"][0]["ways_cost"] == pytest.approx(ways) and near["lost_cost"] == far["lost_cost"] == 0.0
     assert told["cost"] == pytest.approx(near["cost"] + far["cost"] + ways)
     assert near["finish_probability"] == far["finish_probability"] == 1.0
 
@@ -133,6 +134,49 @@ def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: 
     assert [job["finish_probability"] for job in wet["jobs"]] == [1.0, 0.0]
     lost = 360.0 * (1.0 - (9 * 3600 - wet["jobs"][1]["start_s"]) / wet["jobs"][1]["time_s"])
     assert wet["cost"] - dry["cost"] == pytest.approx(lost, rel=0.1), "work is not spread quite evenly over its time"
+
+
+@pytest.mark.parametrize("rain", ["", 'rain = "09:00"'])
+def test_the_money_of_a_day_adds_up(headland: Headland, folder: Path, rain: str) -> None:
+    """Work, ways, lost ground and a field that is not worth its way."""
+    poor = DAY.replace("value_per_ha = 1000.0", "value_per_ha = 1.0", 1) + DAY[DAY.index("[[fields]]") :].split(
+        "[[fields]]"
+    )[2].split("[[fleets]]")[0].replace('name = "far"', '[[fields]]\nname = "beside"').lstrip()
+    text = poor.replace('farm = "farm.toml"', f'farm = "farm.toml"\n{rain}') + "".join(
+        f'\n[[roads]]\nbetween = ["beside", "{place}"]\nkm = 5.0\n' for place in ("near", "far", "yard")
+    )
+    told = planned(headland, text)
+    lost = sum(job["lost_cost"] for job in told["jobs"])
+    assert len(told["jobs"]) == 2 and len(told["not_done"]) == 1 and (lost > 1.0) == bool(rain)
+    parts = [job["cost"] for job in told["jobs"]] + [fleet["ways_cost"] for fleet in told["machines"]]
+    parts += [lost] + [one["cost"] for one in told["not_done"]]
+    assert min(parts) >= 0.0 and told["cost"] == pytest.approx(sum(parts), abs=1e-5)
+    assert "Ways of one" in headland("day", "other.toml", "--processes", 1).out
+
+
+@pytest.mark.parametrize("by_hour", [True, False])
+@pytest.mark.parametrize(
+    "brought", ["", "transport_per_tractor = 8.0", "transport_per_km = 0.5",
+                "transport_per_tractor = 8.0\ntransport_per_km = 0.5"],
+)  # fmt: skip
+def test_one_field_costs_what_its_plan_does(headland: Headland, folder: Path, brought: str, by_hour: bool) -> None:
+    """Two tractors from the yard to one field and back, on their own wheels or by lorry, and nothing varies."""
+    own = "" if by_hour else "supervision_per_hour = 20.0\n"
+    farm = FARM.replace("supervision_share = 0.0", f"supervision_share = 0.5\n{brought}\n{own}")
+    farm = farm if by_hour else farm.replace("per_hour = 36.0\n", "", 1)
+    Path("farm.toml").write_text(farm + "\n[yard]\nlon = 9.0\nlat = 56.02\n", encoding="utf-8")
+    ring = [(9.0, 56.0), (9.0007, 56.0), (9.0007, 56.0007), (9.0, 56.0007), (9.0, 56.0)]
+    Path("one.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}), encoding="utf-8")
+    day = planned(headland, (
+        'farm = "farm.toml"\nstrategies = ["split-field"]\n[[fields]]\nname = "one"\nfile = "one.geojson"\n'
+        'value_per_ha = 1000.0\n[[fleets]]\nname = "two"\ncount = 2\nimplement = "harrow"\n'
+    ), "--cache", "kept")  # fmt: skip
+    told = headland(
+        "plan", "one.geojson", "--farm", "farm.toml", "--implement", "harrow", "--tractors", 2, "--strategies",
+        "split-field", "--json", "--draws", 100, "--processes", 1,
+    )  # fmt: skip
+    assert told.status == 0, told.err
+    assert day["cost"] == pytest.approx(json.loads(told.out)["best"]["paid_cost"], abs=1e-4)
 
 
 def test_what_does_not_pay_is_left(headland: Headland, folder: Path) -> None:

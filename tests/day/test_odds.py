@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner.chance.graph import PASS, Graph
+from planner.chance.graph import PASS, TURN_MORE, Graph
 from planner.chance.rain import Rain
 from planner.chance.settings import Chances, certain
 from planner.day.clock import Clock
@@ -91,3 +92,17 @@ def test_a_late_first_field_shifts_the_next() -> None:
 def test_rain_in_a_break_is_rain_at_its_beginning() -> None:
     found = rain_draws(np.array([100.0, 1500.0, 4000.0, math.inf]), 1000.0, Clock(((2000, 3000),)))
     assert found.tolist() == [1100.0, 2000.0, 4000.0, math.inf]
+
+
+def test_the_way_out_is_not_work_that_must_be_in_time() -> None:
+    """A pass of 1000 s and 200 s to the entrance: rain or the end of the hours in between finds the work done."""
+    leaves = replace(
+        one_leg(1000.0), tractor=np.zeros(2, np.int64), driven_s=np.array([1000.0, 200.0]),
+        kind=np.array([PASS, TURN_MORE]), group=np.array([0, 1]),
+        worked_m=np.array([100.0, 0.0]), order=(0, 1), stand_s=np.zeros(2),
+        leaving=np.array([False, True]),
+    )  # fmt: skip
+    first = replace(stop(1.0, 1, window=(0.0, 1100.0)), graph=leaves)
+    found = chain([first, stop(500.0, 2)], rain=np.where(np.arange(DRAWS) % 2, 1050.0, 999.0))
+    assert found.in_time[0].tolist() == [False, True] * (DRAWS // 2)
+    assert (found.end_s[0] == 1200.0).all() and (found.end_s[1] == 1700.0).all(), "the next begins when it is gone"

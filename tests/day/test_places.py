@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from fields import read_field
-from planner.day.file import day_from, example_text
+from planner.day.file import Road, day_from, example_text
 from planner.day.places import Spot, on_map, road_km, spots, yard_of
 from planner.day.planning import prepare_day
+from planner.errors import ScenarioError
 
 LENGTH_M = 2.0 * math.pi * 6_378_137.0 / 360.0  # of a degree along the equator
 
@@ -22,6 +23,18 @@ def test_straight_lines_times_a_factor_and_roads_that_are_given() -> None:
     assert km[0, 1] == km[1, 0] == pytest.approx(1.3 * LENGTH_M / 1000.0, rel=1e-6)
     assert km[0, 2] == km[2, 0] == 3.4, "as given, though they are one place"
     assert np.diag(km).tolist() == [0.0] * 3
+
+
+def test_a_yard_that_nobody_drives_to_is_refused() -> None:
+    """A slip of the degrees: two degrees along the equator are 223 km; a road that is given says better."""
+    places = (Spot("long", (0.0, 0.0)), Spot("yard", (2.0, 0.0)))
+    day = day_from(example_text(), "day.toml")[0].model_copy(update={"roads": ()})
+    with pytest.raises(ScenarioError, match=r"yard of the day is 223 km from field 'long' .* use 200 km or less"):
+        road_km(day, places, 1.3)
+    given = day.model_copy(update={"roads": (Road(between=("yard", "long"), km=230.0),)})
+    assert road_km(given, places, 1.3)[0, 1] == 230.0
+    near = (Spot("long", (0.0, 0.0)), Spot("yard", (1.79, 0.0)))
+    assert road_km(day, near, 1.0)[0, 1] == pytest.approx(1.79 * LENGTH_M / 1000.0, rel=1e-6)
 
 
 def test_fields_are_where_they_are_or_where_they_are_put() -> None:
