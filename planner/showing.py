@@ -36,7 +36,8 @@ def show(path: str | Path) -> Shown:
     """Read a plan of `headland plan --save` and drive it as it was driven when it was saved.
 
     The tractor is the one its scenario names, or of a farm the one saved with the plan; the field is not needed, as
-    the legs tell their ground. Raises MissionError, ScenarioError or VehicleError: the file holds no plan, or one that this tractor does not finish.
+    the legs tell their ground. Raises MissionError, ScenarioError or VehicleError: the file holds no plan, or one that
+    this tractor does not finish.
     """
     saved = saved_from_json(read_text(path, "a plan of headland plan --save", MissionError))
     scenario = scenario_of(saved)

@@ -35,3 +35,5 @@ def test_the_largest_piece_left_is_named_unless_it_is_cut_off(cut: Site) -> None
     own, other = MissedPiece(1700.0, 10.0, 30.0), MissedPiece(50.0, 90.0, 30.0)
     assert besides_cut_off(own, field) is None and besides_cut_off(other, field) is other
     assert besides_cut_off(None, field) is None
+    beside = MissedPiece(1750.0, 29.2, 30.0)  # on the margin of 0.3 m to the ditch
+    assert besides_cut_off(beside, field) is None and besides_cut_off(MissedPiece(5000.0, 29.2, 30.0), field)
