@@ -18,6 +18,7 @@ from reports.results import CellOutline, Drive, MissedPiece, PlanResult, Points,
 from vehicle.run import Run
 
 MISSED_TO_M = 0.1  # of what is left open, a picture needs no more
+ASIDE_M = 0.5  # so far beside ground that is cut off a place on it may be told
 
 
 def still(site: Site, title: str) -> Drive:
@@ -74,10 +75,16 @@ def _cut_off(part: shapely.Polygon) -> MissedPiece:
 
 
 def besides_cut_off(largest: MissedPiece | None, field: Field) -> MissedPiece | None:
-    """The largest missed piece; None where that is ground that obstacles cut off, which is named for itself."""
-    if largest is None or any(shapely.intersects_xy(part, largest.x_m, largest.y_m) for part in field.cut_off):
+    """The largest missed piece; None where most of that is ground that obstacles cut off, which is named for itself.
+
+    Its place may lie beside that ground, on the margin to the obstacles.
+    """
+    if largest is None:
         return None
-    return largest
+    place = shapely.Point(largest.x_m, largest.y_m)
+    aside_m = max(ASIDE_M, float(shapely.distance(field.ground, place)))
+    cut_off_m2 = sum(part.area for part in field.cut_off if shapely.dwithin(part, place, aside_m))
+    return None if cut_off_m2 >= 0.5 * largest.m2 else largest
 
 
 def _obstacles(field: Field) -> tuple[Points, ...]:

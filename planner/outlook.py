@@ -15,7 +15,7 @@ from planner.price.choice import Figures, best
 from planner.price.cost import Terms, cost, hired
 from planner.scenario import CHEAPEST, FASTEST, Scenario
 from planner.workday import Workday
-from reports.results import PlanResult, Ranking
+from reports.results import PlanResult, Ranking, done_s
 from reports.wording import duration
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
@@ -134,8 +134,8 @@ def _before_rain(plans: list[PlanResult], rain: Rain | None) -> tuple[list[PlanR
     if rain is None:
         return plans, None
     if len(rain.onset_s) == 1 and sum(rain.shares) == 1.0:
-        dry = [plan for plan in plans if (plan.time_s or 0.0) <= rain.onset_s[0]]
-        late_s = min(plan.time_s or 0.0 for plan in plans) - rain.onset_s[0]
+        dry = [plan for plan in plans if done_s(plan) <= rain.onset_s[0]]
+        late_s = min(done_s(plan) for plan in plans) - rain.onset_s[0]
         return dry, None if dry else f"No plan is done before the rain; the closest misses it by {duration(late_s)}."
     surest = max(plan.finish_probability or 0.0 for plan in plans)
     if surest >= LEAST_CHANCE:

@@ -24,6 +24,7 @@ from vehicle.effects import REST_KEY
 from vehicle.tractor import Tractor
 
 SAME_S = 0.05
+MOST = 0.5  # of the field taken by a margin: nobody means that
 MUCH = 0.25  # of the field taken by a margin, for that to be at fault where no plan works
 LEAST_WORKED_PCT = 50.0  # below half of the field a plan does not do what its reader takes it to do
 
@@ -46,11 +47,10 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
 
     A plan that leaves ground open is charged for it at its own rate: time and hourly cost grow by missed area over
     worked area. Plans that leave equal shares open are thus ordered by what was driven. Marks the front of that time
-    against count. Raises ScenarioError where no plan works and the margin to obstacles takes much of the field.
+    against count. Raises ScenarioError for a margin that takes most of the field, or much where no plan works.
     """
     results = [placed(told(result), site) for result in results]
-    if not any(result.feasible for result in results):
-        check_margin(site)
+    check_margin(site, any(result.feasible for result in results))
     feasible = sorted((r for r in results if r.feasible), key=quickness)
     front = _front(feasible)
     ranked = [
@@ -86,14 +86,15 @@ def by_the_clock(ranking: Ranking, site: Site) -> Ranking:
     return replace(ranking, day=words, field_start=start, field_allowed_s=left)
 
 
-def check_margin(site: Site) -> None:
-    """Refuse a margin that takes much of the field where no plan works on the rest: it is what is asked too much."""
+def check_margin(site: Site, feasible: bool) -> None:
+    """Refuse a margin that takes most of what obstacles leave of the field, or much of it where no plan is feasible."""
     field, margin_m = site.layout.field, site.scenario.margin_m
     left = field.ground.area / field.without_margin_m2
-    if left < 1.0 - MUCH:
+    if left < 1.0 - (MOST if feasible else MUCH):
+        why = "less than half of what obstacles leave" if left < 1.0 - MOST else "and no plan works there"
         raise ScenarioError(
             f"The margin ({named('margin_m')}) of {margin_m:g} m leaves {100.0 * left:.0f} % of field '{field.name}', "
-            "and no plan works there; use a smaller margin."
+            f"{why}; use a smaller margin."
         )
 
 

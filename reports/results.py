@@ -149,10 +149,10 @@ class Ranking:
     where that was left open, what was planned with: plain values with their units in the keys, clock times as hh:mm.
     `advice` is a sentence on the plan to take and its neighbours, from `draws` draws, money in `currency`; `chosen` is
     that plan (strategy, tractors) where there is something to be in time for. `checked` are sentences on how far the
-    draws can be trusted. `unmet` is a sentence where no plan meets the rain or the budget: then the best is the
-    closest. `cut_off_m2` is ground that obstacles cut off from the field that is worked.
-    draws can be trusted, `day` on the clock of the best plan and the day that times are taken to be of. On a farm
-    field work can begin at `field_start`, and `field_allowed_s` of it fit before the deadline.
+    draws can be trusted, `day` on the clock of the best plan and the day that times are taken to be of. `unmet` is a
+    sentence where no plan meets the rain or the budget: then the best is the closest. `cut_off_m2` is ground that
+    obstacles cut off from the field that is worked. On a farm field work can begin at `field_start`, and
+    `field_allowed_s` of it fit before the deadline.
     """
 
     field_name: str

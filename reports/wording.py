@@ -14,6 +14,7 @@ from reports.results import MissedPiece, PlanResult, Ranking, done_s, finish_cos
 NOTHING = "-"
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 DAY_S = 86_400
+SAME_S = 0.5  # times so near each other are told as one
 NO_BREAK = "\N{NO-BREAK SPACE}"
 LEFT_WORDS = "Left is ground that no implement worked; ranks count the time to finish it too, at each plan's own rate."
 COLUMN_WORDS = {
@@ -303,7 +304,9 @@ def _advice_words(ranking: Ranking) -> list[str]:
 
 def _told(ranking: Ranking, plan: PlanResult) -> str:
     leaves = "" if left(plan) is None else f", leaves {left(plan)}"
-    return f"{_what(plan)}, done in {_when(ranking, plan.time_s, done_s(plan))}{_refills(plan)}{_at_cost(plan)}{leaves}"
+    done = "done in" if abs((plan.time_s or 0.0) - done_s(plan)) < SAME_S else "driven in"
+    when = _when(ranking, plan.time_s, done_s(plan))
+    return f"{_what(plan)}, {done} {when}{_refills(plan)}{_at_cost(plan)}{leaves}"
 
 
 def _refills(plan: PlanResult) -> str:
@@ -361,8 +364,10 @@ def _what(plan: PlanResult) -> str:
 
 
 def _when(ranking: Ranking, seconds: float | None, by_clock_s: float) -> str:
+    """The time driven, and the clock; where the way back, the road or breaks part them, what the clock is of."""
     at = clock(ranking, by_clock_s)
-    return duration(seconds) + (f" (at {at})" if at else "")
+    of = "" if abs((seconds or 0.0) - by_clock_s) < SAME_S else "field work done "
+    return duration(seconds) + (f" ({of}at {at})" if at else "")
 
 
 def _at_cost(plan: PlanResult) -> str:

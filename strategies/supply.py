@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 PLACE, HEADLAND, TENDER = "place", "headland", "tender"
-WHERE = (PLACE, HEADLAND, TENDER)
 Point = tuple[float, float]
 
 

@@ -50,7 +50,7 @@ SAME_LINE_M = 1e-3
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination to try; `jump` position_errors the pattern of tracks for a strategy that takes one."""
+    """A combination to try; `jump` fixes the pattern of tracks for a strategy that takes one."""
 
     strategy: str
     tractors: int

@@ -113,6 +113,15 @@ def with_farm(scenario: Scenario, farm: str | None, implement: str | None, conte
     return as_it_is(scenario)
 
 
+def shift_start(farm: str | None) -> int | None:
+    """When the shift of a farm file begins, in seconds of the day; a deadline counts from it. None without one."""
+    if farm is None:
+        return None
+    from planner.farm import load_farm
+
+    return load_farm(farm).times.shift_s[0]
+
+
 def _given(context: typer.Context) -> frozenset[str]:
     """Parameters of a scenario, of those a farm file may set, whose options were given."""
     sources = {option: context.get_parameter_source(option) for option in _SCENARIO}

@@ -27,6 +27,7 @@ from planner.commands.options import (
     TractorOption,
     Widths,
     headland_order,
+    shift_start,
     with_farm,
 )
 from strategies.names import NAMES
@@ -121,7 +122,7 @@ def plan(
         field, local, wanted.widths_m[0], tractors, strategies, turn, start, before, price_per_hour,
         price_per_tractor, speed_kmh, turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss,
         gnss_table, operation, headland_order(headland_first, headland_last), corners, tracks_only, cell_bearing or [],
-        draws, rain, prefer, refill, entrance, budget,
+        draws, rain, prefer, refill, entrance, budget, None if before is None else shift_start(farm),
     )  # fmt: skip
     if wanted.many or keep is not None:
         _of_one_field(("--html", html), ("--png", png), ("--save", save))
@@ -146,6 +147,7 @@ def _scenario(
     clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
     order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
     rain: str | None, prefer: str | None, refill: str | None, entrance: str | None, budget: float | None,
+    start_s: int | None,
 ) -> Scenario:  # fmt: skip
     from planner.scenario import (
         KMH,
@@ -175,7 +177,7 @@ def _scenario(
         turn_speed_mps=None if turn_speed_kmh is None else turn_speed_kmh * KMH,
         price_per_hour=price_per_hour,
         price_per_tractor=price_per_tractor,
-        start_s=None if start is None else parse_clock(start, "start_s"),
+        start_s=start_s if start is None else parse_clock(start, "start_s"),
         before_s=None if before is None else parse_clock(before, "before_s"),
         seed=seed,
         gnss=gnss or gnss_table is not None,
@@ -264,10 +266,10 @@ def _saved(planned: Planned, run: Run) -> str:
     from dataclasses import asdict
 
     from planner.refill import on_earth
+    from planner.showing import machines_of
     from vehicle.plan_file import plan_to_json
 
-    field = planned.site.layout.field
-    text = plan_to_json(
-        on_earth(run.plan, field), crs=field.crs, origin_m=field.origin_m, scenario=asdict(planned.site.scenario)
-    )
+    site, field = planned.site, planned.site.layout.field
+    asked = asdict(site.scenario) | machines_of(site)
+    text = plan_to_json(on_earth(run.plan, field), crs=field.crs, origin_m=field.origin_m, scenario=asked)
     return text + "\n"

@@ -71,7 +71,8 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
     worked = united(inside)
     missed = left_of(boundary, worked)
     area, total = float(worked.area), float(shapely.area(inside).sum())
-    largest = _largest(missed, 0.5 * site.implement.width_m)
+    reached = left_of(missed, united(np.array(site.layout.field.cut_off))) if site.layout.field.cut_off else missed
+    largest = _largest(reached, 0.5 * site.implement.width_m)
     return Coverage(
         boundary.area, area, max(total - area, 0.0), float(missed.area), tuple(_wide(missed, SLIVER_M)), largest
     )

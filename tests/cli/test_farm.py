@@ -79,6 +79,26 @@ def test_a_plan_is_made_with_the_farms_machines(headland: Headland, folder: Path
     assert scenario["radius_m"] == pytest.approx(other["radius_m"])  # that of the tractor, on soil
 
 
+def test_a_plan_of_a_farm_is_shown_as_it_was_driven_and_its_shift_is_the_start(
+    headland: Headland, folder: Path, small: Path
+) -> None:
+    other = FARM.replace("hitch_m = 1.0", "hitch_m = 1.6") + '\n[times]\nshift_start = "07:30"\n'
+    (folder / "farm.toml").write_text(other, encoding="utf-8")
+    words = ("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--tracks-only")
+    made = headland(*words, "--before", "12:00", "--draws", "100", "--json", "--save", "plan.json")
+    assert made.status == 0, made.err
+    content = json.loads(made.out)
+    assert (content["scenario"]["start"], content["scenario"]["before"]) == ("07:30", "12:00")
+    saved = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    assert saved["scenario"]["machines"]["implement"]["hitch_m"] == 1.6
+    shown = json.loads(headland("show", "plan.json", "--json").out)
+    assert shown["time_s"] == pytest.approx(content["best"]["time_s"], abs=1e-9)
+    saved["scenario"]["machines"]["tractor"] = None
+    (folder / "plan.json").write_text(json.dumps(saved), encoding="utf-8")
+    refused = headland("show", "plan.json")
+    assert refused.status == 2 and "save the plan again" in refused.err
+
+
 def test_the_headline_names_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
     told = headland("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--tracks-only")
     assert told.out.splitlines()[0] == "small, 0.36 ha, Carrier, harrow 4 m"

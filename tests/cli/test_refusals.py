@@ -176,6 +176,17 @@ def test_a_margin_that_leaves_no_room_for_any_plan(headland: Callable[..., Any],
     assert_refused(outcome, "--margin) of 29 m leaves 5", "no plan works there", "smaller margin")
 
 
+def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
+    headland: Callable[..., Any], folder: Path
+) -> None:
+    """A pole at the end of 100 m x 60 m with a margin of 60 m: some 43 m of the length are left."""
+    pole = feature({"type": "Point", "coordinates": [0, 30]}, role="obstacle", kind="pole")
+    options = ("--tractors", "1", "--strategies", "split-field", "--tracks-only", "--processes", "1")
+    wide = _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "60", *options)
+    assert_refused(wide, "--margin) of 60 m leaves 4", "less than half", "smaller margin")
+    assert _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "40", *options).status == 0
+
+
 def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable[..., Any], folder: Path) -> None:
     features = [
         feature(SQUARE), feature(line((0, 0), (100, 0)), edge="fence"), feature(line((3, 3), (9, 9)), role="drain"),

@@ -154,6 +154,13 @@ class TestWhatNoPlanMeets:
         assert wet.unmet == "No plan is done before the rain; the closest misses it by 0:10:00."
         assert wet.best is self.plans[2], "the quickest is the closest"
 
+    def test_rain_at_a_time_is_of_the_clock_at_which_field_work_is_done(self) -> None:
+        plans = tuple(replace(each, done_s=each.time_s + 900.0) for each in self.plans if each.time_s is not None)
+        assert self.told(plans, rain="8:35").unmet == (
+            "No plan is done before the rain; the closest misses it by 0:10:00."
+        )
+        assert self.told(plans, rain="8:50").best is plans[2]
+
     def test_rain_that_may_come_is_not_met_where_hardly_any_draw_is(self) -> None:
         few = tuple(replace(each, finish_probability=0.004) for each in self.plans)
         told = self.told(few, rain="8:20=50,8:40=50")

@@ -5,6 +5,7 @@ import shapely
 
 from fields import Field
 from fields.obstacles import Obstacle
+from planner.candidates.evaluate import Candidate, simulated
 from planner.describe import outline_picture
 from planner.drive import besides_cut_off
 from planner.scenario import Scenario
@@ -35,3 +36,12 @@ def test_the_largest_piece_left_is_named_unless_it_is_cut_off(cut: Site) -> None
     own, other = MissedPiece(1700.0, 10.0, 30.0), MissedPiece(50.0, 90.0, 30.0)
     assert besides_cut_off(own, field) is None and besides_cut_off(other, field) is other
     assert besides_cut_off(None, field) is None
+    beside = MissedPiece(1750.0, 29.2, 30.0)  # on the margin of 0.3 m to the ditch
+    assert besides_cut_off(beside, field) is None and besides_cut_off(MissedPiece(5000.0, 29.2, 30.0), field)
+
+
+def test_a_plan_names_the_largest_piece_of_ground_that_can_be_reached(cut: Site) -> None:
+    result = simulated(cut, Candidate("split-field", 1)).result
+    piece, (left,) = result.largest_missed, cut.layout.field.cut_off
+    assert result.missed_m2 is not None and piece is not None and result.missed_m2 > left.area > piece.m2
+    assert not left.intersects(shapely.Point(piece.x_m, piece.y_m))

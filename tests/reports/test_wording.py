@@ -77,6 +77,12 @@ def test_headline_with_a_deadline(ranking: Ranking) -> None:
     ]
 
 
+def test_the_clock_says_what_it_is_of_where_the_way_back_is_driven_too(ranking: Ranking) -> None:
+    plans = tuple(replace(plan, done_s=plan.time_s and plan.time_s - 60.0) for plan in ranking.plans)
+    told = headline(replace(ranking, plans=plans))[0]
+    assert "driven in 0:28:32 (field work done at 08:27), cost 5.65." in told
+
+
 def test_a_deadline_on_the_next_day_says_so(ranking: Ranking) -> None:
     late = replace(ranking, start="22:00", before="02:00", allowed_s=4 * 3600.0)
     assert headline(late)[1].startswith("The deadline (02:00 next day) can be met with")
