@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from itertools import pairwise
 
 from fields.layout import Track
@@ -22,8 +21,8 @@ NAME = "split-field"
 def split_field(job: Job) -> Plan:
     """One block of neighbouring lines per tractor, each in its quickest order; all start at once.
 
-    Blocks are balanced by orders that are searched; how good those of the blocks that come of it are is proven. With
-    `job.jump` every block takes that pattern (1: one after another), and blocks are of equal working time.
+    Blocks are balanced by these orders. With `job.jump` every block takes that pattern (1: one after another), and
+    blocks are of equal working time.
     """
     lines = lines_of(job)
     borders = cut([_weight(job, line) for line in lines], job.tractors)
@@ -31,14 +30,16 @@ def split_field(job: Job) -> Plan:
         orders = patterned([_tracks(lines, *ends) for ends in pairwise(borders)], job, job.jump)
         return plan_of(job, NAME, (mission_of(job, order) for order in orders))
     table = TurnTable(job, list(job.layout.tracks))
+    known: dict[tuple[int, int], Searched] = {}
 
-    @cache
-    def block(first: int, last: int, proven: bool) -> Searched:
-        best = searched(_tracks(lines, first, last), job, table, proven=proven)
-        return best if job.supply is None else searched_in_loads(best, job, table, job.supply)
+    def block(first: int, last: int) -> Searched:
+        if (first, last) not in known:
+            best = searched(_tracks(lines, first, last), job, table)
+            known[first, last] = best if job.supply is None else searched_in_loads(best, job, table, job.supply)
+        return known[first, last]
 
-    borders = balanced(borders, lambda first, last: block(first, last, False).seconds)
-    shares = [block(first, last, True) for first, last in pairwise(borders)]
+    borders = balanced(borders, lambda first, last: block(first, last).seconds)
+    shares = [block(first, last) for first, last in pairwise(borders)]
     gap = max(share.gap_pct for share in shares)
     return plan_of(job, NAME, (mission_of(job, share.order) for share in shares), order_gap_pct=round(gap, 3))
 
