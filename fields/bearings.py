@@ -35,9 +35,7 @@ def candidate_bearings(boundary: shapely.Polygon) -> list[float]:
     chosen: list[int] = []
     for i in np.lexsort((angle, -length)).tolist():
         shorter = length < length[i] * (1.0 - TIE)
-        if len(chosen) >= 2 * MOST or (
-            len(chosen) >= MOST and length[i] < length[chosen[MOST - 1]] * (1.0 - TIE)
-        ):
+        if len(chosen) >= 2 * MOST or (len(chosen) >= MOST and length[i] < length[chosen[MOST - 1]] * (1.0 - TIE)):
             break
         if alive[i]:
             chosen.append(i)

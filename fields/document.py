@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 LOCAL, WGS84 = "local_metres", "wgs84"
+UNKNOWN = "unknown"
+"""Stands for the system of numbers of which a file says none though it should."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +39,26 @@ class RawObstacle:
 
 
 @dataclass(frozen=True)
+class RawLine:
+    """A guidance line as read: its positions, unchecked, and the names it can be asked for by."""
+
+    coordinates: Any
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Document:
     """A file taken apart: polygons, ground zones, obstacles, edges, entrance points, coordinate system and frame.
 
     Attributes:
-        crs: coordinate system named by an old-style ``crs`` member, or None.
+        crs: coordinate system that the file names, UNKNOWN where it should and does not, None where it need not.
         frame: ``"local_metres"``, ``"wgs84"`` or None when the file does not say.
         header: the foreign member of this program, possibly empty.
         edges: lines that say what the outline is along them.
         refills: places where tanks are filled or emptied.
         unused: what no part of a field is read from: kind of feature in words, and how many.
+        lines: guidance lines that tracks can be laid along.
+        notes: sentences on what the reader of the form left out or mended.
     """
 
     polygons: tuple[RawPolygon, ...]
@@ -60,6 +72,8 @@ class Document:
     obstacles: tuple[RawObstacle, ...] = ()
     edges: tuple[RawObstacle, ...] = ()
     refills: tuple[Any, ...] = ()
+    lines: tuple[RawLine, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -70,8 +84,10 @@ class Format:
         name: what people call it.
         endings: of files of this form, lower case.
         read: takes the file at a path apart; messages call it by the label. Raises FieldError.
+        holds: whether a folder, or a ZIP archive, with these names in it (lower case, without folders) is of this form.
     """
 
     name: str
     endings: tuple[str, ...]
     read: Callable[[str, str], Document]
+    holds: Callable[[frozenset[str]], bool] = lambda names: False

@@ -14,6 +14,7 @@ from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, named
 from fields.fences import check_way_in
+from fields.guidance import GuidanceLine
 from fields.obstacles import Ground, Obstacle, ground_left
 from fields.outline import SMALLEST_M2
 from fields.projection import project
@@ -66,6 +67,7 @@ class Field:
         beyond: the boundary where it is drawn in by no more than the margin; None where it is the same.
         cut_off: pieces that obstacles and the margin to them part from the boundary.
         default_ground: ground wherever no zone lies.
+        lines: guidance lines that came with it.
         refill: place where tanks are filled or emptied, metres, or None.
         source: where the boundary comes from, in words.
         remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
@@ -92,6 +94,7 @@ class Field:
     outline: shapely.Polygon | None = None
     beyond: shapely.Polygon | None = None
     refill: tuple[float, float] | None = None
+    lines: tuple[GuidanceLine, ...] = ()
     cut_off: tuple[shapely.Polygon, ...] = ()
 
     def __post_init__(self) -> None:

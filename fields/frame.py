@@ -105,7 +105,8 @@ def _check_degrees(outer: FloatArray, label: str) -> None:
     span = np.ptp(outer, axis=0)
     if np.abs(outer[:, 0]).max() > 180.0 or np.abs(outer[:, 1]).max() > 90.0:
         swapped = (np.abs(outer) <= (90.0, 180.0)).all() and span.max() < WIDEST_DEG
-        fix = "look like latitude before longitude; swap them" if swapped else f"look like metres; add {named('local')}"
+        turned = f"look like latitude before longitude; exchange them with {named('swap')}"
+        fix = turned if swapped else f"look like metres; add {named('local')}"
         raise FieldError(f"Coordinates of {label} such as ({x:g}, {y:g}) {fix}.")
     wide = min(span[0], 360.0 - span[0]) if span[0] > 180.0 else span[0]
     if max(wide, span[1]) > WIDEST_DEG:
@@ -130,9 +131,7 @@ def _stored_origin(document: Document, label: str) -> tuple[float, float] | None
     numbers = stored if isinstance(stored, list) else []
     good = all(isinstance(n, int | float) and not isinstance(n, bool) and abs(n) < 1e8 for n in numbers)
     if len(numbers) != 2 or not good:
-        raise FieldError(
-            f"The origin_m {stored!r} stored in {label} is not usable; write [easting, northing]."
-        )
+        raise FieldError(f"The origin_m {stored!r} stored in {label} is not usable; write [easting, northing].")
     return float(numbers[0]), float(numbers[1])
 
 

@@ -211,9 +211,7 @@ def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_len
     if not (math.isfinite(width_m) and width_m > 0.0):
         raise FieldError(f"Working width {width_m} m is not usable; give a width above 0 m.", parameter="width_m")
     if not 0.0 <= headland_m <= DEEPEST_M:
-        raise FieldError(
-            f"Headland {headland_m:g} m is not usable; give 0 to {DEEPEST_M:g} m.", parameter="headland_m"
-        )
+        raise FieldError(f"Headland {headland_m:g} m is not usable; give 0 to {DEEPEST_M:g} m.", parameter="headland_m")
     if bearing_deg is not None and not math.isfinite(bearing_deg):
         raise FieldError(
             f"Bearing {bearing_deg} is not usable; give degrees clockwise from north, or none.", parameter="bearing_deg"
@@ -222,9 +220,7 @@ def _check(width_m: float, headland_m: float, bearing_deg: float | None, min_len
         raise FieldError(f"Shortest track {min_length_m} m is not usable; give a length above 0 m.")
 
 
-def _choose(
-    field: Field, edges: FloatArray, rules: CombRules, bearing_deg: float | None
-) -> tuple[float, Comb] | None:
+def _choose(field: Field, edges: FloatArray, rules: CombRules, bearing_deg: float | None) -> tuple[float, Comb] | None:
     """Direction in (-pi/2, pi/2] and comb: the one asked for, or the cheapest of the candidates.
 
     Candidates are first compared without shifts; those that come close are then worked out in full. On

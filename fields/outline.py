@@ -83,9 +83,7 @@ def check_area(shape: shapely.Polygon, label: str) -> None:
     if shape.area < SMALLEST_M2:
         raise FieldError(f"The area of {label} is {shape.area:.3g} m2; a field needs at least 100 m2.")
     if shape.area > LARGEST_M2:
-        raise FieldError(
-            f"The area of {label} is {shape.area / 1e6:.4g} km2; a field may have at most 100 km2."
-        )
+        raise FieldError(f"The area of {label} is {shape.area / 1e6:.4g} km2; a field may have at most 100 km2.")
 
 
 def _number(raw: Any, label: str) -> float:

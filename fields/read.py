@@ -14,11 +14,13 @@ from fields.errors import FieldError, named
 from fields.fences import NEAR_M, read_fences
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
+from fields.guidance import guidance_lines
 from fields.obstacles import Obstacle
 from fields.obstacles_read import on_field, polygons_inside, read_obstacle
 from fields.outline import check_area, polygon, position, rings
 from fields.samples_index import sample_names
 from fields.source import field_file, source_of
+from fields.telling import told
 from fields.write import write_field
 
 __all__ = ["Listed", "field_file", "list_fields", "read_field", "sample_names", "write_field"]
@@ -26,36 +28,40 @@ __all__ = ["Listed", "field_file", "list_fields", "read_field", "sample_names", 
 LISTED = 12
 
 
-def read_field(where: str | Path, *, local: bool = False, name: str | None = None) -> Field:
+def read_field(
+    where: str | Path, *, local: bool = False, name: str | None = None, crs: str | None = None, swap: bool = False
+) -> Field:
     """Read one field.
 
     Args:
-        where: name of a sample field, or a GeoJSON file with a Polygon, MultiPolygon, Feature or
-            FeatureCollection. ``file.geojson#KEY`` chooses one of several polygons by feature id,
-            properties id, name, or 0-based position among the polygons, in this order.
+        where: name of a sample field, or a file or folder of a form in fields.formats. ``file#KEY`` chooses one of
+            several polygons by feature id, properties id, name, or 0-based position among the polygons, in this order.
         local: the coordinates are local metres; otherwise they are longitude and latitude unless the file
             itself names another system.
         name: name for the field; otherwise taken from the file.
+        crs: coordinate system of a file that does not name its own, such as "EPSG:25832".
+        swap: the file has latitude or northing first where longitude or easting should be.
 
     A Point whose properties have ``role: entrance`` is the entrance, one with ``role: refill`` the place where tanks
     are filled or emptied; polygons whose properties have a ``ground`` are ground zones. Features with ``role:
     obstacle`` are obstacles: a Point with its ``radius_m``, a LineString with its ``width_m``, a Polygon; a ``kind``
     such as ``pole`` or ``ditch`` may stand for the size. The boundary may have ``edge: fence`` all round; a LineString
     along it with ``edge: fence`` or ``edge: open`` tells of
-    one side. Heights are dropped and open rings closed.
+    one side, and one with ``role: guidance``, or with a name alone, is a line that tracks can be laid along. Heights
+    are dropped and open rings closed.
 
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.
     """
     source = source_of(str(where))
     label = f"'{source.name}'"
-    document = source.document()
+    document = told(source.document(), crs, swap, label)
     chosen = _choose(document, source.key, local, label)
     shape, frame = _outline(document, chosen, local, label)
     check_area(shape, label)
     several = len(document.polygons) > 1
     inside = polygons_inside(document, chosen, frame, shape) if several else []
-    fences, told = read_fences(chosen, document.edges, frame, shape, several, label)
+    fences, odd = read_fences(chosen, document.edges, frame, shape, several, label)
     obstacles, away = _obstacles(document, frame, shape, several, label)
     grounds, elsewhere = _grounds(document, frame, shape, several, label)
     return Field(
@@ -68,19 +74,21 @@ def read_field(where: str | Path, *, local: bool = False, name: str | None = Non
         grounds=grounds,
         default_ground=str(chosen.properties.get("default_ground") or "soil"),
         source=str(chosen.properties.get("source") or document.source),
-        remarks=(*_remarks(document), *_inside_remark(len(inside)), *told, *away, *elsewhere),
+        remarks=(*_remarks(document), *_inside_remark(len(inside)), *odd, *away, *elsewhere),
         obstacles=(*obstacles, *inside),
         fences=fences,
+        lines=guidance_lines(document, frame, shape, several),
     )
 
 
 def _remarks(document: Document) -> tuple[str, ...]:
-    """A sentence on what the file holds and no plan uses."""
+    """What the reader of the form says, and a sentence on what the file holds and no plan uses."""
     if not document.unused:
-        return ()
-    told = ", ".join(f"{count} {what}" for what, count in document.unused)
+        return document.notes
+    counted = ", ".join(f"{count} {what}" for what, count in document.unused)
     return (
-        f"Not used of the field file: {told}; an obstacle has the role 'obstacle' or is a hole of the boundary, an "
+        *document.notes,
+        f"Not used of the field file: {counted}; an obstacle has the role 'obstacle' or is a hole of the boundary, an "
         "entrance is a Point with role 'entrance' (a place to refill: 'refill'), a ground zone a Polygon with a "
         "'ground', a fence a LineString along the boundary with edge 'fence'.",
     )
@@ -90,8 +98,8 @@ def _inside_remark(polygons: int) -> tuple[str, ...]:
     """A sentence on polygons that are taken for obstacles though no role says so."""
     if not polygons:
         return ()
-    told = "A polygon" if polygons == 1 else f"{polygons} polygons"
-    return (f"{told} of the field file inside the field {'is' if polygons == 1 else 'are'} taken for obstacles.",)
+    inside = "A polygon" if polygons == 1 else f"{polygons} polygons"
+    return (f"{inside} of the field file inside the field {'is' if polygons == 1 else 'are'} taken for obstacles.",)
 
 
 @dataclass(frozen=True)
@@ -108,14 +116,16 @@ class Listed:
     fault: str = ""
 
 
-def list_fields(where: str | Path, *, local: bool = False) -> tuple[Listed, ...]:
+def list_fields(
+    where: str | Path, *, local: bool = False, crs: str | None = None, swap: bool = False
+) -> tuple[Listed, ...]:
     """Every field of a file or sample, in the order of the file; arguments as of `read_field`.
 
     Raises:
         FieldError: the file cannot be read or holds no field.
     """
     source = source_of(str(where))
-    document = source.document()
+    document = told(source.document(), crs, swap, f"'{source.name}'")
     return tuple(_listed(document, position, local) for position in range(len(document.polygons)))
 
 

@@ -23,6 +23,15 @@ def read_text(path: str | Path, kind: str, refusal: type[HeadlandError]) -> str:
     Raises:
         refusal: the file does not exist, is a folder, cannot be read, is too large or is not text.
     """
+    content = read_bytes(path, kind, refusal)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise refusal(f"{shown(path)} is not a text file in UTF-8; give {kind}.") from None
+
+
+def read_bytes(path: str | Path, kind: str, refusal: type[HeadlandError]) -> bytes:
+    """What a file holds, refused as `read_text` refuses, whatever its bytes mean."""
     name = shown(path)
     if not os.fspath(path):
         raise refusal(f"An empty name is no file; give the name of {kind}.")
@@ -37,10 +46,7 @@ def read_text(path: str | Path, kind: str, refusal: type[HeadlandError]) -> str:
         raise refusal(f"{name} cannot be read ({reason(error)}); give {kind} that can be opened.") from None
     if len(content) > MOST_BYTES:
         raise refusal(f"{name} is larger than {MOST_BYTES >> 20} MB; give {kind} with less in it.")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise refusal(f"{name} is not a text file in UTF-8; give {kind}.") from None
+    return content
 
 
 def reason(error: BaseException) -> str:

@@ -192,9 +192,7 @@ def _corners(ring: FloatArray, bend_m: float) -> tuple[list[int], FloatArray]:
     return _drawn_together(ring, sorted(chosen), bend_m)
 
 
-def _drawn_together(
-    ring: FloatArray, bends: list[tuple[int, int]], bend_m: float
-) -> tuple[list[int], FloatArray]:
+def _drawn_together(ring: FloatArray, bends: list[tuple[int, int]], bend_m: float) -> tuple[list[int], FloatArray]:
     """The ring with every bend (first vertex, vertices) as one vertex, and the places of these.
 
     Where the lines that lead to a bend and from it meet nowhere near, as at the end of a strip, it is two corners.

@@ -10,6 +10,7 @@ from pathlib import Path
 from fields.document import Document
 from fields.errors import FieldError
 from fields.formats import FOREIGN, FORMATS, format_of, geojson
+from fields.formats.archive import is_archive
 from fields.reading import shown
 from fields.samples_index import sample_names, sample_text
 
@@ -46,11 +47,7 @@ class Source:
             raise FieldError(_missing(self.place))
         form = format_of(self.place)
         if form is None:
-            foreign, names = FOREIGN[Path(self.place).suffix.lower()], " or ".join(one.name for one in FORMATS)
-            raise FieldError(
-                f"{shown(self.place)} is {foreign}, and fields are read from {names} for now; convert it, for instance "
-                f"with ogr2ogr -t_srs EPSG:4326 {self.name}.geojson {Path(self.place).name}, or save it so from QGIS."
-            )
+            raise FieldError(_foreign(self.place))
         return form.read(self.place, label)
 
 
@@ -66,6 +63,22 @@ def field_file(where: str) -> Path | None:
     """The file that the name of a field stands for, None for a sample."""
     source = source_of(where)
     return None if source.sample else Path(source.place)
+
+
+def _foreign(place: str) -> str:
+    """What to say about a file, folder or archive that holds fields in no form that is read."""
+    names = ", ".join(one.name for one in FORMATS[:-1]) + f" and {FORMATS[-1].name}"
+    if os.path.isdir(place) or is_archive(place):
+        kind = "a folder" if os.path.isdir(place) else "an archive"
+        return (
+            f"{shown(place)} is {kind} without a field in it that can be read; {names} are, so name one that holds a "
+            "TASKDATA.XML, a Field.txt or a .shp, or a file itself."
+        )
+    foreign = FOREIGN.get(Path(place).suffix.lower(), "of no known form")
+    return (
+        f"{shown(place)} is {foreign}, and fields are read from {names}; convert it, for instance with "
+        f"ogr2ogr -t_srs EPSG:4326 {Path(place).stem}.geojson {Path(place).name}, or save it so from QGIS."
+    )
 
 
 def _missing(place: str) -> str:

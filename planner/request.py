@@ -55,6 +55,9 @@ class PlanRequest:
     gnss: bool = False
     gnss_table: str | None = None
     local: bool = False
+    crs: str | None = None
+    swap: bool = False
+    along: str | None = None
 
     def scenario(self, field: str, width_m: float, shift_s: int | None = None) -> Scenario:
         """The scenario of one field and one width; the work starts at `shift_s`, seconds of the day, if not said.
@@ -95,6 +98,9 @@ class PlanRequest:
             refill=self.refill,
             entrance=None if self.entrance is None else parse_place(self.entrance, "entrance"),
             budget=self.budget,
+            crs=self.crs,
+            swap=self.swap,
+            along=self.along,
         )
 
 

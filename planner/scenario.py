@@ -68,7 +68,10 @@ class Scenario:
     preference or a budget, else none), `rain` says when it begins (planner.chance.rain), `prefer` is "fastest",
     "cheapest" or "surest", `budget` the most that may be paid. `refill` says where tanks are made good: "headland",
     "tender", or a place in degrees "lon,lat" (metres "x,y" for a field in local metres); None: at the place of the
-    field file, else on the headland. Raises ScenarioError.
+    field file, else on the headland.
+
+    `crs` names the coordinate system of a field file that does not, `swap` exchanges x and y of its numbers, and
+    `along` is the name of a guidance line in it that takes the place of `bearing_deg`. Raises ScenarioError.
     """
 
     field: str = "iwamizawa"
@@ -103,6 +106,9 @@ class Scenario:
     cell_bearings: tuple[tuple[int, float], ...] = ()
     refill: str | None = None
     entrance: tuple[float, float] | None = None
+    crs: str | None = None
+    swap: bool = False
+    along: str | None = None
 
     def __post_init__(self) -> None:
         _check_types(self)
@@ -232,6 +238,9 @@ def _check_cells(scenario: Scenario) -> None:
                 f"The bearing of cell {pair[0]} ({named('cell_bearings')}) is {pair[1]:g}; give degrees clockwise from "
                 f"north, at most {WHOLE_TURN_DEG:g} either way."
             )
+    if scenario.along is not None and (scenario.cell_bearings or scenario.bearing_deg is not None):
+        other = "cell_bearings" if scenario.cell_bearings else "bearing_deg"
+        raise ScenarioError(f"{named('along')} is a bearing, and so is {named(other)}; leave out one of them.")
     if scenario.cell_bearings and scenario.bearing_deg is not None:
         raise ScenarioError(
             f"{named('bearing_deg')} is that of every cell, {named('cell_bearings')} of one; leave out one of them."

@@ -15,6 +15,7 @@ import shapely
 from fields.entrances import check_entrance, with_entrance_at, with_entrance_on_outline
 from fields.field import LEAST_FENCE_MARGIN_M, Field
 from fields.free import beside_tracks, free_space, rim_of
+from fields.guidance import bearing_along
 from fields.handedness import handedness
 from fields.layout import Layout
 from fields.options import with_bearings
@@ -173,6 +174,14 @@ class Site:
         return fence, (Connector(self.free, radius, self.costs, forwards),) if forwards else ()
 
 
+def _along(scenario: Scenario, field: Field) -> Scenario:
+    """The scenario with the bearing of the line it names."""
+    if scenario.along is None:
+        return scenario
+    bearing_deg = bearing_along(field.lines, scenario.along, f"'{field.name}'")
+    return replace(scenario, along=None, bearing_deg=bearing_deg)
+
+
 def prepare(
     scenario: Scenario, field: Field | str | Path | None = None, tractor: Tractor | str | Path | None = None,
     implement: Implement | None = None, chances: Chances | None = None, terms: Terms | None = None,
@@ -189,10 +198,12 @@ def prepare(
     scenario = _with_names(scenario, field, tractor)
     with about("field"):
         if not isinstance(field, Field):
-            field = read_field(scenario.field if field is None else str(field), local=scenario.local)
+            name = scenario.field if field is None else str(field)
+            field = read_field(name, local=scenario.local, crs=scenario.crs, swap=scenario.swap)
         if scenario.entrance is not None:
             field = with_entrance_at(field, scenario.entrance)
         _check_field(field)
+        scenario = _along(scenario, field)
     with about("gnss_table"):
         position_errors = gnss_errors(scenario)
     with about("tractor"):

@@ -12,7 +12,11 @@ from reports.fitting import Column, FittedTable, sentence
 from reports.wording import NOTHING, yes_no
 
 _UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
-_HEADINGS = {"not_worked": "Not worked by tracks and rounds as they lie", "rounds": "Rounds of the headland"}
+_HEADINGS = {
+    "not_worked": "Not worked by tracks and rounds as they lie",
+    "rounds": "Rounds of the headland",
+    "lines": "Guidance lines of the file (for --along)",
+}
 _DEGREES, _METRES = {"lon", "lat"}, {"x_m", "y_m"}
 _FITS, _TAKES, _ESTIMATED = (
     "fits_percent_of_ends_over_tracks", "seconds_over_tracks", "estimated_seconds_where_no_turn_fits"

@@ -5,20 +5,35 @@ from __future__ import annotations
 from pathlib import Path
 
 from fields.document import Format
-from fields.formats import geojson
+from fields.formats import agopengps, geojson, geopackage, gpx, isoxml, kml, shapefile
+from fields.formats.archive import names_in
 
-FORMATS: tuple[Format, ...] = (geojson.FORMAT,)
+FORMATS: tuple[Format, ...] = (
+    geojson.FORMAT, shapefile.FORMAT, kml.FORMAT, geopackage.FORMAT, gpx.FORMAT, isoxml.FORMAT, agopengps.FORMAT,
+)  # fmt: skip
 FOREIGN = {
-    ".kml": "KML", ".kmz": "KML", ".gml": "GML", ".gpx": "GPX", ".xml": "XML", ".shp": "a Shapefile",
-    ".shx": "part of a Shapefile", ".dbf": "part of a Shapefile", ".prj": "part of a Shapefile",
-    ".gpkg": "a GeoPackage", ".fgb": "FlatGeobuf", ".parquet": "Parquet", ".dxf": "DXF", ".dwg": "DWG",
-    ".zip": "a ZIP archive", ".csv": "CSV", ".gdb": "a geodatabase",
+    ".gml": "GML", ".parquet": "Parquet", ".dxf": "DXF", ".dwg": "DWG", ".csv": "CSV", ".gdb": "a geodatabase",
+    ".tif": "a picture", ".pdf": "a PDF",
 }  # fmt: skip
 """Endings of files that hold fields in a form that is not read."""
 
 
 def format_of(path: str) -> Format | None:
-    """The form of a file by its ending; the first of FORMATS for an ending nobody knows, None for a foreign one."""
+    """The form of a file, folder or archive: by what is in it, else by its ending.
+
+    None for a foreign one; the first of FORMATS for an ending nobody knows.
+
+    Raises:
+        FieldError: an archive cannot be opened, or is not safe to.
+    """
+    names = names_in(path)
+    if names:
+        return next((form for form in FORMATS if form.holds(names)), None) or _only(names, path)
     ending = Path(path).suffix.lower()
     known = next((form for form in FORMATS if ending in form.endings), None)
-    return known or (None if ending in FOREIGN else FORMATS[0])
+    return known or (None if ending in FOREIGN or (path and Path(path).is_dir()) else FORMATS[0])
+
+
+def _only(names: frozenset[str], path: str) -> Format | None:
+    """The form of an archive such as a KMZ that is known by its ending alone."""
+    return next((form for form in FORMATS if Path(path).suffix.lower() in form.endings), None)

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.commands.options import (
+    Along,
     AsJson,
     Bearing,
     CellBearing,
     Corners,
+    Crs,
     Entrance,
     FarmOption,
     FieldArgument,
@@ -19,6 +21,7 @@ from planner.commands.options import (
     ImplementOption,
     Local,
     Margin,
+    Swap,
     TracksOnly,
     TractorOption,
     Width,
@@ -44,6 +47,9 @@ def field(
     farm: FarmOption = None,
     implement: ImplementOption = None,
     local: Local = False,
+    crs: Crs = None,
+    swap: Swap = False,
+    along: Along = None,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, rounds and cells.")] = None,  # noqa: UP045
     listed: Annotated[bool, typer.Option("--list", help="List every field of the file, and stop.")] = False,
     json: AsJson = False,
@@ -67,11 +73,11 @@ def field(
     if listed and png:
         raise ScenarioError("--png draws one field; leave it out with --list.")
     if listed:
-        _list(field, local, json)
+        _list(field, local, crs, swap, json)
         return
     scenario = Scenario(
         field=field, local=local, width_m=width, headland_m=headland, bearing_deg=bearing, tractor=tractor,
-        margin_m=margin, corners=corners, tracks_only=tracks_only,
+        crs=crs, swap=swap, along=along, margin_m=margin, corners=corners, tracks_only=tracks_only,
         cell_bearings=parse_cell_bearings(cell_bearing or []),
         entrance=None if entrance is None else parse_place(entrance, "entrance"),
     )  # fmt: skip
@@ -105,11 +111,11 @@ def _picture(site: Site) -> bytes:
     return png_bytes(map_figure(outline_picture(site)))
 
 
-def _list(field: str, local: bool, json: bool) -> None:
+def _list(field: str, local: bool, crs: str | None, swap: bool, json: bool) -> None:
     from fields.read import list_fields
     from reports.parcels import parcels_json, parcels_table
 
-    parcels = list_fields(field, local=local)
+    parcels = list_fields(field, local=local, crs=crs, swap=swap)
     if json:
         typer.echo(parcels_json(parcels), nl=False)
         return

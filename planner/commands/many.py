@@ -55,12 +55,12 @@ class Hands:
         return cluster(self.cluster)
 
 
-def asking(names: Sequence[str], width: str, local: bool) -> Wanted:
+def asking(names: Sequence[str], width: str, local: bool, crs: str | None, swap: bool) -> Wanted:
     """What names with stars and widths with commas stand for; raises HeadlandError."""
     from planner.many.wanted import fields_of
     from planner.scenario import parse_widths
 
-    fields, widths_m = fields_of(names, local=local), parse_widths(width)
+    fields, widths_m = fields_of(names, local=local, crs=crs, swap=swap), parse_widths(width)
     return Wanted(fields, widths_m, len(widths_m) > 1 or fields != (names[0],))
 
 

@@ -14,19 +14,28 @@ if TYPE_CHECKING:
 FieldArgument = Annotated[
     str,
     typer.Argument(
-        help="A GeoJSON file (file.geojson#ID picks one of several parcels) or a sample: iwamizawa, denmark, "
-        "netherlands, sweden."
+        help="A field file (GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS; file#ID picks one of several "
+        "parcels) or a sample: iwamizawa, denmark, netherlands, sweden."
     ),
 ]
 FieldsArgument = Annotated[
     Optional[list[str]],  # noqa: UP045 - typer reads this at run time
     typer.Argument(
-        help="GeoJSON files (file.geojson#ID picks one of several parcels, #* all of them) or samples: iwamizawa, "
-        "denmark, netherlands, sweden.",
+        help="Field files (GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS; file#ID picks one of several "
+        "parcels, #* all of them) or samples: iwamizawa, denmark, netherlands, sweden.",
         show_default="iwamizawa",
     ),
 ]
 Local = Annotated[bool, typer.Option("--local", help="The file holds local metres, not longitude and latitude.")]
+Crs = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--crs", help="Coordinate system of a file that names none, such as EPSG:25832."),
+]
+Swap = Annotated[bool, typer.Option("--swap", help="The file has latitude or northing first: exchange the two.")]
+Along = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--along", help="Lay the tracks along this guidance line of the file, by its name."),
+]
 Width = Annotated[float, typer.Option("--width", help="Working width of the implement, metres.")]
 Widths = Annotated[
     str, typer.Option("--width", help="Working width of the implement, metres; 3,6 plans with both in one table.")

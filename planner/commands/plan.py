@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from planner.commands.options import (
+    Along,
     AsJson,
     Bearing,
     CellBearing,
     Corners,
+    Crs,
     Entrance,
     FarmOption,
     FieldsArgument,
@@ -24,6 +26,7 @@ from planner.commands.options import (
     Local,
     Margin,
     Operation,
+    Swap,
     TracksOnly,
     TractorOption,
     Widths,
@@ -85,6 +88,9 @@ def plan(
     farm: FarmOption = None,
     implement: ImplementOption = None,
     local: Local = False,
+    crs: Crs = None,
+    swap: Swap = False,
+    along: Along = None,
     html: Annotated[Optional[Path], typer.Option(help="Write one page with map, bars and table.")] = None,  # noqa: UP045
     png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.")] = None,  # noqa: UP045
     save: Annotated[Optional[Path], typer.Option(help="Write the legs and gates of the best plan as JSON.")] = None,  # noqa: UP045
@@ -110,7 +116,7 @@ def plan(
     from planner.request import PlanRequest
 
     _one_output(json, csv)
-    wanted, hands = asking(fields or [DEFAULT_FIELD], width, local), Hands(processes, cluster)
+    wanted, hands = asking(fields or [DEFAULT_FIELD], width, local, crs, swap), Hands(processes, cluster)
     field = wanted.fields[0]
     request = PlanRequest(**{each.name: context.params[each.name] for each in dataclass_fields(PlanRequest)})
     scenario = request.scenario(field, wanted.widths_m[0], None if before is None else shift_start(farm))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
-import os
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -27,6 +27,15 @@ def code_digest() -> str:
     return digest.hexdigest()
 
 
+def _files(name: str) -> list[Path]:
+    """The file of a name, or all in its folder: a field may be several files."""
+    path = Path(name)
+    if path.is_dir():
+        return sorted(each for each in path.rglob("*") if each.is_file())
+    beside = path.parent.glob(f"{glob.escape(path.stem)}.*") if path.suffix.lower() == ".shp" else [path]
+    return sorted(each for each in beside if each.is_file())
+
+
 def question_digest(asked: Asked, every: bool = False) -> str:
     """SHA-256 of all that the answer to a question depends on: its values, its files and the code."""
     scenario = asked.scenario
@@ -39,6 +48,6 @@ def question_digest(asked: Asked, every: bool = False) -> str:
     digest = hashlib.sha256("\0".join(parts).encode())
     names = (source_of(scenario.field).place, scenario.tractor, asked.tractor, scenario.rain, scenario.gnss_table)
     for name in names:
-        if isinstance(name, str) and os.path.isfile(name):
-            digest.update(Path(name).read_bytes() + b"\0")
+        for path in _files(name) if isinstance(name, str) else ():
+            digest.update(path.read_bytes() + b"\0")
     return digest.hexdigest()

@@ -7,7 +7,7 @@ import pytest
 import fields.formats
 from fields import FieldError, list_fields, read_field
 from fields.document import Document, Format, RawPolygon
-from fields.formats import FOREIGN, FORMATS, format_of, geojson
+from fields.formats import FOREIGN, FORMATS, format_of, geojson, shapefile
 
 
 def squares(path: str, label: str) -> Document:
@@ -23,7 +23,7 @@ def test_endings_are_told_apart() -> None:
     assert len(set(endings)) == len(endings) and not set(endings) & set(FOREIGN)
     assert all(ending.startswith(".") and ending == ending.lower() for ending in endings)
     assert format_of("a/b.GeoJSON") is geojson.FORMAT and format_of("plain") is geojson.FORMAT
-    assert format_of("parcels.SHP") is None
+    assert format_of("parcels.SHP") is shapefile.FORMAT and format_of("parcels.DXF") is None
 
 
 def test_a_new_form_is_a_record_and_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,7 +37,9 @@ def test_a_new_form_is_a_record_and_a_line(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_foreign_form_is_named_with_a_way_out(tmp_path: Path) -> None:
-    place = tmp_path / "parcels.gpkg"
+    place = tmp_path / "parcels.dxf"
     place.write_bytes(b"")
-    with pytest.raises(FieldError, match=r"is a GeoPackage, and fields are read from GeoJSON for now; convert it"):
+    with pytest.raises(
+        FieldError, match=r"is DXF, and fields are read from GeoJSON, Shapefile, KML, .* and AgOpenGPS; convert it"
+    ):
         read_field(place)

@@ -225,9 +225,7 @@ class TestProperties:
 
     @given(shape=outlines() | steps(), bearing=st.floats(0, 180) | st.sampled_from([0.0, 90.0]))
     @RELAXED
-    def test_tracks_reach_just_to_the_end_of_the_inner_region(
-        self, shape: shapely.Polygon, bearing: float
-    ) -> None:
+    def test_tracks_reach_just_to_the_end_of_the_inner_region(self, shape: shapely.Polygon, bearing: float) -> None:
         layout = laid(shape, bearing)
         assume(layout is not None)
         assert layout is not None
@@ -267,9 +265,7 @@ class TestRefusals:
         with pytest.raises(FieldError, match="Headland"):
             lay_tracks(rectangle(100, 50), 3.0, headland)
 
-    @pytest.mark.parametrize(
-        "options", [{"bearing_deg": math.nan}, {"min_length_m": 0.0}, {"min_length_m": math.nan}]
-    )
+    @pytest.mark.parametrize("options", [{"bearing_deg": math.nan}, {"min_length_m": 0.0}, {"min_length_m": math.nan}])
     def test_options(self, options: dict[str, float]) -> None:
         with pytest.raises(FieldError, match="not usable"):
             lay_tracks(rectangle(100, 50), 3.0, 5.0, **options)
@@ -304,9 +300,7 @@ class TestParts:
 
     def test_candidates_of_a_right_triangle(self) -> None:
         """Legs 30 and 40: three edges; the two least rectangles lie along them as well."""
-        found = sorted(
-            math.degrees(angle) for angle in candidate_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)]))
-        )
+        found = sorted(math.degrees(angle) for angle in candidate_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)])))
         assert found == pytest.approx([0.0, 90.0, 180.0 - math.degrees(math.atan2(30, 40))])
 
     def test_candidates_of_a_curve_are_limited(self) -> None:

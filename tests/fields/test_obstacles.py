@@ -55,9 +55,7 @@ class TestReading:
     @pytest.mark.parametrize(("form", "key", "usual"), [
         (point(50, 50), "radius_m", USUAL_RADIUS_M), (line([50, 50], [60, 60]), "width_m", USUAL_WIDTH_M),
     ])  # fmt: skip
-    def test_a_word_may_stand_for_the_size(
-        self, tmp_path: Path, form: Any, key: str, usual: dict[str, float]
-    ) -> None:
+    def test_a_word_may_stand_for_the_size(self, tmp_path: Path, form: Any, key: str, usual: dict[str, float]) -> None:
         share = 1.0 if key == "radius_m" else 0.5
         for kind, size_m in usual.items():
             (one,) = with_square(tmp_path, feature(form, role="obstacle", kind=kind)).obstacles

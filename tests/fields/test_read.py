@@ -45,9 +45,7 @@ class TestForms:
         assert read_field(saved("\ufeff" + json.dumps(polygon(SQUARE_M))), local=True).area_m2 == 20_000
 
     def test_name_source_and_ground_come_from_the_file(self, saved: Any) -> None:
-        content = collection(
-            feature(polygon(SQUARE_M), name="Long acre", default_ground="mud"), source="survey"
-        )
+        content = collection(feature(polygon(SQUARE_M), name="Long acre", default_ground="mud"), source="survey")
         field = read_field(saved(content), local=True)
         assert (field.name, field.source, field.default_ground) == ("Long acre", "survey", "mud")
         assert read_field(saved(content), local=True, name="mine").name == "mine"
@@ -106,17 +104,13 @@ class TestEarth:
     @pytest.mark.parametrize("name", ["urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326"])
     def test_crs_member_for_degrees_changes_nothing(self, saved: Any, name: str) -> None:
         crs = {"type": "name", "properties": {"name": name}}
-        assert read_field(saved({**polygon(SQUARE_DEG), "crs": crs})) == read_field(
-            saved(polygon(SQUARE_DEG))
-        )
+        assert read_field(saved({**polygon(SQUARE_DEG), "crs": crs})) == read_field(saved(polygon(SQUARE_DEG)))
 
     @given(lon=st.floats(-179.9, 179.9), lat=st.floats(-79.0, 79.0))
     def test_there_and_back_within_a_millimetre(self, lon: float, lat: float) -> None:
         crs = utm_crs(lon, lat)
         x, y = Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(lon, lat)
-        field = Field(
-            "a", shapely.box(-50, -50, 50, 50), crs=crs, origin_m=(float(round(x)), float(round(y)))
-        )
+        field = Field("a", shapely.box(-50, -50, 50, 50), crs=crs, origin_m=(float(round(x)), float(round(y))))
         back = field.to_wgs84([[x - field.origin_m[0], y - field.origin_m[1]]])[0]
         assert back == pytest.approx([lon, lat], abs=1e-8)
 
@@ -218,9 +212,7 @@ class TestRefusals:
         assert "empty collection" in refusal(saved(collection()))
 
     def test_only_ground_zones(self, saved: Any) -> None:
-        assert "ground zones" in refusal(
-            saved(collection(feature(polygon(SQUARE_M), ground="mud"))), local=True
-        )
+        assert "ground zones" in refusal(saved(collection(feature(polygon(SQUARE_M), ground="mud"))), local=True)
 
     @pytest.mark.parametrize("kind", ["Point", "LineString", "GeometryCollection"])
     def test_wrong_geometry(self, saved: Any, kind: str) -> None:
@@ -252,9 +244,7 @@ class TestRefusals:
         crs = {"type": "name", "properties": {"name": "EPSG:28992"}}
         assert "leave out local" in refusal(saved({**polygon(SQUARE_M), "crs": crs}), local=True)
 
-    @pytest.mark.parametrize(
-        "crs", [{"type": "name", "properties": {"name": "EPSG:1"}}, {"type": "link"}, "x"]
-    )
+    @pytest.mark.parametrize("crs", [{"type": "name", "properties": {"name": "EPSG:1"}}, {"type": "link"}, "x"])
     def test_unusable_crs(self, saved: Any, crs: Any) -> None:
         refusal(saved({**polygon(SQUARE_DEG), "crs": crs}))
 

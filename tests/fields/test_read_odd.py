@@ -106,11 +106,14 @@ class TestNames:
             text = refusal(name)
             assert "There is no field file" in text and "sample" not in text
 
-    @pytest.mark.parametrize("ending", [".kml", ".shp", ".gpkg", ".ZIP", ".gml"])
+    @pytest.mark.parametrize("ending", [".parquet", ".dwg", ".DXF", ".gml"])
     def test_other_forms_say_how_to_convert(self, tmp_path: Path, ending: str) -> None:
-        (tmp_path / f"farm{ending}").write_bytes(b"PK\x03\x04 whatever")
+        (tmp_path / f"farm{ending}").write_bytes(b"whatever")
         text = refusal(tmp_path / f"farm{ending}")
-        assert "are read from GeoJSON for now" in text and f"ogr2ogr -t_srs EPSG:4326 farm.geojson farm{ending}" in text
+        assert (
+            "are read from GeoJSON, Shapefile, KML" in text
+            and f"ogr2ogr -t_srs EPSG:4326 farm.geojson farm{ending}" in text
+        )
 
     def test_names_no_file_can_have(self, tmp_path: Path) -> None:
         assert "There is no field file" in refusal(tmp_path / ("x" * 300))

@@ -1,0 +1,185 @@
+"""AgOpenGPS: a folder of text files in metres about the StartFix of Field.txt, in a plane of the program's own.
+
+The plane is not UTM: a degree is so many metres as the series in `Plane` say, at the origin for latitude and at the
+point itself for longitude, as the program does (AgOpenGPS.Core, LocalPlane). Numbers are written with a comma for a
+point where the computer's language does so.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from fields.document import Document, Format
+from fields.errors import FieldError
+from fields.formats.archive import Members, is_archive
+from fields.formats.features import Feature, document_of
+from fields.formats.vector import WGS84
+
+FIELD, BOUNDARY = "field.txt", "boundary.txt"
+TRACKS = ("tracklines.txt", "curvelines.txt", "ablines.txt")
+AB_MODE, CURVE_MODE = 2, 4
+AB_LENGTH_M = 100.0
+_SPACES = re.compile(r"\s+")
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The program's plane about an origin in degrees."""
+
+    longitude_deg: float
+    latitude_deg: float
+
+    def degrees(self, east_m: float, north_m: float) -> list[float]:
+        """Longitude and latitude of a point in metres about the origin."""
+        turn = math.radians(self.latitude_deg)
+        per_latitude = (
+            111132.92 - 559.82 * math.cos(2 * turn) + 1.175 * math.cos(4 * turn) - 0.0023 * math.cos(6 * turn)
+        )
+        latitude = self.latitude_deg + north_m / per_latitude
+        turn = math.radians(latitude)
+        per_longitude = 111412.84 * math.cos(turn) - 93.5 * math.cos(3 * turn) + 0.118 * math.cos(5 * turn)
+        return [self.longitude_deg + east_m / per_longitude, latitude]
+
+
+def _read(path: str, label: str) -> Document:
+    place = Path(path)
+    members = Members(place if place.is_dir() or is_archive(place) else place.parent)
+    notes: list[str] = []
+    features: list[Feature] = []
+    for name in [one for one in members if one.lower().split("/")[-1] == FIELD]:
+        features += _field(members, name, label, notes)
+    if not features:
+        raise FieldError(f"{label} has no field with a boundary; draw one in AgOpenGPS, or name another folder.")
+    return document_of(features, label, crs=WGS84, source="AgOpenGPS", notes=tuple(notes))
+
+
+def _field(members: Members, main: str, label: str, notes: list[str]) -> list[Feature]:
+    """Boundary and lines of the field whose Field.txt this is."""
+    lines = _lines(members[main])
+    plane = _plane(lines, label)
+    name = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
+    name = name or Path(main).parent.name or label.strip("'")
+    outline = members.beside(main, BOUNDARY)
+    rings = [] if outline is None else _rings(_lines(outline), name, notes)
+    if not rings:
+        notes.append(f"'{name}' has no boundary and is left out.")
+        return []
+    coordinates = [[plane.degrees(*point) for point in ring] for ring in rings]
+    features = [_feature("Polygon", coordinates, {"name": name, "role": "boundary"})]
+    for file in TRACKS:
+        content = members.beside(main, file)
+        found = [] if content is None else _tracks(_lines(content), file)
+        features += [
+            _feature("LineString", [plane.degrees(*point) for point in points], {"name": title, "role": "guidance"})
+            for title, points in found
+        ]
+    return features
+
+
+def _plane(lines: list[str], label: str) -> Plane:
+    """The origin that stands below StartFix, latitude first."""
+    after = next((line for before, line in itertools.pairwise(lines) if before == "StartFix"), "")
+    numbers = _numbers(after, 2)
+    if numbers is None or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
+        raise FieldError(f"Field.txt of {label} has no StartFix with latitude and longitude; save the field again.")
+    return Plane(numbers[1], numbers[0])
+
+
+def _rings(lines: list[str], name: str, notes: list[str]) -> list[list[tuple[float, float]]]:
+    """Rings of Boundary.txt, the outer one first: lines of True or False, a count, and so many points."""
+    rings, place, short = [], 0, 0
+    while place < len(lines):
+        if not lines[place].isdecimal():
+            place += 1
+            continue
+        count = int(lines[place])
+        points = [_numbers(line, 2) for line in lines[place + 1 : place + 1 + count]]
+        whole = [(one[0], one[1]) for one in points if one is not None]
+        if len(whole) < count:
+            notes.append(f"A ring of '{name}' says {count} points and has {len(whole)}; those are taken.")
+        if len(set(whole)) >= 3:
+            rings.append(whole)
+        else:
+            short += 1
+        place += 1 + len(whole)
+    if short:
+        notes.append(f"{short} {'ring' if short == 1 else 'rings'} of '{name}' with fewer than 3 points left out.")
+    return rings
+
+
+def _tracks(lines: list[str], file: str) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+    """Names and points of the lines of a file: TrackLines.txt of today, or the two files that came before it."""
+    if file == "ablines.txt":
+        yield from _old_ab(lines)
+    elif file == "curvelines.txt":
+        yield from _old_curves(lines)
+    else:
+        yield from _track_lines(lines)
+
+
+def _track_lines(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+    """Name, heading in radians, A, B, nudge, mode, visible, count and points, one after the other."""
+    place = 1 if lines and lines[0].startswith("$") else 0
+    while place + 7 < len(lines):
+        name, ends = lines[place], [_numbers(line, 2) for line in lines[place + 2 : place + 4]]
+        mode, count = lines[place + 5], lines[place + 7]
+        if not (count.isdecimal() and mode.isdecimal()) or None in ends:
+            return
+        points = [_numbers(line, 2) for line in lines[place + 8 : place + 8 + int(count)]]
+        curve = [(one[0], one[1]) for one in points if one is not None]
+        if int(mode) == CURVE_MODE and len(curve) > 1:
+            yield name, curve
+        elif int(mode) == AB_MODE:
+            yield name, [(one[0], one[1]) for one in ends if one is not None]
+        place += 8 + int(count)
+
+
+def _old_ab(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+    """ABLines.txt: name, heading in degrees, easting and northing of a point, all in one line."""
+    for line in lines:
+        name, _, rest = line.partition(",")
+        numbers = _numbers(rest, 3)
+        if numbers is not None:
+            turn, east, north = math.radians(numbers[0]), numbers[1], numbers[2]
+            yield name, [(east, north), (east + AB_LENGTH_M * math.sin(turn), north + AB_LENGTH_M * math.cos(turn))]
+
+
+def _old_curves(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+    """CurveLines.txt: name, heading in radians, count, points."""
+    place = 1 if lines and lines[0].startswith("$") else 0
+    while place + 2 < len(lines) and lines[place + 2].isdecimal():
+        count = int(lines[place + 2])
+        points = [_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
+        curve = [(one[0], one[1]) for one in points if one is not None]
+        if len(curve) > 1:
+            yield lines[place], curve
+        place += 3 + count
+
+
+def _numbers(line: str, least: int) -> list[float] | None:
+    """Numbers of a line between commas; where commas are also points of numbers, of pairs put together."""
+    parts = [part for part in _SPACES.sub("", line).split(",") if part]
+    if len(parts) >= 2 * least and all("." not in part for part in parts):
+        parts = [f"{whole}.{rest}" for whole, rest in zip(parts[::2], parts[1::2], strict=False)]
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        return None
+    return numbers if len(numbers) >= least and all(map(math.isfinite, numbers)) else None
+
+
+def _lines(content: bytes) -> list[str]:
+    text = content.decode("utf-8-sig", errors="replace")
+    return [line.strip() for line in text.splitlines() if line.strip()]
+
+
+def _feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feature:
+    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
+
+
+FORMAT = Format("AgOpenGPS", (), _read, lambda names: FIELD in names)

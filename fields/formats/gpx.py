@@ -1,0 +1,43 @@
+"""GPX 1.1: a track walked or driven round a field is its boundary, any other track or route a guidance line."""
+
+from __future__ import annotations
+
+import shapely
+
+from fields.document import Document, Format
+from fields.errors import FieldError
+from fields.formats.features import BOUNDARY, Feature, document_of
+from fields.formats.markup import refuse_entities
+from fields.formats.vector import WGS84, named_lines, read_layers
+from fields.reading import read_bytes
+
+CLOSED_SHARE = 0.05
+"""A track is closed when its ends are nearer than this share of its length: who walks round a field comes back."""
+
+
+def _read(path: str, label: str) -> Document:
+    refuse_entities(read_bytes(path, "a GPX file", FieldError), label)
+    found = read_layers(path, label, "GPX", ("waypoints", "routes", "tracks"))
+    features = [closed(feature) for feature in found.features]
+    if features and not any(feature["geometry"].get("type") == "Polygon" for feature in features):
+        raise FieldError(
+            f"{label} has no track that comes back to where it began, so no boundary; record one all round the field."
+        )
+    return document_of(named_lines(features), label, crs=WGS84, source="GPX", notes=tuple(found.notes))
+
+
+def closed(feature: Feature) -> Feature:
+    """A line that comes back to its start as a polygon; anything else as it is."""
+    geometry = feature["geometry"]
+    lines = {"LineString": [geometry.get("coordinates")], "MultiLineString": geometry.get("coordinates")}
+    points = [point for line in lines.get(geometry.get("type", ""), ()) for point in line or ()]
+    if len(points) < 4:
+        return feature
+    way = shapely.LineString(points)
+    if shapely.distance(shapely.Point(points[0]), shapely.Point(points[-1])) > CLOSED_SHARE * way.length:
+        return feature
+    properties = {**feature["properties"], "role": BOUNDARY}
+    return {**feature, "properties": properties, "geometry": {"type": "Polygon", "coordinates": [[*points, points[0]]]}}
+
+
+FORMAT = Format("GPX", (".gpx",), _read)

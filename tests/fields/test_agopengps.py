@@ -1,0 +1,69 @@
+"""AgOpenGPS folders: metres about a StartFix, whatever sign the computer writes for a decimal point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyproj import Geod
+
+from fields.errors import FieldError
+from fields.formats.agopengps import Plane
+from fields.read import read_field
+from tests.fields.farm_files import agopengps
+
+
+@pytest.mark.parametrize("comma", [False, True])
+def test_the_rectangle_and_its_ponds(tmp_path: Path, comma: bool) -> None:
+    field = read_field(agopengps(tmp_path, comma))
+    assert field.name == "Back forty" and field.crs == "EPSG:32615"
+    assert field.boundary.area == pytest.approx(200 * 160 - 2 * 20 * 20, rel=1e-3)
+    assert len(field.boundary.interiors) == 2
+    assert [one.name for one in field.lines] == ["AB north", "Bend"]
+    assert field.lines[0].line.length == pytest.approx(100.0, rel=1e-3)
+    assert field.lines[1].line.length == pytest.approx(np.hypot(20, 40) + np.hypot(30, 20), rel=1e-3)
+
+
+def test_the_plane_is_that_of_the_program_and_true_to_the_earth() -> None:
+    plane, geod = Plane(-93.63, 42.03), Geod(ellps="WGS84")
+    for east, north in ((0.0, 1000.0), (1000.0, 0.0), (-700.0, 700.0)):
+        longitude, latitude = plane.degrees(east, north)
+        azimuth, _, distance = geod.inv(-93.63, 42.03, longitude, latitude)
+        assert distance == pytest.approx(np.hypot(east, north), rel=2e-4)
+        assert azimuth % 360 == pytest.approx(np.degrees(np.arctan2(east, north)) % 360, abs=0.02)
+
+
+def test_files_of_older_versions(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    (folder / "TrackLines.txt").unlink()
+    (folder / "ABLines.txt").write_text("Old AB,90.0,10.0,20.0\n")
+    (folder / "CurveLines.txt").write_text("$CurveLines\nOld bend\n0.5\n2\n0.0,0.0,0.0\n0.0,30.0,0.0\n")
+    lines = {one.name: one for one in read_field(folder).lines}
+    assert lines["Old AB"].bearing_deg == pytest.approx(90.0, abs=1.0)  # grid north is up to a degree off here
+    assert lines["Old bend"].line.length == pytest.approx(30.0, rel=1e-3)
+
+
+def test_a_ring_cut_short_is_told(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    text = (folder / "Boundary.txt").read_text().replace("False\n4\n40", "False\n9\n40")
+    (folder / "Boundary.txt").write_text(text)
+    field = read_field(folder)
+    assert len(field.boundary.interiors) == 2
+    assert "A ring of 'Back forty' says 9 points and has 4; those are taken." in field.remarks
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "words"),
+    [
+        ("Field.txt", "nothing", "no StartFix"),
+        ("Field.txt", "StartFix\n95.0,200.0\n", "no StartFix"),
+        ("Boundary.txt", "$Boundary\nFalse\n2\n0,0,0\n1,1,0\n", "no field with a boundary"),
+        ("Boundary.txt", "", "no field with a boundary"),
+    ],
+)
+def test_bad_folders(tmp_path: Path, file: str, text: str, words: str) -> None:
+    folder = agopengps(tmp_path)
+    (folder / file).write_text(text)
+    with pytest.raises(FieldError, match=words):
+        read_field(folder)

@@ -1,0 +1,137 @@
+"""ISOXML task data, versions 3 and 4: fields, lines and obstacles as drawn, and what is wrong with a file said."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from fields.errors import FieldError
+from fields.read import list_fields, read_field
+from tests.fields.farm_files import (
+    INNER,
+    OUTER,
+    partfield,
+    pattern,
+    place,
+    points,
+    polygon,
+    taskdata,
+    write_taskdata,
+)
+
+AREA_M2 = 300 * 200 - 40 * 40
+AB = points((10, 0), kind="6") + points((10, 200), kind="7")
+
+
+def read(folder: Path, *inside: str, **more: int):  # type: ignore[no-untyped-def]
+    return read_field(write_taskdata(folder, taskdata(*inside, **more)))
+
+
+def test_a_partfield_with_a_hole_a_line_a_gate_and_obstacles(tmp_path: Path) -> None:
+    gate = '<PNT A="3" C="{:.9f}" D="{:.9f}"/>'.format(*place(0, 50))
+    pole = '<PNT A="5" B="mast" C="{:.9f}" D="{:.9f}"/>'.format(*place(200, 50))
+    pond = f'<PLN A="3" B="pond"><LSG A="1">{points((20, 20), (40, 20), (40, 40), (20, 40))}</LSG></PLN>'
+    field = read(tmp_path, partfield(polygon() + pattern("Main", "1", AB) + gate + pole + pond))
+    assert (field.name, field.crs) == ("Long acre", "EPSG:32633")
+    assert field.boundary.area == pytest.approx(AREA_M2, rel=1e-3)
+    assert sorted((one.kind, one.name) for one in field.obstacles) == [("pole", "mast"), ("water", "pond")]
+    assert field.entrance is not None
+    (line,) = field.lines
+    assert (line.name, line.line.length) == ("Main", pytest.approx(200.0, rel=1e-3))
+    assert line.bearing_deg % 180 == pytest.approx(0.0, abs=0.01) or line.bearing_deg % 180 > 179.9
+    assert field.remarks == ()
+
+
+def test_version_3_has_its_lines_beside_the_polygons(tmp_path: Path) -> None:
+    line = f'<LSG A="5" B="Old line" C="3000">{points((0, 0), (300, 0))}</LSG>'
+    field = read(tmp_path, partfield(line + polygon()), version=3)
+    assert field.lines[0].name == "Old line"
+    assert field.lines[0].bearing_deg == pytest.approx(90.0, abs=0.01)
+
+
+def test_a_line_by_point_and_heading(tmp_path: Path) -> None:
+    field = read(tmp_path, partfield(polygon() + pattern("Plus", "2", points((10, 10), kind="6"), 'G="30"')))
+    assert field.lines[0].bearing_deg == pytest.approx(30.0, abs=0.01)
+    assert field.lines[0].line.length == pytest.approx(100.0, rel=1e-3)
+
+
+def test_archive_folder_and_file_are_the_same(tmp_path: Path) -> None:
+    folder = write_taskdata(tmp_path, taskdata(partfield(polygon())))
+    with zipfile.ZipFile(tmp_path / "TASKDATA.zip", "w") as archive:
+        archive.write(folder / "TASKDATA.XML", "taskdata/TaskData.xml")
+        archive.writestr("__MACOSX/taskdata/._TASKDATA.XML", b"\0\0")
+    fields = [read_field(where) for where in (folder, tmp_path, folder / "TASKDATA.XML", tmp_path / "TASKDATA.zip")]
+    assert all(field.boundary.equals(fields[0].boundary) for field in fields)
+
+
+def test_partfields_in_external_files(tmp_path: Path) -> None:
+    folder = write_taskdata(tmp_path, taskdata('<XFR A="PFD00000" B="1"/><XFR A="DVC00000" B="1"/>'))
+    with pytest.raises(FieldError, match=r"PFD00000\.XML, which is not there"):
+        read_field(folder)
+    (folder / "pfd00000.xml").write_text(f"<XFC>{partfield(polygon())}</XFC>")
+    assert read_field(folder).boundary.area == pytest.approx(AREA_M2, rel=1e-3)
+
+
+def test_exchanged_rings_are_turned_and_told(tmp_path: Path) -> None:
+    field = read(tmp_path, partfield(polygon(rings=(INNER, OUTER))))
+    assert field.boundary.area == pytest.approx(AREA_M2, rel=1e-3)
+    assert any("outer and the inner ring of 'Long acre' are exchanged" in one for one in field.remarks)
+
+
+def test_rings_of_one_point_are_counted(tmp_path: Path) -> None:
+    field = read(tmp_path, partfield(polygon(rings=(OUTER, INNER, ((5, 5),), ((6, 6), (7, 7))))))
+    assert len(field.boundary.interiors) == 1
+    assert "2 rings of 'Long acre' with fewer than 3 points left out." in field.remarks
+
+
+def test_several_outer_rings_are_several_fields(tmp_path: Path) -> None:
+    east = tuple((x + 400, y) for x, y in OUTER)
+    folder = write_taskdata(tmp_path, taskdata(partfield(polygon("1", "1", (OUTER, east)), area_m2=0)))
+    assert [round(one.area_ha or 0.0, 1) for one in list_fields(folder)] == [6.0, 6.0]
+
+
+def test_the_same_ring_again_is_one_field(tmp_path: Path) -> None:
+    folder = write_taskdata(tmp_path, taskdata(partfield(polygon() + polygon())))
+    assert len(list_fields(folder)) == 1
+
+
+def test_fields_without_boundary_and_without_name(tmp_path: Path) -> None:
+    second = partfield("", name="No ground", key="PFD2")
+    field = read(tmp_path, partfield(polygon(), name=""), second)
+    assert field.name == "PFD1"
+    assert "Partfields without a boundary are left out: No ground." in field.remarks
+
+
+def test_ids_that_stand_twice_are_told(tmp_path: Path) -> None:
+    east = tuple((x + 400, y) for x, y in OUTER)
+    folder = write_taskdata(
+        tmp_path, taskdata(partfield(polygon()), partfield(polygon(rings=(east,)), "Other", 60_000, "PFD1"))
+    )
+    assert any("1 partfield ids stand more than once" in one for one in read_field(f"{folder}#1").remarks)
+
+
+def test_latitude_and_longitude_exchanged_are_told_by_the_stated_area(tmp_path: Path) -> None:
+    text = taskdata(partfield(polygon())).replace(' C="4', ' X="4').replace(' D="1', ' C="1').replace(' X="', ' D="')
+    field = read_field(write_taskdata(tmp_path, text))
+    assert any("latitude and longitude exchanged it would be right" in one for one in field.remarks)
+    right = read_field(write_taskdata(tmp_path, text), swap=True)
+    assert right.boundary.area == pytest.approx(AREA_M2, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<a/>", "not ISOXML"),
+        ("<ISO11783_TaskData>", "not XML that can be read"),
+        (taskdata(), "without a partfield that has points"),
+        ('<!DOCTYPE x [<!ENTITY a "b">]><ISO11783_TaskData/>', "entities"),
+        ("<ISO11783_TaskData>" + "<PFD>" * 3000, "not XML"),
+        ("", "not XML"),
+    ],
+)
+def test_bad_files_are_one_sentence(tmp_path: Path, text: str, words: str) -> None:
+    folder = write_taskdata(tmp_path, text)
+    with pytest.raises(FieldError, match=words):
+        read_field(folder / "TASKDATA.XML")
