@@ -80,15 +80,6 @@ TracksOnly = Annotated[
 ]
 
 
-def headland_order(first: bool, last: bool) -> str | None:
-    """When the headland is to be worked, None where it was left open; refuses both at once."""
-    if first and last:
-        from planner.errors import ScenarioError
-
-        raise ScenarioError("--headland-first and --headland-last exclude each other; leave out one of them.")
-    return "first" if first else "last" if last else None
-
-
 _OPTIONS = {
     "field": "the field", "headland_order": "--headland-first or --headland-last",
     "list_fields": "headland field FILE --list"
