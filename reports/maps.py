@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from reports.leg_list import cells
 from reports.paths import check_drive
-from reports.results import Drive, Points, Ranking
+from reports.results import Drive, Ranking
 from reports.timed import Lane, lanes
 
 MOST_KNOTS = 6000  # of all tractors of one plan together
@@ -76,5 +76,5 @@ def _lane(lane: Lane, drive: Drive, number: int, start: str | None) -> dict[str,
     }
 
 
-def _rounded(values: Points | npt.NDArray[np.float64]) -> Any:
+def _rounded(values: npt.NDArray[Any]) -> Any:
     return np.round(values, _CENTIMETRES).tolist()
