@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from planner.commands.outputs import Content
     from planner.planning import Planned
     from reports.results import Ranking
-    from vehicle.run import Run
 
 NO_PLAN_STATUS = 3
 DEFAULT_FIELD = "iwamizawa"
@@ -209,19 +208,7 @@ def _results(planned: Planned, html: Path | None, png: Path | None, save: Path |
 
         results.append((png, png_bytes(map_figure(drive, planned.ranking.field_name))))
     if save and planned.run:
-        results.append((save, _saved(planned, planned.run)))
+        from planner.saving import saved_plan
+
+        results.append((save, saved_plan(planned.site, planned.run.plan)))
     return results
-
-
-def _saved(planned: Planned, run: Run) -> str:
-    """The best plan's file."""
-    from dataclasses import asdict
-
-    from planner.refill import on_earth
-    from planner.showing import machines_of
-    from vehicle.plan_file import plan_to_json
-
-    site, field = planned.site, planned.site.layout.field
-    asked = asdict(site.scenario) | machines_of(site)
-    text = plan_to_json(on_earth(run.plan, field), crs=field.crs, origin_m=field.origin_m, scenario=asked)
-    return text + "\n"

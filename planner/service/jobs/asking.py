@@ -1,0 +1,65 @@
+"""A request as what planning takes; called in the folder where the files of the request lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from planner.errors import ScenarioError, named
+from planner.parameters import OF_REQUEST
+
+if TYPE_CHECKING:
+    from planner.asked import Asked
+
+OF_FIELD, BESIDE = ("field", "width"), ("farm", "implement", "all")
+DEFAULT_FIELD, DEFAULT_WIDTH_M = "iwamizawa", 3.0
+
+
+def asked_of(values: Mapping[str, Any]) -> Asked:
+    """The question of a plan request with what its farm has for it; raises HeadlandError as the command line does."""
+    from planner.asked import as_it_is, asked
+    from planner.farm import load_farm
+    from planner.request import PlanRequest
+
+    farm, implement = values.get("farm"), values.get("implement")
+    own = None if farm is None else load_farm(farm)
+    if own is None and implement is not None:
+        raise ScenarioError(
+            f"{named('implement')} {implement!r} is one of a farm file; give {named('farm')} or leave it out.",
+            parameter="implement",
+        )
+    options = {name: value for name, value in values.items() if name not in (*OF_FIELD, *BESIDE)}
+    shift_s = None if own is None or values.get("before") is None else own.times.shift_s[0]
+    field, width_m = values.get("field", DEFAULT_FIELD), values.get("width", DEFAULT_WIDTH_M)
+    scenario = PlanRequest(**options).scenario(field, width_m, shift_s)
+    if own is None:
+        return as_it_is(scenario)
+    given = frozenset(OF_REQUEST[name] for name in OF_REQUEST if name in values)
+    return asked(scenario, own, given, implement=implement)
+
+
+def check_plan(values: Mapping[str, Any]) -> None:
+    """Raise HeadlandError for a plan request that cannot be asked; the field is read when the job is done."""
+    asked_of(values)
+
+
+def check_day(values: Mapping[str, Any]) -> None:
+    """Raise HeadlandError for a day that cannot be asked."""
+    from planner.day import load_day
+
+    load_day(values["day"], farm=values.get("farm"), rain=values.get("rain"))
+
+
+def check_diagnosis(values: Mapping[str, Any]) -> None:
+    """Raise HeadlandError for a tractor that is none; the logs are read when the job is done."""
+    from vehicle.tractor import as_tractor
+
+    as_tractor(values["tractor"])
+
+
+CHECKS: dict[str, Callable[[Mapping[str, Any]], None]] = {
+    "plan": check_plan,
+    "day": check_day,
+    "diagnosis": check_diagnosis,
+}
+"""What is checked of a request before it becomes a job, by kind."""
