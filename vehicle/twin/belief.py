@@ -8,8 +8,8 @@ receivers are parts of the state; here step by step, as fixes come in. The same 
 - the witness believes that the tractor is as its file says, on ordinary soil, with ordinary instruments. What still
   surprises it is what noise does not explain (vehicle.twin.doubt).
 
-State (8,): east, north (m) of the centre of mass, heading (rad), turn besides the model's (rad per m driven), slip ahead
-(share of the way), drift of heading, east, north. Measured: east and north of the antenna, heading, speed.
+State (8,): east, north (m) of the centre of mass, heading (rad), turn besides the model's (rad per m driven), slip
+ahead (share of the way), drift of heading, east, north. Measured: east and north of the antenna, heading, speed.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def scalar_update(estimate, cov, h, surprise, variance, shifts, shown, means) ->
         means[k] = more / root
         shifts[k] -= gain * more
     cov -= np.outer(gain, cross)
-    return surprise / root
+    return surprise / root  # type: ignore[no-any-return]
 
 
 @compiled

@@ -1,11 +1,11 @@
 """When a twin is wrong: a sequential test of its surprises against every effect the catalogue would show.
 
 While the witness (vehicle.twin.belief) is right, its whitened surprises are independent standard normal numbers. An
-effect would give them means that the filter foretells, so each effect, way and size has a likelihood ratio per fix whose
-expectation is 1. Their Shiryaev-Roberts sums, R <- (R + seconds waited) * ratio, grow by one a second on average and no
-more, and so does their mean over all effects: it passes a limit of A seconds no oftener than once in A seconds on
-average (optional stopping; Shin, Ramdas and Rinaldo, "E-detectors", 2024), whatever the steering does. One further ratio
-is for surprises that are only larger than they should be, whatever the cause.
+effect would give them means that the filter foretells, so each effect, way and size has a likelihood ratio per fix
+whose expectation is 1. Their Shiryaev-Roberts sums, R <- (R + seconds waited) * ratio, grow by one a second on average
+and no more, and so does their mean over all effects: it passes a limit of A seconds no oftener than once in A seconds
+on average (optional stopping; Shin, Ramdas and Rinaldo, "E-detectors", 2024), whatever the steering does. One further
+ratio is for surprises that are only larger than they should be, whatever the cause.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from vehicle.twin.motion import Array
 FALSE_ALARM_S = 200.0 * 3600.0  # at most one false alarm in so long a drive on average, if noise is as it is said to be
 FACTORS = np.array([-2.0, -0.7, 0.7, 2.0])  # of the typical size: both ways, small and large
 WIDER = 1.5  # of surprises without a direction
-# The effect each shift of belief stands for, in the order of its columns there, and what turns its typical size into SI.
+# The effect each shift of belief stands for, in the order of its columns there.
 EFFECTS = (
     "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "wheel_slip", "cross_slope_drift",
     "cross_slope_drift", "implement_side_draft", "implement_slip", "heading_bias", "antenna_forward", "antenna_right",

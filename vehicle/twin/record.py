@@ -42,7 +42,7 @@ class Recording:
 
     def rows(self, origin_m: tuple[float, float] = (0.0, 0.0)) -> list[tuple[float, ...]]:
         """One row per fix in COLUMNS, positions with the plan's origin added; speeds are 0 or more."""
-        out = []
+        out: list[tuple[float, ...]] = []
         for time_s, (x, y, heading, speed) in sorted(self._fixes.items()):
             place = bisect_right(self._times, time_s)
             steering, target, implement = self._commands[place - 1] if place else (0.0, 0.0, 0.0)

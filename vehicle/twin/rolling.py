@@ -1,8 +1,9 @@
-"""A tractor rolled along held commands: a ring of what was commanded at each step, and the loop that drives through it."""
+"""A tractor rolled along held commands: a ring of what was commanded at each step, and the loop that drives by it."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -127,7 +128,7 @@ class Rolled:
         return Rolled(self.machine, self.ground, self.state.copy(), self.body.copy(), self.step)
 
     @property
-    def parts(self) -> tuple[object, ...]:
+    def parts(self) -> tuple[Any, Any, Any, Any]:
         """Model, grounds, ground and table for the loop."""
         return self.machine.models[0], self.machine.grounds, self.ground, self.machine.tables[self.ground]
 

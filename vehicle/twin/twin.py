@@ -61,8 +61,8 @@ class Twin:
     """One virtual tractor, standing or driving where `start` says, and as the tractor's file says.
 
     `way` is how it is corrected, see vehicle.twin.ways; `noise` what is believed of instruments and soil. Twins draw no
-    random numbers: the same calls give the same states bit for bit. Raises VehicleError for an unknown way or ground and
-    for numbers that are none.
+    random numbers: the same calls give the same states bit for bit. Raises VehicleError for an unknown way or ground
+    and for numbers that are none.
     """
 
     def __init__(

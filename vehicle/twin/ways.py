@@ -1,8 +1,8 @@
 """The two ways in which a twin is corrected by what is measured of the real tractor.
 
 thesis    section 5.2.3: once a second the last fix that came in, old as it is, is where the twin is moved to, smoothly
-predict   the fix corrects the twin as it was at the fix's time, as far as each is sure; from there the twin is rolled to
-          now along the commands known by now, steering dead time included, turning and slipping as was found out
+predict   the fix corrects the twin as it was at the fix's time, as far as each is sure; from there the twin is rolled
+          to now along the commands known by now, steering dead time included, turning and slipping as was found out
 """
 
 from __future__ import annotations
