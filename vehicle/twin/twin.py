@@ -142,13 +142,17 @@ class Twin:
         self._waiting.sort(key=lambda one: one.arrived_s)
 
     def advance(self, time_s: float) -> TwinState:
-        """Drive up to a time in steps of 1/60 s and take the fixes that have come in by then."""
+        """Drive up to a time in steps of 1/60 s and take the fixes that have come in by then.
+
+        A time gone by does nothing.
+        """
         end = self._at(time_s)
         while self._waiting and self._at(self._waiting[0].arrived_s) <= end:
             fix = self._waiting.pop(0)
-            self._to(max(self._at(fix.arrived_s), self._step))
+            self._to(self._at(fix.arrived_s))
             self._take(fix)
         self._to(end)
+        self._way.to(self._step)
         return self.state
 
     def _to(self, step: int) -> None:
@@ -170,7 +174,6 @@ class Twin:
         self._heed_speed(fix)
         self.recording.measured(fix.time_s, fix.x_m, fix.y_m, fix.heading_rad, fix.speed_mps)
         self._way.corrected(step, row)
-        self._way.to(self._step)
         if self.way == PREDICT:
             self._note(fix.time_s, fix.arrived_s, off)
         else:
@@ -239,6 +242,11 @@ class Twin:
     def doubt(self) -> Doubt | None:
         """Whether, and since when, the corrections exceed what noise explains."""
         return self._test.doubt()
+
+    @property
+    def evidence_s(self) -> float:
+        """Noise alone would say as much against the twin once in so many seconds (vehicle.twin.doubt)."""
+        return self._test.seconds
 
     def trust_again(self) -> None:
         """Forget the doubt and its evidence; the corrections are kept."""
