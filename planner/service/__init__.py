@@ -1,0 +1,9 @@
+"""The service: plans, days and diagnoses as jobs, fleets that are driven, and the pages for people.
+
+settings  what it is told when it starts
+store     what survives it: database and bytes
+jobs      long work in processes of its own
+access    who may do what, and how much
+api       all of it over HTTP
+errors    its refusals
+"""

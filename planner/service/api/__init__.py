@@ -1,0 +1,15 @@
+"""The service over HTTP, below /api/v1.
+
+    app = create_app(Settings(data=folder))
+
+app        all of it together
+answers    what answers look like, refusals among them
+refusals   errors as answers
+health     whether it runs
+events     who did what
+docs       the documentation page, which needs no internet
+"""
+
+from planner.service.api.app import create_app
+
+__all__ = ["create_app"]

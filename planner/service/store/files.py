@@ -1,0 +1,74 @@
+"""Files that were given to the service: fields, tractors, farms, logs, days."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+
+from planner.service.errors import MissingError, ServiceError, TakenError
+from planner.service.store.base import Part, checked_name, now
+from planner.service.store.models import File
+
+SUFFIXES = {
+    "field": (".geojson", ".json"),
+    "tractor": (".toml",),
+    "farm": (".toml",),
+    "log": (".csv",),
+    "day": (".toml",),
+}
+MEDIA = {
+    ".geojson": "application/geo+json", ".json": "application/json", ".toml": "application/toml",
+    ".csv": "text/csv; charset=utf-8",
+}  # fmt: skip
+
+
+class Files(Part):
+    """The files."""
+
+    def add_file(self, kind: str, name: str, content: bytes, suffix: str = "") -> File:
+        """Keep a file under a name of its own.
+
+        The same bytes again under the same name change nothing. Raises ServiceError for a name or ending that cannot
+        be, TakenError where other bytes have the name.
+        """
+        name, suffix = checked_name(name), suffix or SUFFIXES[kind][0]
+        if suffix not in SUFFIXES[kind]:
+            raise ServiceError(
+                f"A {kind} does not end in {suffix!r}; give a file that ends in {' or '.join(SUFFIXES[kind])}.",
+                parameter="file",
+            )
+        row = File(
+            kind=kind, name=name, suffix=suffix, sha256=self.blobs.put(content), size=len(content), media=MEDIA[suffix],
+            created=now(),
+        )  # fmt: skip
+        try:
+            with self.database.writes() as session:
+                session.add(row)
+        except sa.exc.IntegrityError:
+            there = self.file(kind, name)
+            if there.sha256 != row.sha256:
+                raise TakenError(
+                    f"There is a {kind} {name!r} with other content; choose another name or delete it first.",
+                    parameter="name",
+                ) from None
+            return there
+        return row
+
+    def file(self, kind: str, name: str) -> File:
+        """The file of a kind and name; raises MissingError."""
+        with self.database.reads() as session:
+            row = session.scalar(sa.select(File).where(File.kind == kind, File.name == name))
+        if row is None:
+            raise MissingError(f"There is no {kind} {name!r}; the list shows all.", parameter=kind)
+        return row
+
+    def files(self, kind: str) -> list[File]:
+        """All files of a kind by name."""
+        with self.database.reads() as session:
+            return list(session.scalars(sa.select(File).where(File.kind == kind).order_by(File.name)))
+
+    def delete_file(self, kind: str, name: str) -> None:
+        """Take a file off the list; jobs that were asked for with it still have it. Raises MissingError."""
+        with self.database.writes() as session:
+            done = session.execute(sa.delete(File).where(File.kind == kind, File.name == name))
+            if not done.rowcount:  # type: ignore[attr-defined]
+                raise MissingError(f"There is no {kind} {name!r}; the list shows all.", parameter=kind)

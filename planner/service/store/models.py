@@ -1,0 +1,132 @@
+"""The tables: tokens, files, jobs with their results, fleets, and what happened.
+
+Times are texts in UTC, "2026-05-01T06:10:00.123Z", which order as they follow each other; a lease is in seconds since
+1970. Bytes are not in here: `sha256` names them in the folder (planner.service.store.blobs).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import JSON, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, UniqueConstraint
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+
+NAMING = {
+    "ix": "ix_%(column_0_label)s",
+    "uq": "uq_%(table_name)s_%(column_0_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
+    "pk": "pk_%(table_name)s",
+}
+SHA, NAME = String(64), String(120)
+
+
+class Base(DeclarativeBase):
+    """All tables."""
+
+
+Base.metadata.naming_convention = NAMING
+
+
+class Token(Base):
+    """Leave to read, control or administer; the token itself is not kept, only its SHA-256."""
+
+    __tablename__ = "tokens"
+    id: Mapped[int] = mapped_column(Integer, primary_key=True)
+    name: Mapped[str] = mapped_column(NAME, unique=True)
+    scope: Mapped[str] = mapped_column(String(16))
+    sha256: Mapped[str] = mapped_column(SHA, unique=True)
+    created: Mapped[str] = mapped_column(String(32))
+
+
+class File(Base):
+    """A file that somebody gave: a field, tractor, farm, log or day."""
+
+    __tablename__ = "files"
+    __table_args__ = (UniqueConstraint("kind", "name"),)
+    id: Mapped[int] = mapped_column(Integer, primary_key=True)
+    kind: Mapped[str] = mapped_column(String(16))
+    name: Mapped[str] = mapped_column(NAME)
+    suffix: Mapped[str] = mapped_column(String(16))
+    sha256: Mapped[str] = mapped_column(SHA)
+    size: Mapped[int] = mapped_column(Integer)
+    media: Mapped[str] = mapped_column(String(80))
+    created: Mapped[str] = mapped_column(String(32))
+
+
+class Job(Base):
+    """Work that takes a while: queued, running, done, failed or cancelled.
+
+    `inputs` are the files it reads, as they were when it was asked for: name in its folder, to SHA-256. While it runs
+    `worker` is who does it, until `lease`; `tries` counts how often it was begun.
+    """
+
+    __tablename__ = "jobs"
+    __table_args__ = (Index("ix_jobs_status_tries_number", "status", "tries", "number"),)
+    number: Mapped[int] = mapped_column(Integer, primary_key=True)
+    id: Mapped[str] = mapped_column(String(32), unique=True)
+    kind: Mapped[str] = mapped_column(String(16))
+    name: Mapped[str] = mapped_column(NAME)
+    status: Mapped[str] = mapped_column(String(16))
+    request: Mapped[dict[str, Any]] = mapped_column(JSON)
+    inputs: Mapped[dict[str, str]] = mapped_column(JSON)
+    done: Mapped[int] = mapped_column(Integer, default=0)
+    all: Mapped[int] = mapped_column(Integer, default=0)
+    words: Mapped[str] = mapped_column(String(200), default="")
+    error: Mapped[str | None] = mapped_column(Text, default=None)
+    created: Mapped[str] = mapped_column(String(32))
+    finished: Mapped[str | None] = mapped_column(String(32), default=None)
+    worker: Mapped[str | None] = mapped_column(String(80), default=None)
+    lease: Mapped[float | None] = mapped_column(Float, default=None)
+    tries: Mapped[int] = mapped_column(Integer, default=0)
+    results: Mapped[list[Result]] = relationship(
+        cascade="all, delete-orphan", passive_deletes=True, order_by="Result.name", lazy="selectin"
+    )
+
+
+class Result(Base):
+    """One file that a job made."""
+
+    __tablename__ = "results"
+    __table_args__ = (UniqueConstraint("job", "name"),)
+    id: Mapped[int] = mapped_column(Integer, primary_key=True)
+    job: Mapped[int] = mapped_column(ForeignKey("jobs.number", ondelete="CASCADE"))
+    name: Mapped[str] = mapped_column(NAME)
+    sha256: Mapped[str] = mapped_column(SHA)
+    size: Mapped[int] = mapped_column(Integer)
+    media: Mapped[str] = mapped_column(String(80))
+
+
+class Fleet(Base):
+    """A plan that is, or was, driven; `progress` is what must survive the server."""
+
+    __tablename__ = "fleets"
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    name: Mapped[str] = mapped_column(NAME)
+    plan: Mapped[str] = mapped_column(Text)
+    settings: Mapped[dict[str, Any]] = mapped_column(JSON)
+    progress: Mapped[dict[str, Any]] = mapped_column(JSON)
+    created: Mapped[str] = mapped_column(String(32))
+
+
+class Recording(Base):
+    """A piece of what a tractor of a fleet reported, in order."""
+
+    __tablename__ = "recordings"
+    __table_args__ = (Index("ix_recordings_fleet_tractor", "fleet", "tractor"),)
+    id: Mapped[int] = mapped_column(Integer, primary_key=True)
+    fleet: Mapped[str] = mapped_column(ForeignKey("fleets.id", ondelete="CASCADE"))
+    tractor: Mapped[int] = mapped_column(Integer)
+    rows: Mapped[bytes] = mapped_column(LargeBinary)
+
+
+class Event(Base):
+    """Who did what, and when; kept when the fleet is gone."""
+
+    __tablename__ = "events"
+    __table_args__ = (Index("ix_events_fleet_id", "fleet", "id"),)
+    id: Mapped[int] = mapped_column(Integer, primary_key=True)
+    time: Mapped[str] = mapped_column(String(32))
+    fleet: Mapped[str | None] = mapped_column(String(32), default=None)
+    who: Mapped[str] = mapped_column(NAME)
+    what: Mapped[str] = mapped_column(String(200))
+    data: Mapped[dict[str, Any]] = mapped_column(JSON)
