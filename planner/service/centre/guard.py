@@ -92,6 +92,9 @@ class Guard:
 
     def may_go(self, number: int, states: Sequence[TractorState], courses: Sequence[Course]) -> bool:
         """Whether one that stands because another is near could drive on past all others as these go, or stand, now."""
+        report = states[number].report
+        if report is None or courses[number].off_m(states[number].leg, (report.x_m, report.y_m)) > self.rules.rejoin_m:
+            return False  # whoever put it there takes it away
         going = foreseen(states[number], courses[number], self.tractor, self.rules, going=True)
         return self._clear(number, going, states, courses)
 
