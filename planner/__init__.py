@@ -18,6 +18,7 @@ price          what a plan costs, which one is best, and the advice in a sentenc
 many           many fields and widths in one table, on this machine or a cluster
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
+saving         a plan as text that is driven again
 steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe       a field in figures
@@ -26,6 +27,8 @@ asked          a farm in place of what a scenario leaves open
 workday, transport  the clock round field work: the road from the yard, un- and folding, breaks, shifts
 workday_words  the same in sentences
 farm           the farm file: tractors, implements, prices, times, what is left to chance
+parameters     what parameters of the library are called in requests
+service        all of this over HTTP, and fleets that are driven; known by its commands alone
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals
 commands, main  the command line; known by nothing else

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fields.field import Field
@@ -22,6 +22,7 @@ from planner.site import Site, prepare
 from planner.tasks import Outcome, Progress, outcomes, pack, work_out
 from reports.results import Drive, PlanResult, Ranking, merit
 from strategies.supply import Supply
+from vehicle.missions import Plan
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
 
@@ -31,13 +32,15 @@ class Planned:
     """The answer to a scenario.
 
     `run` is that of `ranking.best`, None when no plan is feasible; `drives` are pictures by (strategy, tractors): of
-    the best plan, or of every plan that was driven to its end where they were asked for.
+    the best plan, or of every plan that was driven to its end where they were asked for. `plans` are the legs and gates
+    of every feasible plan that was simulated, by the same.
     """
 
     site: Site
     ranking: Ranking
     run: Run | None
     drives: Mapping[tuple[str, int], Drive]
+    plans: Mapping[tuple[str, int], Plan] = field(default_factory=dict)
 
 
 def plan(
@@ -77,6 +80,7 @@ def plan(
     packed = pack(site)
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}
+    plans: dict[int, Plan] = {}
     best: Outcome | None = None
     allowed = scenario.allowed_s
     for wave in [list(range(len(todo)))] if every else waves(site, todo):
@@ -86,19 +90,22 @@ def plan(
             results[wave[place]] = one.result
             if one.drive is not None:
                 drives[wave[place]] = one.drive
+            if one.run is not None:
+                plans[wave[place]] = one.run.plan
             if one.run is not None and (best is None or merit(one.result, allowed) < merit(best.result, allowed)):
                 best = one
     ranking = with_machines(rank(site, [results[index] for index in range(len(todo))]), terms)
     shown = {(todo[index].strategy, todo[index].tractors): drives[index] for index in sorted(drives)}
+    legs = {(todo[index].strategy, todo[index].tractors): plans[index] for index in sorted(plans)}
     best = _chosen(ranking, todo, packed, best)
     if best is None or best.run is None:
-        return Planned(site, ranking, None, shown)
+        return Planned(site, ranking, None, shown, legs)
     if not pictures:
         shown = {(best.result.strategy, best.result.tractors): picture(site, best.run, best.result)}
     if site.stakes is not None:
         drives_of = bearing_out(best.run, site.tractor, site.implement, site.stakes)
         ranking = replace(ranking, checked=check_words(*drives_of))
-    return Planned(site, ranking, best.run, shown)
+    return Planned(site, ranking, best.run, shown, legs)
 
 
 def with_machines(ranking: Ranking, terms: Terms | None) -> Ranking:

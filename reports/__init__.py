@@ -7,6 +7,7 @@
     odds                probability and expected cost against count
     front, drawing, paths, timed   what pages draw, as numbers: time against count, the map, paths thinned
     landmarks, layers   where names and arrows stand on any map; the layers of the map that is a picture
+    maps                the maps of a ranking as JSON, for programs that draw them
     leg_list, step_words   what each tractor does, in order: tables, JSON, and its words
     diagnosis_table, diagnosis_export, diagnosis_page   a diagnosis for the terminal, as JSON, as a page
     replay_report       a replayed run

@@ -31,10 +31,18 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Hands:
-    """Who does the work: so many processes of this machine, or a cluster."""
+    """Who does the work: so many processes of this machine, or a cluster; raises ScenarioError for neither."""
 
     processes: int | None
     cluster: str | None
+
+    def __post_init__(self) -> None:
+        from planner.errors import ScenarioError
+
+        if self.processes is not None and self.processes < 1:
+            raise ScenarioError(f"--processes is {self.processes}; use 1 or more.")
+        if self.processes is not None and self.cluster is not None:
+            raise ScenarioError("--processes is for this machine and --cluster for others; leave out one of them.")
 
     def executor(self, tasks: int) -> AbstractContextManager[Executor]:
         """The executor for so many tasks."""

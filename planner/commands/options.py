@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from planner.parameters import OF_REQUEST, word_of
+
 if TYPE_CHECKING:
     from planner.asked import Asked
     from planner.scenario import Scenario
@@ -78,25 +80,9 @@ TracksOnly = Annotated[
 ]
 
 
-def headland_order(first: bool, last: bool) -> str | None:
-    """When the headland is to be worked, None where it was left open; refuses both at once."""
-    if first and last:
-        from planner.errors import ScenarioError
-
-        raise ScenarioError("--headland-first and --headland-last exclude each other; leave out one of them.")
-    return "first" if first else "last" if last else None
-
-
 _OPTIONS = {
     "field": "the field", "headland_order": "--headland-first or --headland-last",
-    "mass_kg": "--mass", "steering_rate_deg_per_s": "--steering-rate",
-    "cell_bearings": "--cell-bearing", "counts": "--tractors", "fixes": "--fix",
     "list_fields": "headland field FILE --list"
-}  # fmt: skip
-_SCENARIO = {
-    "width": "width_m", "speed_kmh": "speed_mps", "turn_speed_kmh": "turn_speed_mps", "tractors": "tractors",
-    "price_per_hour": "price_per_hour", "price_per_tractor": "price_per_tractor", "operation": "operation",
-    "tractor": "tractor",
 }  # fmt: skip
 
 
@@ -124,18 +110,10 @@ def shift_start(farm: str | None) -> int | None:
 
 def _given(context: typer.Context) -> frozenset[str]:
     """Parameters of a scenario, of those a farm file may set, whose options were given."""
-    sources = {option: context.get_parameter_source(option) for option in _SCENARIO}
-    return frozenset(_SCENARIO[option] for option, source in sources.items() if source and source.name != "DEFAULT")
-
-
-_UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
+    sources = {option: context.get_parameter_source(option) for option in OF_REQUEST}
+    return frozenset(OF_REQUEST[option] for option, source in sources.items() if source and source.name != "DEFAULT")
 
 
 def option_of(parameter: str) -> str:
     """What a parameter of a program is called on the command line: width_m is --width, speed_mps is --speed-kmh."""
-    if parameter in _OPTIONS:
-        return _OPTIONS[parameter]
-    stem = parameter.removesuffix("_mps") + "_kmh" if parameter.endswith("_mps") else parameter
-    for unit in _UNITS:
-        stem = stem.removesuffix(unit)
-    return "--" + stem.replace("_", "-")
+    return _OPTIONS.get(parameter) or "--" + word_of(parameter).replace("_", "-")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields as dataclass_fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
@@ -26,7 +27,6 @@ from planner.commands.options import (
     TracksOnly,
     TractorOption,
     Widths,
-    headland_order,
     shift_start,
     with_farm,
 )
@@ -37,9 +37,7 @@ if TYPE_CHECKING:
     from planner.commands.many import Hands
     from planner.commands.outputs import Content
     from planner.planning import Planned
-    from planner.scenario import Scenario
     from reports.results import Ranking
-    from vehicle.run import Run
 
 NO_PLAN_STATUS = 3
 DEFAULT_FIELD = "iwamizawa"
@@ -108,22 +106,13 @@ def plan(
     from planner.commands.many import Hands, asking, plan_many
     from planner.commands.outputs import check_outputs, inputs, written
     from planner.commands.show import remark
-    from planner.errors import ScenarioError
+    from planner.request import PlanRequest
 
-    if json and csv:
-        raise ScenarioError("--json and --csv both print to standard output; choose one.")
-    if processes is not None and processes < 1:
-        raise ScenarioError(f"--processes is {processes}; use 1 or more.")
-    if processes is not None and cluster is not None:
-        raise ScenarioError("--processes is for this machine and --cluster for others; leave out one of them.")
+    _one_output(json, csv)
     wanted, hands = asking(fields or [DEFAULT_FIELD], width, local), Hands(processes, cluster)
     field = wanted.fields[0]
-    scenario = _scenario(
-        field, local, wanted.widths_m[0], tractors, strategies, turn, start, before, price_per_hour,
-        price_per_tractor, speed_kmh, turn_speed_kmh, headland, bearing, radius, clearance, margin, tractor, seed, gnss,
-        gnss_table, operation, headland_order(headland_first, headland_last), corners, tracks_only, cell_bearing or [],
-        draws, rain, prefer, refill, entrance, budget, None if before is None else shift_start(farm),
-    )  # fmt: skip
+    request = PlanRequest(**{each.name: context.params[each.name] for each in dataclass_fields(PlanRequest)})
+    scenario = request.scenario(field, wanted.widths_m[0], None if before is None else shift_start(farm))
     if wanted.many or keep is not None:
         _of_one_field(("--html", html), ("--png", png), ("--save", save))
         ask = partial(with_farm, farm=farm, implement=implement, context=context)
@@ -135,64 +124,20 @@ def plan(
     remark(planned.site.layout.field.remarks)
     with written(_results(planned, html, png, save)):
         _print(planned.ranking, json, csv, full)
-    ranking = planned.ranking
+    _end(planned.ranking)
+
+
+def _end(ranking: Ranking) -> None:
+    """End with the documented status where no plan meets what was asked."""
     if ranking.best is None or ranking.missed_by_s is not None or ranking.unmet is not None:
         raise typer.Exit(NO_PLAN_STATUS)
 
 
-def _scenario(
-    field: str, local: bool, width: float, tractors: str, strategies: str, turn: str, start: str | None,
-    before: str | None, price_per_hour: float, price_per_tractor: float, speed_kmh: float,
-    turn_speed_kmh: float | None, headland: float | None, bearing: float | None, radius: float | None,
-    clearance: float, margin: float, tractor: str, seed: int, gnss: bool, gnss_table: str | None, operation: str,
-    order: str | None, corners: str, tracks_only: bool, cell_bearings: list[str], draws: int | None,
-    rain: str | None, prefer: str | None, refill: str | None, entrance: str | None, budget: float | None,
-    start_s: int | None,
-) -> Scenario:  # fmt: skip
-    from planner.scenario import (
-        KMH,
-        Scenario,
-        parse_cell_bearings,
-        parse_clock,
-        parse_counts,
-        parse_place,
-        parse_strategies,
-    )
+def _one_output(json: bool, csv: bool) -> None:
+    from planner.errors import ScenarioError
 
-    return Scenario(
-        field=field,
-        local=local,
-        width_m=width,
-        headland_m=headland,
-        bearing_deg=bearing,
-        cell_bearings=parse_cell_bearings(cell_bearings),
-        radius_m=radius,
-        clearance_m=clearance,
-        margin_m=margin,
-        tractor=tractor,
-        tractors=parse_counts(tractors),
-        strategies=parse_strategies(strategies),
-        turn=turn,
-        speed_mps=speed_kmh * KMH,
-        turn_speed_mps=None if turn_speed_kmh is None else turn_speed_kmh * KMH,
-        price_per_hour=price_per_hour,
-        price_per_tractor=price_per_tractor,
-        start_s=start_s if start is None else parse_clock(start, "start_s"),
-        before_s=None if before is None else parse_clock(before, "before_s"),
-        seed=seed,
-        gnss=gnss or gnss_table is not None,
-        gnss_table=gnss_table,
-        operation=operation,
-        headland_order=order,
-        corners=corners,
-        tracks_only=tracks_only,
-        draws=draws,
-        rain=rain,
-        prefer=prefer,
-        refill=refill,
-        entrance=None if entrance is None else parse_place(entrance, "entrance"),
-        budget=budget,
-    )
+    if json and csv:
+        raise ScenarioError("--json and --csv both print to standard output; choose one.")
 
 
 def _of_one_field(*outputs: tuple[str, Path | None]) -> None:
@@ -257,19 +202,7 @@ def _results(planned: Planned, html: Path | None, png: Path | None, save: Path |
 
         results.append((png, png_bytes(map_figure(drive, planned.ranking.field_name))))
     if save and planned.run:
-        results.append((save, _saved(planned, planned.run)))
+        from planner.saving import saved_plan
+
+        results.append((save, saved_plan(planned.site, planned.run.plan)))
     return results
-
-
-def _saved(planned: Planned, run: Run) -> str:
-    """The best plan's file."""
-    from dataclasses import asdict
-
-    from planner.refill import on_earth
-    from planner.showing import machines_of
-    from vehicle.plan_file import plan_to_json
-
-    site, field = planned.site, planned.site.layout.field
-    asked = asdict(site.scenario) | machines_of(site)
-    text = plan_to_json(on_earth(run.plan, field), crs=field.crs, origin_m=field.origin_m, scenario=asked)
-    return text + "\n"

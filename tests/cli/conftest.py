@@ -4,12 +4,14 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.cli.refusals import contents, lay_out
 
 Ring = list[list[float]]
 
@@ -96,3 +98,13 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("fields") / "small.geojson"
     place.write_text(json.dumps(polygon((0, 0), (45, 0), (45, 80), (0, 80))))
     return place
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of field files to work in; at the end every file must be as it was, and none added."""
+    lay_out(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    before = contents(tmp_path)
+    yield tmp_path
+    assert contents(tmp_path) == before

@@ -1,0 +1,112 @@
+"""What the readers make of a file, for people to see before they plan with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from fields.field import Field
+
+MOST_FIELDS = 500
+Rings = list[list[list[float]]]
+
+
+def field_summary(place: str, key: str | None = None, local: bool = False) -> dict[str, Any]:
+    """The fields of a file or sample, and the one that is meant with its rings; raises FieldError.
+
+    Where no `key` says which of several is meant, `field` is None and `error` says how to choose.
+    """
+    from fields.errors import FieldError
+    from fields.read import list_fields, read_field
+
+    listed = list_fields(place, local=local)
+    found: dict[str, Any] = {"fields": [asdict(one) for one in listed[:MOST_FIELDS]], "field": None, "error": None}
+    try:
+        found["field"] = _field(read_field(place if key is None else f"{place}#{key}", local=local))
+    except FieldError as refusal:
+        if key is not None or len(listed) == 1:
+            raise
+        found["error"] = str(refusal)
+    return found
+
+
+def _field(field: Field) -> dict[str, Any]:
+    shape = field.outline or field.boundary
+    rings = [np.asarray(ring.coords) for ring in (shape.exterior, *shape.interiors)]
+    obstacles = [np.asarray(one.shape.exterior.coords) for one in field.obstacles]
+    return {
+        "name": field.name,
+        "area_ha": round(field.area_ha, 4),
+        "crs": field.crs,
+        "origin_m": list(field.origin_m),
+        "rings_m": _metres(rings),
+        "rings_deg": _degrees(field, rings),
+        "obstacles_m": _metres(obstacles),
+        "obstacles_deg": _degrees(field, obstacles),
+        "fences_m": _metres([np.asarray(line.coords) for line in field.fences]),
+        "entrance_m": None if field.entrance is None else [round(value, 3) for value in field.entrance],
+        "refill_m": None if field.refill is None else [round(value, 3) for value in field.refill],
+        "remarks": list(field.remarks),
+    }
+
+
+def _metres(lines: list[Any]) -> Rings:
+    return [np.round(line[:, :2], 3).tolist() for line in lines]
+
+
+def _degrees(field: Field, lines: list[Any]) -> Rings | None:
+    """Longitudes and latitudes; None for a field in local metres."""
+    if field.crs is None:
+        return None
+    return [np.round(np.asarray(field.to_wgs84(line[:, :2])), 8).tolist() for line in lines]
+
+
+def tractor_summary(place: str) -> dict[str, Any]:
+    """Every value of a tractor; raises VehicleError."""
+    from vehicle.tractor import load_tractor
+
+    found: dict[str, Any] = load_tractor(place).model_dump(mode="json")
+    return found
+
+
+def farm_summary(place: str) -> dict[str, Any]:
+    """Machines and values of a farm, each with its origin; raises HeadlandError."""
+    from planner.farm import load_farm
+    from planner.farm.sources import farm_json
+
+    farm = load_farm(place)
+    found: dict[str, Any] = json.loads(farm_json(farm))
+    return found
+
+
+def log_summary(place: str) -> dict[str, Any]:
+    """What a measured log is, or why it cannot be used as it stands; raises LogError for a file that is no table."""
+    from fields.errors import HeadlandError
+    from planner.parameters import word_of
+    from vehicle.measured.logs.reading import read_log, remarks
+    from vehicle.measured.logs.table import columns_of, read_frame
+
+    frame = read_frame(place)
+    columns_of(frame, place)
+    found: dict[str, Any] = {
+        "rows": len(frame), "columns": [str(name) for name in frame.columns], "seconds": None, "remarks": [],
+        "error": None,
+    }  # fmt: skip
+    try:
+        log = read_log(place)
+    except HeadlandError as refusal:
+        return found | {"error": refusal.spoken(word_of)}
+    return found | {"seconds": round(float(log.time_s[-1] - log.time_s[0]), 3), "remarks": list(remarks([log]))}
+
+
+SUMMARIES: dict[str, Callable[..., dict[str, Any]]] = {
+    "field": field_summary,
+    "tractor": tractor_summary,
+    "farm": farm_summary,
+    "log": log_summary,
+}
+"""How a file of each kind is summed up."""

@@ -1,0 +1,164 @@
+"""Field files that cannot be planned: one clear sentence, exit status 2, and nothing touched."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.refusals import SQUARE, assert_refused, feature, ring
+
+FIELD_FILES = [
+    ("text", "is not JSON"),
+    ("empty", "is not JSON"),
+    ("list", "not GeoJSON"),
+    ("null", "not GeoJSON"),
+    ("deep", "is not JSON"),
+    ("bow", "crosses itself"),
+    ("two", "at least 3"),
+    ("flat", "'flat'"),
+    ("nan", "nan"),
+    ("infinite", "inf"),
+    ("collection", "empty collection"),
+    ("point", "1 Point"),
+    ("words", "is not a number"),
+    ("degrees", "look like degrees; leave out --local"),
+    ("tiny", "headland"),
+    ("narrow", "working width 3 m"),
+    ("huge", "100 km2"),
+    ("several", "holds 2 fields; choose one"),
+    ("ground", "'lava'"),
+    ("binary", "UTF-8"),
+    ("missing", "no field file"),
+]
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+@pytest.mark.parametrize(("name", "words"), FIELD_FILES)
+def test_field_files(headland: Callable[..., Any], folder: Path, command: str, name: str, words: str) -> None:
+    assert_refused(headland(command, f"{name}.geojson", "--local"), words)
+
+
+def line(*points: tuple[float, float]) -> dict[str, Any]:
+    return {"type": "LineString", "coordinates": [list(point) for point in points]}
+
+
+OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [
+    ([feature(ring((-1, -1), (101, -1), (101, 61), (-1, 61)), role="obstacle")], ("(--margin) of 0.3 m", "leave 0 m2")),
+    ([feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="cow")], ("'cow'", "'radius_m'")),
+    ([feature(line((0, 0), (100, 0)), edge="wall")], ("'edge' of a line", "'wall'", "use 'fence' or 'open'")),
+    ([feature(line((0, 0), (100, 0)), edge=3)], ("'edge' of a line", "is 3", "use 'fence' or 'open'")),
+    ([feature(line((20, 30), (80, 30)), edge="fence")], ("nowhere along the boundary", "20.0 m away")),
+    ([feature(line((20, 5), (80, 5)), edge="open", id="gap")], ("line 'gap' with edge 'open'", "5.0 m away")),
+    (
+        [feature({"type": "Point", "coordinates": [350, 30]}, role="obstacle", kind="pole", id="mast")],
+        ("Obstacle 'mast' (pole)", "lies outside the field, 250 m away", "check the coordinates"),
+    ),
+    ([feature(line((5, 5)), edge="fence")], ("fewer than 2 positions",)),
+    ([feature(line((0, 0), (0, "x")), edge="fence")], ("is not a number",)),
+]
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+@pytest.mark.parametrize(("features", "words"), OBSTACLES)
+def test_obstacles_and_edges(
+    headland: Callable[..., Any], folder: Path, command: str, features: list[Any], words: tuple[str, ...]
+) -> None:
+    assert_refused(_with(headland, folder, command, [feature(SQUARE), *features]), *words)
+
+
+def _with(headland: Callable[..., Any], folder: Path, command: str, features: list[Any], *options: str) -> Any:
+    """What a command says to a file of these features, which is gone afterwards."""
+    place = folder / "features.geojson"
+    place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    try:
+        return headland(command, place.name, "--local", *options)
+    finally:
+        place.unlink()
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command: str) -> None:
+    closed = [feature(SQUARE, edge="fence", name="pen")]
+    assert_refused(_with(headland, folder, command, closed), "fence round field 'pen' has no way in", "'entrance'")
+    gap = feature(line((40, 0), (42, 0)), edge="open")
+    assert_refused(_with(headland, folder, command, [*closed, gap]), "no way in", "3 m or more")
+    hedge = [feature(SQUARE, edge="hedge")]
+    assert_refused(_with(headland, folder, command, hedge), "'edge' of the boundary", "'hedge'")
+    gate = feature({"type": "Point", "coordinates": [50, 0]}, role="entrance")
+    margin = ("--margin", "40")
+    assert_refused(_with(headland, folder, command, [*closed, gate], *margin), "fences", "--margin) of 40 m", "smaller")
+    assert_refused(_with(headland, folder, command, [feature(SQUARE)], "--margin", "60"), "60 m", "60 m across")
+    pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
+    told = _with(headland, folder, command, [feature(SQUARE, name="plot"), pole], "--margin", "45")
+    assert_refused(told, "--margin) of 45 m is too wide for field 'plot'", "leaves 50", "of 6000 m2")
+
+
+def test_a_margin_that_leaves_no_room_for_any_plan(headland: Callable[..., Any], folder: Path) -> None:
+    """A pole in the middle of 60 m with a margin of 29 m leaves a neck of 0.75 m on either side of it."""
+    pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
+    options = ("--margin", "29", "--tractors", "1", "--strategies", "split-field", "--tracks-only", "--processes", "1")
+    outcome = _with(headland, folder, "plan", [feature(SQUARE), pole], *options)
+    assert_refused(outcome, "--margin) of 29 m leaves 5", "no plan works there", "smaller margin")
+
+
+def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
+    headland: Callable[..., Any], folder: Path
+) -> None:
+    """A pole at the end of 100 m x 60 m with a margin of 60 m: some 43 m of the length are left."""
+    pole = feature({"type": "Point", "coordinates": [0, 30]}, role="obstacle", kind="pole")
+    options = ("--tractors", "1", "--strategies", "split-field", "--tracks-only", "--processes", "1")
+    wide = _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "60", *options)
+    assert_refused(wide, "--margin) of 60 m leaves 4", "less than half", "smaller margin")
+    assert _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "40", *options).status == 0
+
+
+def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable[..., Any], folder: Path) -> None:
+    features = [
+        feature(SQUARE), feature(line((0, 0), (100, 0)), edge="fence"), feature(line((3, 3), (9, 9)), role="drain"),
+        feature({"type": "Point", "coordinates": [5, 5]}),
+        feature(line((100, 0), (100, 30), (160, 30)), edge="fence"),
+    ]  # fmt: skip
+    outcome = _with(headland, folder, "field", features, "--json")
+    assert outcome.status == 0
+    assert json.loads(outcome.out)["fence_m"] == pytest.approx(130, abs=7), "it bends off gradually"
+    told = " ".join(outcome.err.split())
+    assert "1 LineString with role 'drain', 1 Point;" in told
+    assert "Of 90 m of a line with edge 'fence'" in told and "the rest is not used" in told
+
+
+def test_obstacles_off_the_field_are_named(headland: Callable[..., Any], folder: Path) -> None:
+    def pole(x: float, **more: Any) -> Any:
+        return feature({"type": "Point", "coordinates": [x, 30]}, role="obstacle", kind="pole", **more)
+
+    outcome = _with(headland, folder, "field", [feature(SQUARE), pole(50), pole(400, id="mast"), pole(105)], "--json")
+    assert outcome.status == 0 and len(json.loads(outcome.out)["obstacles"]) == 2
+    told = " ".join(outcome.err.split())
+    assert "Obstacle 'mast' (pole), 300 m away, lies outside the field and is left out." in told
+    assert "An obstacle (pole) stands beside the field, not in it" in told
+    several = [feature(SQUARE, id="a"), feature(ring((500, 0), (600, 0), (600, 60), (500, 60)), id="b"), pole(550)]
+    place = folder / "many.geojson"
+    place.write_text(json.dumps({"type": "FeatureCollection", "features": several}))
+    try:
+        told = headland("field", "many.geojson#a", "--local").err
+    finally:
+        place.unlink()
+    assert "An obstacle of 'many' lies away from this field and is left out." in " ".join(told.split())
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+def test_metres_passed_as_degrees(headland: Callable[..., Any], folder: Path, command: str) -> None:
+    assert_refused(headland(command, "good.geojson"), "add --local")
+
+
+def test_a_folder_is_no_field(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "inner"), "'inner' is a folder")
+
+
+def test_a_sample_misspelt_names_the_nearest(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "iwamisawa"), "nearest", "'iwamizawa'")
+
+
+def test_a_part_that_is_not_there_lists_those_that_are(headland: Callable[..., Any], folder: Path) -> None:
+    assert_refused(headland("plan", "several.geojson#7", "--local"), "'7'", "0.60 ha")
