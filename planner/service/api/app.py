@@ -12,6 +12,8 @@ from planner.service.access.limits import Limits
 from planner.service.api import events, health
 from planner.service.api.health import own_version
 from planner.service.api.refusals import add_refusals
+from planner.service.links import fleets, link
+from planner.service.links.hub import Hub
 from planner.service.settings import Settings
 from planner.service.store import Store
 
@@ -27,8 +29,9 @@ def create_app(settings: Settings) -> FastAPI:
     )  # fmt: skip
     app.state.settings = settings
     app.state.store = Store(settings)
+    app.state.hub = Hub(app.state.store)
     api = APIRouter(prefix=PREFIX)
-    for each in (health, events):
+    for each in (health, events, fleets, link):
         api.include_router(each.router)
     app.include_router(api)
     add_refusals(app, lambda parameter: parameter)
@@ -39,7 +42,9 @@ def create_app(settings: Settings) -> FastAPI:
 
 @asynccontextmanager
 async def _life(app: FastAPI) -> AsyncIterator[None]:
+    await app.state.hub.start()
     try:
         yield
     finally:
+        await app.state.hub.stop()
         app.state.store.close()
