@@ -7,6 +7,8 @@ outbox       what waits to be sent to one client, with an end to it
 clients      who is linked to a fleet, in which role
 telling      scene, tick and alarms as frames
 recording    what tractors reported, kept and given out as logs
+warming      what is compiled on first use, used once
+proposals    what is planned anew
 twinning     one twin per tractor, advanced with the fleet
 live         one live fleet: its centre, its clients, its clock
 hub          all live fleets, and what is worked out for them in a process of its own

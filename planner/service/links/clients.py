@@ -14,15 +14,12 @@ TRACTOR, TWIN, CONTROL, VIEWER = "tractor", "twin", "control", "viewer"
 @dataclass(eq=False)
 class Client:
     """One linked client; `who` is its name in the log, `tractor` counts from 0.
-
-    `kept` is the sequence up to which its states are acknowledged to it.
     """
 
     role: str
     who: str
     tractor: int | None = None
     outbox: Outbox = field(default_factory=Outbox)
-    replaced: bool = False
     said_goodbye: bool = False
     command_sequence: int = 0
 

@@ -21,6 +21,7 @@ from planner.service.errors import MissingError
 from planner.service.links.live import LiveFleet
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import keep, rising
+from planner.service.links.warming import warm
 from planner.service.store import Store
 
 STEP_S, KEEP_S = 0.05, 1.0
@@ -51,7 +52,9 @@ class Hub:
         self._keeping = asyncio.Lock()
 
     async def start(self) -> None:
-        """Take up stored fleets, and let time pass."""
+        """Take up stored fleets, and let time pass. Before that all that is compiled on first use is loaded, as nobody's
+        frames are to wait for it later."""
+        await asyncio.to_thread(warm)
         self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._take_up())]
 
     async def stop(self) -> None:

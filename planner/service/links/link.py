@@ -50,15 +50,14 @@ async def _greeted(websocket: WebSocket) -> Client:
     who = await asyncio.to_thread(who_of_socket, websocket, hello.token)
     who.check("control" if hello.role in (CONTROL, TRACTOR) else "read")
     number = None if hello.tractor is None else hello.tractor - 1
-    return Client(hello.role, _name(who, hello, websocket), number)
+    return Client(hello.role, _name(who, hello), number)
 
 
-def _name(who: Who, hello: frames.Hello, websocket: WebSocket) -> str:
-    """What the log calls a client: the token's name, the tractor's number, and what tells two links apart."""
+def _name(who: Who, hello: frames.Hello) -> str:
+    """What the log calls a client; a fleet numbers those of one name."""
     if hello.role == TRACTOR:
         return f"tractor {hello.tractor}"
-    port = websocket.client.port if websocket.client else 0
-    return f"{who.name}{f' ({hello.name})' if hello.name else ''} #{port}"
+    return f"{who.name} ({hello.name})" if hello.name else who.name
 
 
 async def _turn_away(websocket: WebSocket, refusal: Exception) -> None:
@@ -73,31 +72,32 @@ async def _turn_away(websocket: WebSocket, refusal: Exception) -> None:
 
 async def _linked(websocket: WebSocket, fleet: LiveFleet, client: Client) -> None:
     sending = asyncio.create_task(_send(websocket, client))
-    receiving = asyncio.create_task(_receive(websocket, fleet, client))
     try:
-        await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
+        await _receive(websocket, fleet, client)
     finally:
-        for task in (sending, receiving):
-            task.cancel()
-        await asyncio.gather(sending, receiving, return_exceptions=True)
+        sending.cancel()
         fleet.leave(client, time.monotonic())
-        with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-            await websocket.close(REPLACED if client.replaced else 1000)
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+        await websocket.close()
 
 
 async def _send(websocket: WebSocket, client: Client) -> None:
-    while not client.replaced:
-        await websocket.send_text(await client.outbox.take())
+    """Send what the client is to be told, until another link takes its place or it is gone."""
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect, OSError):
+        while (text := await client.outbox.take()) is not None:
+            await websocket.send_text(text)
+        await websocket.close(REPLACED)
 
 
 async def _receive(websocket: WebSocket, fleet: LiveFleet, client: Client) -> None:
-    while not (client.replaced or client.said_goodbye):
+    while not client.said_goodbye:
         try:
             text = await _text(websocket)
-        except WebSocketDisconnect as end:
-            client.said_goodbye = client.said_goodbye or (end.code in NORMAL and client.role != TRACTOR)
+        except (WebSocketDisconnect, RuntimeError) as end:
+            client.said_goodbye = client.role != TRACTOR and getattr(end, "code", None) in NORMAL
             return
-        _take(fleet, client, text)
+        if not client.outbox.ended:
+            _take(fleet, client, text)
 
 
 async def _text(websocket: WebSocket) -> str | None:

@@ -52,6 +52,7 @@ class LiveFleet:
         self.tractors: dict[int, Client] = {}
         self.events: list[tuple[str, Event]] = []
         self.again: set[int] = set()
+        self._links = 0
         self._times: list[str | None] = [None] * plan.tractors
         self._changed = set(range(plan.tractors))
         self._alarms = self._scene = -1
@@ -74,14 +75,17 @@ class LiveFleet:
             self.centre.check_number(number)
             before = self.tractors.get(number)
             if before is not None:
-                before.replaced = True
+                before.outbox.end()
                 self.clients.discard(before)
+        else:
+            self._links += 1
+            client.who = f"{client.who} #{self._links}"
         self.clients.add(client)
         client.tell(self._welcome(client))
         if client.role == TRACTOR and number is not None:
             self.tractors[number] = client
             self.centre.joined(number, now)
-            self.flush()
+            self.flush(urgent=False)  # what it is told first is its welcome
         else:
             self._show_all(client)
 
@@ -207,18 +211,18 @@ class LiveFleet:
             if client.watches:
                 client.outbox.put(text)
 
-    def flush(self) -> None:
-        """Send what the centre has to say."""
+    def flush(self, *, urgent: bool = True) -> None:
+        """Send what the centre has to say; when `urgent`, orders to stand go before all that waits."""
         orders, events = self.centre.taken()
         for order in orders:
-            self._send(order)
+            self._send(order, urgent and order.kind == "stop")
         for event in events:
             self.events.append((utc_now(), event))
             if event.what not in QUIET:
                 self.show({"kind": "event", "time": utc_now(), "who": event.who, "what": event.what,
                            "data": event.data})  # fmt: skip
 
-    def _send(self, order: Order) -> None:
+    def _send(self, order: Order, first: bool) -> None:
         data, plan = dict(order.data), self.centre.plan
         if order.kind == "command":
             self.twins.commanded(order.tractor, data["steering_rad"], data["speed_mps"], time.time())
@@ -235,7 +239,7 @@ class LiveFleet:
             }  # fmt: skip
         elif order.kind == "plan":
             data |= {"version": self.centre.version, "plan": mission_told(plan, order.tractor)}
-        client.tell({"kind": order.kind} | data, first=order.kind == "stop")
+        client.tell({"kind": order.kind} | data, first=first)
 
     def acknowledge(self, taken: Any) -> None:
         """Tell tractors up to which state theirs are kept, now that these are."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Awaitable, Callable
 
 MOST = 500
 
@@ -20,7 +19,7 @@ class Outbox:
         self._newest: str | None = None
         self._most = most
         self._filled = asyncio.Event()
-        self.overflowed = False
+        self.overflowed = self.ended = False
         self.dropped_ticks = 0
 
     def __len__(self) -> int:
@@ -43,9 +42,14 @@ class Outbox:
         self._newest = text
         self._filled.set()
 
-    async def take(self) -> str:
-        """The next frame to be sent, as soon as there is one."""
-        while True:
+    def end(self) -> None:
+        """Nothing more is sent."""
+        self.ended = True
+        self._filled.set()
+
+    async def take(self) -> str | None:
+        """The next frame to be sent, as soon as there is one; None at the end."""
+        while not self.ended:
             if self._waiting:
                 return self._waiting.popleft()
             if self._newest is not None:
@@ -53,8 +57,4 @@ class Outbox:
                 return newest
             self._filled.clear()
             await self._filled.wait()
-
-    async def send_all(self, send: Callable[[str], Awaitable[None]]) -> None:
-        """Send whatever comes until the task is cancelled or the connection is gone."""
-        while True:
-            await send(await self.take())
+        return None
