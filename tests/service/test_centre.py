@@ -211,7 +211,7 @@ def test_one_driven_far_off_its_leg_does_not_go_on_by_itself() -> None:
     remote(fleet)
     says(fleet, 0, 4.5, 10.0, math.pi / 2)
     fleet.centre.leave("anna", 0, fleet.now)
-    with pytest.raises(CentreError, match="4.5 m off its leg"):
+    with pytest.raises(CentreError, match=r"4\.5 m off its leg"):
         fleet.centre.resume("bert", 0, fleet.now)
 
 

@@ -240,7 +240,8 @@ JUNK = st.one_of(
     st.text(max_size=40), st.binary(max_size=40),
     st.recursive(
         st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
-        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3), max_leaves=6,
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+        max_leaves=6,
     ).map(json.dumps),
     st.fixed_dictionaries(
         {}, optional={key: st.none() | st.floats() | st.text(max_size=4) for key in state(0) if key != "sequence"}

@@ -52,8 +52,10 @@ class Hub:
         self._keeping = asyncio.Lock()
 
     async def start(self) -> None:
-        """Take up stored fleets, and let time pass. Before that all that is compiled on first use is loaded, as nobody's
-        frames are to wait for it later."""
+        """Take up stored fleets, and let time pass.
+
+        Before that all that is compiled on first use is loaded, as nobody's frames are to wait for it later.
+        """
         await asyncio.to_thread(warm)
         self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._take_up())]
 
