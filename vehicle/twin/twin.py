@@ -239,6 +239,11 @@ class Twin:
         table = np.array(self._rows, dtype=np.float64).reshape(-1, len(COLUMNS))
         return {name: table[:, column].copy() for column, name in enumerate(COLUMNS)}
 
+    @property
+    def last_correction(self) -> tuple[float, float, float] | None:
+        """The last of the corrections: ahead and to the right (m) and in heading (rad); None before the first."""
+        return None if not self._rows else (self._rows[-1][2], self._rows[-1][3], self._rows[-1][4])
+
     def doubt(self) -> Doubt | None:
         """Whether, and since when, the corrections exceed what noise explains."""
         return self._test.doubt()
