@@ -29,7 +29,7 @@ from vehicle.engine import (
     call_step,
 )
 from vehicle.gnss import draw_error
-from vehicle.jit import compiled
+from vehicle.jit import compiled, unowned
 from vehicle.layout import REC_ANGLE, REC_LEG, REC_SPEED, REC_STATUS, REC_STEERING, REC_X, REC_Y
 from vehicle.steering import corrected_angle
 from vehicle.terms import affected_tangent, ground_drift
@@ -107,6 +107,9 @@ def run_loop(  # type: ignore[no-untyped-def]
     with NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows,
     and the closest pair.
     """
+    read, write, states, models, grounds = unowned(read), unowned(write), unowned(states), unowned(models), unowned(grounds)
+    tables, legs, gates, points = unowned(tables), unowned(legs), unowned(gates), unowned(points)
+    cumulative, record, clearances, errors = unowned(cumulative), unowned(record), unowned(clearances), unowned(position_errors)
     count = len(states)
     touchable = near.any()
     rows = 0
