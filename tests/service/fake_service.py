@@ -77,6 +77,7 @@ def _files(app: FastAPI, made: Made) -> None:
             assert not isinstance(sent, str)
             made.files[kind].append(str(sent.filename).rsplit(".", 1)[0])
             made.requests.append((kind, (await sent.read()).decode()))
+            await sent.close()
             return {"name": made.files[kind][-1]}
         body = await request.json()
         made.requests.append((kind, body))

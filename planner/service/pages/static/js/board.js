@@ -72,7 +72,11 @@ export function alarmList(lives, { fleetName = () => false } = {}) {
     put(list, all.map(({ live, alarm }) => alarmTile(live, alarm, fleetName())));
   };
   told();
-  return { node, told, count: () => lives().reduce((sum, live) => sum + live.alarms.filter((one) => !one.acknowledged).length, 0) };
+  const count = () => lives().reduce((sum, live) => sum + live.alarms.filter((one) => !one.acknowledged).length, 0);
+  const sign = button("", () => node.scrollIntoView({ block: "center" }), "sign", { hidden: true });
+  // How many are new, for the head of the page; it leads to them.
+  const counted = () => { sign.hidden = !count(); say(sign, plural(count(), "new alarm")); };
+  return { node, sign, told: () => { told(); counted(); } };
 }
 
 function alarmTile(live, alarm, fleetName) {
@@ -100,7 +104,7 @@ export function stopAll(lives) {
 
 /** What the service said last to this page, gone after a while. */
 export function refusals(live) {
-  const node = el("div");
+  const node = el("div", { class: "messages" });
   live.watch((kind) => {
     if (kind !== "refused" || !live.said) return;
     put(node, note(live.said, "error", button("Close", () => put(node), "small")));

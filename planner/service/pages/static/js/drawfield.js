@@ -25,7 +25,7 @@ export function fieldEditor(used) {
   const view = new MapView("Drawing of the field", { short: true });
   let rings = [[]], grabbed = null;
   const words = el("p", { class: "small", role: "status" }), trouble = el("div");
-  const name = el("input", { value: "myfield", maxlength: "40" }), x = el("input", { type: "number", step: "any", "aria-label": "Metres east" }), y = el("input", { type: "number", step: "any", "aria-label": "Metres north" });
+  const name = el("input", { value: "myfield", maxlength: "40" }), x = el("input", { type: "number", step: "any", "aria-label": "Metres east", placeholder: "metres east" }), y = el("input", { type: "number", step: "any", "aria-label": "Metres north", placeholder: "metres north" });
   const place = el("input", { placeholder: "12.345, 51.678", inputmode: "decimal" });
   const current = () => rings[rings.length - 1];
   const add = (point) => { current().push(point.map((one) => Math.round(one * ROUND) / ROUND)); told(); };
@@ -82,12 +82,14 @@ const gridStep = (view) => [1, 5, 10, 50, 100, 500].find((step) => step * view.s
 
 function grid(ctx, view) {
   const step = gridStep(view), [west, north] = view.place(0, 0), [east, south] = view.place(view.width, view.height);
-  ctx.strokeStyle = colours.rule;
+  ctx.strokeStyle = colours.line;
+  ctx.globalAlpha = 0.35;
   ctx.lineWidth = 1;
   ctx.beginPath();
   for (let at = Math.ceil(west / step) * step; at < east; at += step) { const [px] = view.at(at, 0); ctx.moveTo(px, 0); ctx.lineTo(px, view.height); }
   for (let at = Math.ceil(south / step) * step; at < north; at += step) { const [, py] = view.at(0, at); ctx.moveTo(0, py); ctx.lineTo(view.width, py); }
   ctx.stroke();
+  ctx.globalAlpha = 1;
   line(ctx, view, [[0, south], [0, north]], colours.line, 1);
   line(ctx, view, [[west, 0], [east, 0]], colours.line, 1);
 }

@@ -18,6 +18,7 @@ export class PlanMap {
   /** Show a plan as maps.json has it. */
   show(plan) {
     this.player?.close();
+    this.rows = null;
     this.plan = plan;
     this.parts = plan.lanes.map(stretches);
     this.player = new Player({ end: plan.end_s, moved: () => { this.view.redraw(); this.tell(); } });

@@ -32,13 +32,12 @@ export async function open(main, shell, [id]) {
   const obstacles = () => put(inWay, live.scene.marked.map((one) => el("li", { class: "tile" }, el("span", { class: "grow" }, one.name),
     button("It is gone", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
   const recording = button("Save recording", () => save(`fleets/${part(id)}/recording`, `${live.name}.zip`).catch((error) => put(said, note(error.message, "error"))));
-  put(main, heading(live.name, "", state, stop.node), said, proposal,
-    el("div", { class: "two" },
-      el("div", { class: "stack" },
-        el("div", { class: "panel flush" }, map.node, el("div", { class: "under" }, legend(), drawer.node)),
-        figures,
+  put(main, heading(live.name, "", state, alarms.sign, stop.node), said, proposal,
+    el("div", { class: "board rest-first" },
+      el("div", { class: "panel flush map-box" }, map.node, el("div", { class: "under" }, legend(), drawer.node)),
+      el("div", { class: "stack rest" }, figures,
         el("div", { class: "actions" }, start, pause, resume, recording, el("a", { class: "button", href: `#/replay/${part(id)}` }, "Replay"))),
-      el("div", { class: "stack" },
+      el("div", { class: "stack side" },
         el("section", {}, el("h2", {}, "Alarms"), alarms.node),
         el("section", {}, el("h2", {}, "Tractors"), tiles.node),
         el("details", { class: "panel" }, el("summary", {}, "A tractor fails, something is in the way"),
@@ -66,7 +65,7 @@ export async function open(main, shell, [id]) {
 }
 
 const eventWords = ({ time, who, what, data = {} }) =>
-  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`)].filter(Boolean).join(" \u00B7 ");
+  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).map(([key, value]) => `${key} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
 
 export const legend = () => el("ul", { class: "legend", "aria-label": "What is drawn" },
   el("li", {}, el("i", { class: "area", style: { "--colour": "var(--t0)" } }), "worked"),

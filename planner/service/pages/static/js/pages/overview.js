@@ -15,7 +15,7 @@ export async function open(main, shell) {
   if (!known.length) return empty(main);
   const lives = new Map(), active = () => [...lives.values()];
   const add = (one) => lives.has(one.id) || lives.set(one.id, begin(one));
-  const messages = el("div");
+  const messages = el("div", { class: "messages stack" });
   const begin = (one) => {
     const live = new FleetLive(one.id, one.name ?? one.id);
     messages.append(refusals(live));
@@ -31,11 +31,11 @@ export async function open(main, shell) {
     choice.hidden = names.size < 2;
     put(choice, [...names].map(([grid, name]) => button(name, () => { map.grid = grid; map.fit(); grids(); }, "small", { "aria-pressed": String(grid === map.grid) })));
   };
-  const alarmHead = el("h2", {}, "Alarms");
-  put(main, heading("Overview", "", stop.node), messages,
-    el("div", { class: "two" },
-      el("div", { class: "stack" }, el("div", { class: "panel flush" }, map.node, choice), el("section", {}, el("h2", {}, "Fleets"), fleets)),
-      el("div", { class: "stack" }, el("section", {}, alarmHead, alarms.node), el("section", {}, el("h2", {}, "Tractors"), tiles.node))));
+  put(main, heading("Overview", "", alarms.sign, stop.node), messages,
+    el("div", { class: "board" },
+      el("div", { class: "panel flush map-box" }, map.node, choice),
+      el("div", { class: "stack side" }, el("section", {}, el("h2", {}, "Alarms"), alarms.node), el("section", {}, el("h2", {}, "Tractors"), tiles.node)),
+      el("section", { class: "rest" }, el("h2", {}, "Fleets"), fleets)));
   main.classList.add("has-stop");
   known.filter((one) => !one.error && !OVER.has(stateOf(one))).forEach(add);
   if (!lives.size) known.slice(0, 1).forEach(add);
@@ -48,7 +48,6 @@ export async function open(main, shell) {
   const tell = () => {
     listed.forEach(row);
     tiles.told(); alarms.told(); stop.told();
-    say(alarmHead, alarms.count() ? `Alarms (${alarms.count()} new)` : "Alarms");
   };
   tell();
   const telling = setInterval(tell, TELL_MS);

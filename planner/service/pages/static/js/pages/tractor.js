@@ -29,17 +29,19 @@ export async function open(main, shell, [id, text]) {
   const figures = el("div"), badge = el("span", { class: "badge" }), remote = remotePanel(live, number), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
   const doubt = el("div"), twin = twinPanel(id, number, doubt, corrected);
   const pause = button("Pause", () => live.send({ kind: "pause", tractor: number })), resume = button("Resume", () => live.send({ kind: "resume", tractor: number }));
-  const head = heading(`Tractor ${number}`, "", badge, stop.node);
+  const head = heading(`Tractor ${number}`, "", badge, alarms.sign, stop.node);
   head.querySelector("h1").prepend(who(number), " ");
   put(main, el("p", { class: "small" }, el("a", { href: `#/fleet/${part(id)}` }, `\u2039 ${live.name}`)), head, said, doubt,
-    el("div", { class: "two" },
-      el("div", { class: "stack" },
+    el("div", { class: "board" },
+      el("div", { class: "stack map-box" },
         el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Keep it in the middle"), el("span", { class: "small soft" }, "dashed outline: its twin"))),
-        figures, el("section", {}, el("h2", {}, "Alarms"), alarms.node)),
-      el("div", { class: "stack" },
+        figures),
+      el("div", { class: "stack side" },
         el("section", { class: "panel" }, el("h2", {}, "Camera"), camera.node),
-        el("div", { class: "row" }, pause, resume), remote.node)),
-    el("section", { class: "panel" }, el("h2", {}, "Twin against real"), el("div", { class: "strips" }, charts.map((chart) => chart.node), corrected.node), twin.node));
+        el("div", { class: "row" }, pause, resume), remote.node),
+      el("div", { class: "stack rest" },
+        el("section", { class: "panel" }, el("h2", {}, "Twin against real"), el("div", { class: "strips" }, charts.map((chart) => chart.node), corrected.node), twin.node),
+        el("section", {}, el("h2", {}, "Alarms"), alarms.node))));
   main.classList.add("has-stop");
   const tell = () => {
     const fix = live.fixes.get(number) ?? {}, [words, look] = connectionOf(live, fix);
