@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planner.errors import ScenarioError
+from planner.errors import ScenarioError, named
 from planner.scenario import (
     KMH,
     Scenario,
@@ -101,5 +101,7 @@ class PlanRequest:
 def headland_order(first: bool, last: bool) -> str | None:
     """When the headland is to be worked, None where it was left open; refuses both at once."""
     if first and last:
-        raise ScenarioError("--headland-first and --headland-last exclude each other; leave out one of them.")
+        raise ScenarioError(
+            f"{named('headland_first')} and {named('headland_last')} exclude each other; leave out one of them."
+        )
     return "first" if first else "last" if last else None

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from planner.service.settings import MEGABYTE, Settings
 
 API = "/api/"
-UPLOADS = tuple(f"{API}v1/{kind}" for kind in ("fields", "tractors", "farms", "logs"))
+UPLOADS = tuple(f"{API}v1/{kind}" for kind in ("fields", "tractors", "farms", "logs", "fleets"))
 FORM_BYTES = 64 * 1024  # what a form may have round its file
 MOST_ADDRESSES = 10_000
 
@@ -57,8 +57,9 @@ class Limits:
             sentence = f"More than {self.settings.rate_per_minute} requests in a minute; ask again later."
             await _refused(429, sentence, {"retry-after": str(int(wait_s) + 1)})(scope, receive, send)
             return
-        most = self._most(scope["path"])
-        length = dict(scope["headers"]).get(b"content-length", b"0")
+        headers = dict(scope["headers"])
+        most = self._most(scope["path"]) if b"authorization" in headers else MEGABYTE
+        length = headers.get(b"content-length", b"0")
         if length.isdigit() and int(length) > most:
             await _refused(413, _too_large(most), {"connection": "close"})(scope, receive, send)
             return
@@ -85,7 +86,7 @@ def _counted(receive: Receive, most: int) -> Receive:
 
 
 def _too_large(most: int) -> str:
-    return f"The body is larger than the {most // MEGABYTE} MB that are taken; send less."
+    return f"The body is larger than the {most // MEGABYTE} MB that are taken here; send less (a token may send more)."
 
 
 def _refused(status: int, sentence: str, headers: dict[str, str]) -> JSONResponse:

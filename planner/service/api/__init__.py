@@ -6,6 +6,8 @@ app        all of it together
 answers    what answers look like, refusals among them
 refusals   errors as answers
 health     whether it runs
+files      fields, tractors, farms, logs
+jobs       plans, days, diagnoses
 events     who did what
 docs       the documentation page, which needs no internet
 """

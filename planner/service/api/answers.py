@@ -30,6 +30,53 @@ class Health(Answer):
     tokens_needed: bool
 
 
+class FileAnswer(Answer):
+    """A file by its name; a `sample` comes with Headland."""
+
+    kind: str
+    name: str
+    suffix: str
+    size: int
+    media: str
+    created: str | None
+    sample: bool = False
+
+
+class FileList(Answer):
+    """Files, those that come with Headland first."""
+
+    items: list[FileAnswer]
+
+
+class Progress(Answer):
+    """How far a job is: so many done of all, and what it is at in words."""
+
+    done: int
+    all: int
+    words: str
+
+
+class JobAnswer(Answer):
+    """A job; `error` says in one sentence why it failed, `results` are the names of its files."""
+
+    id: str
+    kind: str
+    name: str
+    status: Status
+    progress: Progress
+    error: str | None
+    created: str
+    finished: str | None
+    request: dict[str, Any]
+    results: list[str]
+
+
+class JobList(Answer):
+    """Jobs, the newest first."""
+
+    items: list[JobAnswer]
+
+
 class EventAnswer(Answer):
     """Who did what, and when (UTC)."""
 

@@ -7,11 +7,20 @@ from contextlib import asynccontextmanager
 
 from fastapi import APIRouter, FastAPI
 
+from planner.parameters import word_of
 from planner.service.access.headers import SecurityHeaders
 from planner.service.access.limits import Limits
-from planner.service.api import events, health
+from planner.service.api import docs, events, health
+from planner.service.api.files import KINDS as FILES
+from planner.service.api.files import files_router
 from planner.service.api.health import own_version
+from planner.service.api.jobs import KINDS as JOBS
+from planner.service.api.jobs import every_job, jobs_router
 from planner.service.api.refusals import add_refusals
+from planner.service.jobs.reading import Reader
+from planner.service.jobs.supervisor import Supervisor
+from planner.service.links import fleets, link
+from planner.service.links.hub import Hub
 from planner.service.settings import Settings
 from planner.service.store import Store
 
@@ -19,19 +28,27 @@ PREFIX = "/api/v1"
 ABOUT = "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The service; its store is open, and its workers run from its start to its end. Raises DatabaseError."""
+def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
+    """The service; its store is open, and its workers run from its start to its end.
+
+    Files are read in a process of their own, or with `inline` in this one. Raises DatabaseError.
+    """
     app = FastAPI(
         title="Headland", version=own_version(), description=ABOUT, lifespan=_life, docs_url=None, redoc_url=None,
         openapi_url=f"{PREFIX}/openapi.json", swagger_ui_oauth2_redirect_url=None,
     )  # fmt: skip
     app.state.settings = settings
-    app.state.store = Store(settings)
+    app.state.store = store = Store(settings)
+    app.state.hub = Hub(store)
+    app.state.supervisor = Supervisor(settings, store)
+    app.state.reader = Reader(settings, store, inline=inline)
     api = APIRouter(prefix=PREFIX)
-    for each in (health, events):
-        api.include_router(each.router)
+    parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, events.router, docs.router]
+    parts += [fleets.router, link.router]
+    for router in parts:
+        api.include_router(router)
     app.include_router(api)
-    add_refusals(app, lambda parameter: parameter)
+    add_refusals(app, word_of)
     app.add_middleware(Limits, settings=settings)
     app.add_middleware(SecurityHeaders)
     return app
@@ -39,7 +56,13 @@ def create_app(settings: Settings) -> FastAPI:
 
 @asynccontextmanager
 async def _life(app: FastAPI) -> AsyncIterator[None]:
+    await app.state.hub.start()
     try:
+        app.state.supervisor.start()
+        app.state.reader.warm()
         yield
     finally:
+        await app.state.hub.stop()
+        app.state.supervisor.stop()
+        app.state.reader.close()
         app.state.store.close()

@@ -40,10 +40,14 @@ class Gathering:
         except MissingError as error:
             raise ServiceError(str(error), parameter=parameter) from None
         place = f"{folder or kind}/{called or row.name + row.suffix}"
-        self.inputs[place] = row.sha256
-        if kind == "farm":
-            self._named_in(row.sha256, folder or kind, parameter, _tractors)
+        self.add(kind, place, row.sha256, parameter)
         return place
+
+    def add(self, kind: str, place: str, sha256: str, parameter: str) -> None:
+        """Add bytes at a place; a farm brings the tractor files that it names."""
+        self.inputs[place] = sha256
+        if kind == "farm":
+            self._named_in(sha256, place.partition("/")[0], parameter, _tractors)
 
     def field(self, name: str, parameter: str) -> str:
         """A sample as it is, or an uploaded field with what stands behind its "#"."""
@@ -70,8 +74,8 @@ class Gathering:
             return
         for kind, name in names(values):
             if f"{folder}/{name}" == DAY_FILE:
-                raise ServiceError(f"The day names a {kind} {name!r}, as the day itself is called; upload it anew under "
-                                   "another name.", parameter=parameter)
+                sentence = f"A {kind} of the day is called {name!r} as the day is; upload it under another name."
+                raise ServiceError(sentence, parameter=parameter)
             self.file(kind, name, parameter, folder, name)
 
 

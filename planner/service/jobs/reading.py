@@ -15,7 +15,7 @@ from planner.pool import LocalPool, SerialExecutor
 from planner.service.errors import ServiceError
 from planner.service.jobs.asking import CHECKS
 from planner.service.jobs.inputs import lay
-from planner.service.jobs.summaries import SUMMARIES
+from planner.service.jobs.summaries import SUMMARIES, UPLOADS
 from planner.service.jobs.worker import WORK
 from planner.service.settings import Settings
 from planner.service.store import Store
@@ -47,6 +47,10 @@ class Reader:
     def check(self, kind: str, values: Mapping[str, Any], inputs: Mapping[str, str]) -> None:
         """Raise HeadlandError for a request that cannot be asked."""
         self._in_folder(inputs, CHECKS[kind], dict(values))
+
+    def upload(self, kind: str, place: str, inputs: Mapping[str, str]) -> None:
+        """Raise HeadlandError for a file that is not one of its kind."""
+        self._in_folder(inputs, UPLOADS[kind], place)
 
     def summary(self, kind: str, place: str, inputs: Mapping[str, str], **more: Any) -> dict[str, Any]:
         """What the reader of a kind makes of a file at its place, or of a sample; raises HeadlandError."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,13 @@ def field_summary(place: str, key: str | None = None, local: bool = False) -> di
             raise
         found["error"] = str(refusal)
     return found
+
+
+def field_upload(place: str) -> dict[str, Any]:
+    """How many fields a file holds; raises FieldError for one that holds none."""
+    from fields.read import list_fields
+
+    return {"fields": len(list_fields(place))}
 
 
 def _field(field: Field) -> dict[str, Any]:
@@ -90,8 +98,8 @@ def log_summary(place: str) -> dict[str, Any]:
     from vehicle.measured.logs.reading import read_log, remarks
     from vehicle.measured.logs.table import columns_of, read_frame
 
-    frame = read_frame(place)
-    columns_of(frame, place)
+    frame = read_frame(Path(place))
+    columns_of(frame, Path(place).stem)
     found: dict[str, Any] = {
         "rows": len(frame), "columns": [str(name) for name in frame.columns], "seconds": None, "remarks": [],
         "error": None,
@@ -100,7 +108,7 @@ def log_summary(place: str) -> dict[str, Any]:
         log = read_log(place)
     except HeadlandError as refusal:
         return found | {"error": refusal.spoken(word_of)}
-    return found | {"seconds": round(float(log.time_s[-1] - log.time_s[0]), 3), "remarks": list(remarks([log]))}
+    return found | {"seconds": round(float(log.time_s[-1] - log.time_s[0]), 3), "remarks": remarks(log)}
 
 
 SUMMARIES: dict[str, Callable[..., dict[str, Any]]] = {
@@ -110,3 +118,5 @@ SUMMARIES: dict[str, Callable[..., dict[str, Any]]] = {
     "log": log_summary,
 }
 """How a file of each kind is summed up."""
+UPLOADS = {**SUMMARIES, "field": field_upload}
+"""What a file must stand before it is kept; whether a field holds degrees or metres is said later."""

@@ -65,7 +65,7 @@ def _done(store: Store, job: Job, held: Held) -> tuple[Sequence[Made], str | Non
     settings = store.settings
     try:
         with _folder(store, job):
-            work = Work(job.request, settings.processes, held.told, str(settings.data.resolve() / CACHE))
+            work = Work(job.work, settings.processes, held.told, str(settings.data.resolve() / CACHE))
             return kind_of(job.kind, settings)(work), None
     except HeadlandError as refusal:
         return (), refusal.spoken(word_of)

@@ -30,6 +30,11 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds").removesuffix("+00:00") + "Z"
 
 
+def is_text(text: str) -> bool:
+    """Whether every database can hold a text: PostgreSQL has none with a NUL, and none can write half a character."""
+    return not any(one == "\0" or "\ud800" <= one <= "\udfff" for one in text)
+
+
 def checked_name(name: str, what: str = "name") -> str:
     """A name for something in the store, in one form of Unicode.
 

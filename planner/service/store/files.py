@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 
 from planner.service.errors import MissingError, ServiceError, TakenError
-from planner.service.store.base import Part, checked_name, now
+from planner.service.store.base import Part, checked_name, is_text, now
 from planner.service.store.models import File
 
 SUFFIXES = {
@@ -55,8 +55,9 @@ class Files(Part):
 
     def file(self, kind: str, name: str) -> File:
         """The file of a kind and name; raises MissingError."""
+        wanted = sa.select(File).where(File.kind == kind, File.name == name)
         with self.database.reads() as session:
-            row = session.scalar(sa.select(File).where(File.kind == kind, File.name == name))
+            row = session.scalar(wanted) if is_text(name) else None
         if row is None:
             raise MissingError(f"There is no {kind} {name!r}; the list shows all.", parameter=kind)
         return row
@@ -68,7 +69,6 @@ class Files(Part):
 
     def delete_file(self, kind: str, name: str) -> None:
         """Take a file off the list; jobs that were asked for with it still have it. Raises MissingError."""
+        there = self.file(kind, name)
         with self.database.writes() as session:
-            done = session.execute(sa.delete(File).where(File.kind == kind, File.name == name))
-            if not done.rowcount:  # type: ignore[attr-defined]
-                raise MissingError(f"There is no {kind} {name!r}; the list shows all.", parameter=kind)
+            session.execute(sa.delete(File).where(File.id == there.id))

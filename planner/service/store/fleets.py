@@ -10,7 +10,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from planner.service.errors import MissingError
-from planner.service.store.base import Part, checked_name, now
+from planner.service.store.base import Part, checked_name, is_text, now
 from planner.service.store.models import Event, Fleet, Recording
 
 MOST_EVENTS = 1000
@@ -38,7 +38,7 @@ class Fleets(Part):
     def fleet(self, id: str) -> Fleet:
         """One fleet; raises MissingError."""
         with self.database.reads() as session:
-            row = session.get(Fleet, id)
+            row = session.get(Fleet, id) if is_text(id) else None
         if row is None:
             raise MissingError(f"There is no fleet {id!r}; the list shows all.", parameter="id")
         return row
@@ -80,6 +80,8 @@ class Fleets(Part):
     def events(self, since: int = 0, fleet: str | None = None, most: int = MOST_EVENTS) -> list[Event]:
         """Events after a number, the oldest first: of one fleet or of all, the first so many."""
         wanted = sa.select(Event).where(Event.id > since)
+        if fleet is not None and not is_text(fleet):
+            return []
         if fleet is not None:
             wanted = wanted.where(Event.fleet == fleet)
         with self.database.reads() as session:

@@ -10,7 +10,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from planner.service.errors import BusyError, MissingError, TakenError
-from planner.service.store.base import Part, checked_name, now
+from planner.service.store.base import Part, checked_name, is_text, now
 from planner.service.store.models import Job, Result
 
 QUEUED, RUNNING, DONE, FAILED, CANCELLED = "queued", "running", "done", "failed", "cancelled"
@@ -26,12 +26,21 @@ class Jobs(Part):
     """The jobs."""
 
     def add_job(
-        self, kind: str, name: str, request: Mapping[str, Any], inputs: Mapping[str, str] | None = None
+        self,
+        kind: str,
+        name: str,
+        request: Mapping[str, Any],
+        inputs: Mapping[str, str] | None = None,
+        work: Mapping[str, Any] | None = None,
     ) -> Job:
-        """Put work in the queue; raises BusyError where too much waits."""
+        """Put work in the queue, what was asked for and (where it differs) as it is worked on.
+
+        Raises BusyError where too much waits.
+        """
         row = Job(
             id=secrets.token_hex(6), kind=kind, name=checked_name(name), status=QUEUED, request=dict(request),
-            inputs=dict(inputs or {}), created=now(), results=[],
+            work=dict(request if work is None else work), inputs=dict(inputs or {}), created=now(), done=0, all=0,
+            words="", tries=0, results=[],
         )  # fmt: skip
         with self.database.writes() as session:
             waiting = session.scalar(sa.select(sa.func.count()).where(Job.status == QUEUED)) or 0
@@ -43,7 +52,7 @@ class Jobs(Part):
     def job(self, id: str, kind: str | None = None) -> Job:
         """One job; raises MissingError."""
         with self.database.reads() as session:
-            row = session.scalar(sa.select(Job).where(Job.id == id, *_of(kind)))
+            row = session.scalar(sa.select(Job).where(Job.id == id, *_of(kind))) if is_text(id) else None
         if row is None:
             raise MissingError(f"There is no {kind or 'job'} {id!r}; the list shows all.", parameter="id")
         return row
@@ -63,7 +72,8 @@ class Jobs(Part):
 
     def cancel_job(self, id: str, kind: str | None = None) -> Job:
         """End a job that is not done; its worker stops within a moment. Raises MissingError, TakenError."""
-        ended = sa.update(Job).where(Job.id == id, Job.status.in_(OPEN), *_of(kind))
+        there = self.job(id, kind)
+        ended = sa.update(Job).where(Job.number == there.number, Job.status.in_(OPEN))
         with self.database.writes() as session:
             done = session.execute(ended.values(status=CANCELLED, finished=now(), worker=None, lease=None))
         row = self.job(id, kind)

@@ -56,8 +56,9 @@ class File(Base):
 class Job(Base):
     """Work that takes a while: queued, running, done, failed or cancelled.
 
-    `inputs` are the files it reads, as they were when it was asked for: name in its folder, to SHA-256. While it runs
-    `worker` is who does it, until `lease`; `tries` counts how often it was begun.
+    `request` is what was asked for, `work` the same as it is worked on, and `inputs` are the files it reads, as they
+    were when it was asked for: place in its folder, to SHA-256. While it runs `worker` is who does it, until `lease`;
+    `tries` counts how often it was begun.
     """
 
     __tablename__ = "jobs"
@@ -68,6 +69,7 @@ class Job(Base):
     name: Mapped[str] = mapped_column(NAME)
     status: Mapped[str] = mapped_column(String(16))
     request: Mapped[dict[str, Any]] = mapped_column(JSON)
+    work: Mapped[dict[str, Any]] = mapped_column(JSON)
     inputs: Mapped[dict[str, str]] = mapped_column(JSON)
     done: Mapped[int] = mapped_column(Integer, default=0)
     all: Mapped[int] = mapped_column(Integer, default=0)

@@ -58,6 +58,7 @@ def _jobs() -> None:
         sa.Column("name", NAME, nullable=False),
         sa.Column("status", KIND, nullable=False),
         sa.Column("request", sa.JSON(), nullable=False),
+        sa.Column("work", sa.JSON(), nullable=False),
         sa.Column("inputs", sa.JSON(), nullable=False),
         sa.Column("done", sa.Integer(), nullable=False),
         sa.Column("all", sa.Integer(), nullable=False),
