@@ -75,35 +75,73 @@ def maps() -> dict[str, Any]:
         if leg["implement"]
     ]
     ground = {
-        "width_m": WIDTH_M, "boundary_m": RING, "holes_m": [], "obstacles_m": [POND], "fences_m": [RING[:2]],
-        "entrance_m": [0.0, 0.0], "missed_m": [[[110.0, 50.0], [120.0, 50.0], [121.0, 57.0], [111.0, 57.0]]],
-        "tracks": tracks, "rounds": [],
-    }  # fmt: skip
+        "width_m": WIDTH_M,
+        "boundary_m": RING,
+        "holes_m": [],
+        "obstacles_m": [POND],
+        "fences_m": [RING[:2]],
+        "entrance_m": [0.0, 0.0],
+        "missed_m": [[[110.0, 50.0], [120.0, 50.0], [121.0, 57.0], [111.0, 57.0]]],
+        "tracks": tracks,
+        "rounds": [],
+    }
     return {
         "field": "north field",
         "begin": None,
         "plans": [
-            {"strategy": "split-field", "tractors": count, "title": f"split-field, {count} tractors",
-             "end_s": max(lane["time_s"][-1] for lane in lanes[:count]), "lanes": lanes[:count], **ground}
+            {
+                "strategy": "split-field",
+                "tractors": count,
+                "title": f"split-field, {count} tractors",
+                "end_s": max(lane["time_s"][-1] for lane in lanes[:count]),
+                "lanes": lanes[:count],
+                **ground,
+            }
             for count in (3, 2)
         ],
-    }  # fmt: skip
+    }
 
 
 def result() -> dict[str, Any]:
     """What result.json of a plan holds, as far as a page reads it."""
     rows = [("split-field", 3, 470.0), ("split-field", 2, 655.0), ("interleaved", 3, 690.0)]
     plans: list[dict[str, Any]] = [
-        {"rank": rank, "strategy": name, "tractors": count, "turn": "u", "time_s": time_s, "finished_s": time_s + 9.0,
-         "cost": count * time_s / 90.0, "feasible": True, "worked_pct": 98.2, "missed_m2": 71.4, "turning_s": 96.0,
-         "waiting_s": 15.0 * count, "min_clearance_m": 1.9, "meets_deadline": None, "finish_probability": 0.93,
-         "p80_s": time_s * 1.1, "expected_cost": count * time_s / 80.0, "remark": None, "reason": None}
+        {
+            "rank": rank,
+            "strategy": name,
+            "tractors": count,
+            "turn": "u",
+            "time_s": time_s,
+            "finished_s": time_s + 9.0,
+            "cost": count * time_s / 90.0,
+            "feasible": True,
+            "worked_pct": 98.2,
+            "missed_m2": 71.4,
+            "turning_s": 96.0,
+            "waiting_s": 15.0 * count,
+            "min_clearance_m": 1.9,
+            "meets_deadline": None,
+            "finish_probability": 0.93,
+            "p80_s": time_s * 1.1,
+            "expected_cost": count * time_s / 80.0,
+            "remark": None,
+            "reason": None,
+        }
         for rank, (name, count, time_s) in enumerate(rows, start=1)
-    ]  # fmt: skip
-    refused = {"rank": None, "strategy": "row-by-row", "tractors": 3, "feasible": False,
-               "reason": "Three tractors abreast have no room to turn on a headland of 9 m."}  # fmt: skip
-    return {"field": {"name": "north field", "area_ha": 0.72}, "plans": [*plans, refused], "best": plans[0],
-            "advice": "Three tractors with split-field are done in 0:07:50; one fewer takes 3 min more."}  # fmt: skip
+    ]
+    refused = {
+        "rank": None,
+        "strategy": "row-by-row",
+        "tractors": 3,
+        "feasible": False,
+        "reason": "Three tractors abreast have no room to turn on a headland of 9 m.",
+    }
+    return {
+        "field": {"name": "north field", "area_ha": 0.72},
+        "plans": [*plans, refused],
+        "best": plans[0],
+        "advice": "Three tractors with split-field are done in 0:07:50; one fewer takes 3 min more.",
+    }
 
 
 def recording() -> bytes:
@@ -114,7 +152,9 @@ def recording() -> bytes:
             lane, rows = lane_of(number), ["time_s,easting_m,northing_m,heading_deg,speed_mps,steering_command_deg"]
             for second in range(0, int(lane["time_s"][-1]), 2):
                 x, y, heading = place(lane, second)
-                rows.append(f"{second},{EAST + x:.3f},{NORTH + y:.3f},{heading:.2f},{SPEED_MPS},{4 * math.sin(second):.2f}")
+                rows.append(
+                    f"{second},{EAST + x:.3f},{NORTH + y:.3f},{heading:.2f},{SPEED_MPS},{4 * math.sin(second):.2f}"
+                )
             archive.writestr(f"tractor-{number}.csv", "\n".join(rows) + "\n")
     return packed.getvalue()
 
@@ -126,11 +166,22 @@ def scene() -> dict[str, Any]:
         return [[x + EAST, y + NORTH] for x, y in points]
 
     return {
-        "kind": "scene", "version": 1, "crs": "EPSG:32654", "origin_m": [EAST, NORTH], "field": [shifted(RING)],
-        "field_obstacles": [shifted(POND)], "fence": [shifted(RING)], "width_m": WIDTH_M, "deadline_s": None,
+        "kind": "scene",
+        "version": 1,
+        "crs": "EPSG:32654",
+        "origin_m": [EAST, NORTH],
+        "field": [shifted(RING)],
+        "field_obstacles": [shifted(POND)],
+        "fence": [shifted(RING)],
+        "width_m": WIDTH_M,
+        "deadline_s": None,
         "obstacles": [{"id": 4, "name": "bale", "polygon_m": shifted([[30.0, 40.0], [33.0, 40.0], [32.0, 43.0]])}],
         "tractors": [
-            {"tractor": number, "max_steering_deg": 28.0, "legs": [{**leg, "points_m": shifted(leg["points_m"])} for leg in legs_of(number)]}
+            {
+                "tractor": number,
+                "max_steering_deg": 28.0,
+                "legs": [{**leg, "points_m": shifted(leg["points_m"])} for leg in legs_of(number)],
+            }
             for number in range(1, COUNT + 1)
         ],
-    }  # fmt: skip
+    }

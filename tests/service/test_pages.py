@@ -24,10 +24,18 @@ pytestmark = pytest.mark.skipif(
 )
 WIDE, NARROW = {"width": 1280, "height": 860}, {"width": 390, "height": 844}
 PAGES = {
-    "/": "text=waits for tractor 1", "/fleet/f1": "text=To the deadline", "/fleet/f1/tractor/2": "text=larger than noise",
-    "/plan": "text=Earlier plans", "/plan/old": "text=Plans, best first", "/day": "text=Earlier days", "/day/old": "iframe",
-    "/diagnose": "text=Earlier diagnoses", "/diagnose/old": "iframe", "/replay/f1": ".player", "/access": "text=needed to control",
-}  # fmt: skip
+    "/": "text=waits for tractor 1",
+    "/fleet/f1": "text=To the deadline",
+    "/fleet/f1/tractor/2": "text=larger than noise",
+    "/plan": "text=Earlier plans",
+    "/plan/old": "text=Plans, best first",
+    "/day": "text=Earlier days",
+    "/day/old": "iframe",
+    "/diagnose": "text=Earlier diagnoses",
+    "/diagnose/old": "iframe",
+    "/replay/f1": ".player",
+    "/access": "text=needed to control",
+}
 """What each page has when it is whole."""
 
 
@@ -119,9 +127,14 @@ def test_a_page_fits_both_widths_and_is_dark_and_light(watched: Watched, path: s
     if page.locator("canvas").count():
         page.wait_for_function("() => document.querySelector('canvas').width > 0")
         assert painted(page) > 3
-    assert page.evaluate("[...document.querySelectorAll('button, input, select, textarea')].filter((one) =>"
-                         " !one.labels?.length && !one.getAttribute('aria-label') && !one.textContent.trim()).length") == 0  # fmt: skip
-    assert "1" != page.title() and page.evaluate("document.images.length") <= 1, "text of data is no markup"
+    assert (
+        page.evaluate(
+            "[...document.querySelectorAll('button, input, select, textarea')].filter((one) =>"
+            " !one.labels?.length && !one.getAttribute('aria-label') && !one.textContent.trim()).length"
+        )
+        == 0
+    )
+    assert page.title() != "1" and page.evaluate("document.images.length") <= 1, "text of data is no markup"
     page.set_viewport_size(WIDE)
     page.emulate_media(color_scheme="light")
     watched.well()
@@ -141,7 +154,9 @@ def test_every_tab_is_reached_by_keys_with_a_visible_focus(watched: Watched) -> 
     assert {"overview", "plan", "day", "diagnose", "replay", "access", "theme"} <= seen
     page.focus("[data-tab=plan]")
     page.keyboard.press("Enter")
-    page.wait_for_function("() => document.activeElement.tagName === 'H1' && document.activeElement.textContent.includes('Plan')")
+    page.wait_for_function(
+        "() => document.activeElement.tagName === 'H1' && document.activeElement.textContent.includes('Plan')"
+    )
     page.focus("#theme")
     page.keyboard.press("Enter")
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
@@ -162,8 +177,13 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
     page.select_option("select[aria-label='Tractor that failed']", "3")
     page.click("text=Plan without it")
     page.click("text=Accept")
-    wanted = [{"kind": "acknowledge", "alarm": 1}, {"kind": "stop_all"}, {"kind": "fail", "tractor": 3},
-              {"kind": "replan", "without": [3]}, {"kind": "accept", "proposal": 7}]  # fmt: skip
+    wanted = [
+        {"kind": "acknowledge", "alarm": 1},
+        {"kind": "stop_all"},
+        {"kind": "fail", "tractor": 3},
+        {"kind": "replan", "without": [3]},
+        {"kind": "accept", "proposal": 7},
+    ]
     page.wait_for_timeout(100)
     assert made.frames == wanted
     made.frames.clear()
@@ -244,8 +264,14 @@ def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: Watched, servi
     made.polls = 0
     page.click("text=Run the plan")
     page.wait_for_selector("text=Simulating plans")
-    asked = {"field": NASTY, "width": 3.5, "before": "17:00", "tractors": "1-3", "strategies": "split-field,interleaved",
-             "tractor": "eg105"}  # fmt: skip
+    asked = {
+        "field": NASTY,
+        "width": 3.5,
+        "before": "17:00",
+        "tractors": "1-3",
+        "strategies": "split-field,interleaved",
+        "tractor": "eg105",
+    }
     assert made.requests == [("plans", asked)]
     page.wait_for_selector("text=Plans, best first")
     watched.said.clear()  # the refusal above is a failed request, which a browser tells of
@@ -319,12 +345,20 @@ def told_by(page: Page, expression: str) -> Any:
 
 def test_modules_by_their_closed_forms(watched: Watched) -> None:
     page = watched.open("/access")
-    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.number(null)]") == ["1:02:03", "45\xa0s", "10.0\xa0%", "–"]
+    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.number(null)]") == [
+        "1:02:03",
+        "45\xa0s",
+        "10.0\xa0%",
+        "\u2013",
+    ]
     assert told_by(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
     lane = "{ time_s: [0, 10, 20], points_m: [[0, 0], [10, 0], [10, -5]], status: [1, 4] }"
     there = told_by(page, f"[m.poseAt({lane}, 5), m.poseAt({lane}, 15)]")
     assert [there[0]["x"], there[0]["heading"]] == [5, 90]
     assert there[1]["y"] == -2.5 and there[1]["heading"] % 360 == 0, "backwards to the south it looks north"
-    seen = told_by(page, """(() => { const one = new m.Camera("c"); one.aim({ x: 0, y: 0, heading: 90 }, 600, 400);
-      return [one.pixel(one.see(20, 0, 0)), one.pixel(one.see(20, -3, 0)), one.pixel(one.see(40, 0, 0))]; })()""")
+    seen = told_by(
+        page,
+        """(() => { const one = new m.Camera("c"); one.aim({ x: 0, y: 0, heading: 90 }, 600, 400);
+      return [one.pixel(one.see(20, 0, 0)), one.pixel(one.see(20, -3, 0)), one.pixel(one.see(40, 0, 0))]; })()""",
+    )
     assert seen[0][0] == pytest.approx(300) and seen[1][0] > 300 and seen[2][1] < seen[0][1], "ahead, right, farther"
