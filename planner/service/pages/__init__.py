@@ -1,4 +1,4 @@
-"""The pages of the service: static files and how they are served; they use the REST and the link that any client does.
+"""The pages of the service: static files and how they are served; they use REST and link as any client does.
 
     mount               the page at / and its parts under /static
     static/js           one module for each thing: link (WebSocket), api (HTTP), map, layers, coverage, charts, camera,
