@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from planner.commands.backup import backup
 from planner.commands.day import day
 from planner.commands.design import design
 from planner.commands.diagnose import diagnose
@@ -29,7 +30,9 @@ from planner.commands.gnss import gnss
 from planner.commands.plan import plan
 from planner.commands.replay import replay
 from planner.commands.saved import show
+from planner.commands.serve import serve
 from planner.commands.study import study
+from planner.commands.token import token
 from planner.commands.tractor import tractor
 from planner.commands.validate import validate
 from planner.interrupts import heard, was_interrupt
@@ -86,10 +89,13 @@ app.command()(replay)
 app.command()(validate)
 app.command()(drive)
 app.command()(design)
+app.command()(serve)
+app.command()(backup)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")
 app.add_typer(day, name="day")
+app.add_typer(token, name="token")
 
 
 def main() -> None:

@@ -6,6 +6,7 @@
 guard     who asks, by token or from this machine; what they may
 origin    pages of other sites are not listened to
 limits    requests a minute and bytes of a body
+views     results that may be looked at once without a token
 headers   what every answer tells a browser to refuse
 """
 

@@ -77,6 +77,12 @@ class JobList(Answer):
     items: list[JobAnswer]
 
 
+class ViewAnswer(Answer):
+    """Where a result is shown once, below /api/v1."""
+
+    path: str
+
+
 class EventAnswer(Answer):
     """Who did what, and when (UTC)."""
 

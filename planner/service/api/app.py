@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -10,12 +11,13 @@ from fastapi import APIRouter, FastAPI
 from planner.parameters import word_of
 from planner.service.access.headers import SecurityHeaders
 from planner.service.access.limits import Limits
+from planner.service.access.views import Views
 from planner.service.api import docs, events, health
 from planner.service.api.files import KINDS as FILES
 from planner.service.api.files import files_router
 from planner.service.api.health import own_version
 from planner.service.api.jobs import KINDS as JOBS
-from planner.service.api.jobs import every_job, jobs_router
+from planner.service.api.jobs import every_job, jobs_router, views
 from planner.service.api.refusals import add_refusals
 from planner.service.jobs.reading import Reader
 from planner.service.jobs.supervisor import Supervisor
@@ -24,6 +26,7 @@ from planner.service.links.hub import Hub
 from planner.service.pages import mount
 from planner.service.settings import Settings
 from planner.service.store import Store
+from planner.service.store.backup import sweep
 
 PREFIX = "/api/v1"
 ABOUT = "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
@@ -42,10 +45,11 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     app.state.store = store = Store(settings)
     app.state.hub = Hub(store)
     app.state.supervisor = Supervisor(settings, store)
+    app.state.views = Views()
     app.state.reader = Reader(settings, store, inline=inline)
     api = APIRouter(prefix=PREFIX)
-    parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, events.router, docs.router]
-    parts += [fleets.router, link.router]
+    parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, views]
+    parts += [events.router, docs.router, fleets.router, link.router]
     for router in parts:
         api.include_router(router)
     app.include_router(api)
@@ -60,11 +64,12 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
 async def _life(app: FastAPI) -> AsyncIterator[None]:
     await app.state.hub.start()
     try:
+        await asyncio.to_thread(sweep, app.state.store)
         app.state.supervisor.start()
         app.state.reader.warm()
         yield
     finally:
         await app.state.hub.stop()
-        app.state.supervisor.stop()
+        await asyncio.to_thread(app.state.supervisor.stop)
         app.state.reader.close()
         app.state.store.close()

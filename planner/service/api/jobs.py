@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Request, Response
 
 from planner.service.access import Who, needs
 from planner.service.access.headers import REPORT_POLICY
-from planner.service.api.answers import JobAnswer, JobList, refusals
+from planner.service.api.answers import JobAnswer, JobList, ViewAnswer, refusals
 from planner.service.api.files import download
 from planner.service.jobs.inputs import gathered
 from planner.service.jobs.reading import Reader
@@ -15,7 +15,7 @@ from planner.service.jobs.requests import MODELS, DayRequest, DiagnosisRequest, 
 from planner.service.jobs.requests import Request as Asked
 from planner.service.store import Store
 from planner.service.store.base import MOST_NAME
-from planner.service.store.models import Job
+from planner.service.store.models import Job, Result
 
 KINDS = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
 MEDIA = ("application/json", "application/toml", "image/png", "text/csv", "text/html")
@@ -30,6 +30,30 @@ every_job = APIRouter(tags=["jobs"])
 def all_jobs(request: Request, _who: Reads) -> JobList:
     """Jobs of all kinds, the newest first, at most 500."""
     return JobList(items=[answer_of(row) for row in request.app.state.store.jobs()])
+
+
+views = APIRouter(tags=["jobs"])
+
+
+@views.get(
+    "/views/{view}",
+    response_class=Response,
+    responses=refusals(404, 422) | {200: {"content": {each: {} for each in MEDIA}, "description": "The file"}},
+    operation_id="show_view",
+)
+def view(request: Request, view: str) -> Response:
+    """The file of a view, once."""
+    return shown(request.app.state.store, request.app.state.views.take(view))
+
+
+def shown(store: Store, row: Result) -> Response:
+    """A result as a file, or as a page that may do nothing but show itself."""
+    answer = download(store.blobs.get(row.sha256), row.media, row.name)
+    if row.media.split(";")[0] in SHOWN:
+        answer.headers["content-disposition"] = "inline"
+        answer.headers["content-security-policy"] = REPORT_POLICY
+        answer.headers["x-frame-options"] = "SAMEORIGIN"
+    return answer
 
 
 def jobs_router(path: str) -> APIRouter:
@@ -94,13 +118,15 @@ def _add_reading(router: APIRouter, kind: str) -> None:
     def result(request: Request, _who: Reads, id: str, name: str) -> Response:
         """One file that the job made: result.json and others that it names."""
         store: Store = request.app.state.store
-        row = store.result(id, name, kind)
-        answer = download(store.blobs.get(row.sha256), row.media, row.name)
-        if row.media.split(";")[0] in SHOWN:
-            answer.headers["content-disposition"] = "inline"
-            answer.headers["content-security-policy"] = REPORT_POLICY
-            answer.headers["x-frame-options"] = "SAMEORIGIN"
-        return answer
+        return shown(store, store.result(id, name, kind))
+
+    @router.post(
+        "/{id}/results/{name}/view", responses=refusals(401, 403, 404, 422), operation_id=f"view_{kind}_result"
+    )
+    def viewed(request: Request, _who: Reads, id: str, name: str) -> ViewAnswer:
+        """An address at which the file is shown once within a minute without a token, as in a frame of a page."""
+        row = request.app.state.store.result(id, name, kind)
+        return ViewAnswer(path=f"views/{request.app.state.views.add(row)}")
 
 
 def _add_ending(router: APIRouter, kind: str) -> None:

@@ -86,5 +86,7 @@ def _first(faults: Any) -> tuple[str, str | None]:
     words = " ".join(str(fault["msg"]).split()).rstrip(".")
     if fault["type"] == "json_invalid":
         return f"The body is not JSON: {words}.", None
+    if fault["type"] == "extra_forbidden":
+        return f"{name} is unknown; /api/v1/docs shows what there is.", name
     where = name or str(fault["loc"][0])
     return f"{where} cannot be used: {words[:1].lower()}{words[1:]}.", name

@@ -8,7 +8,7 @@ blobs      bytes of files and results in the folder
 base       what the parts share; names that may be used
 tokens, files, jobs, fleets  the parts of the store
 whole      all of them
-backup     a copy of all while the service runs
+backup     a copy of all while the service runs; bytes that nobody names swept away
 """
 
 from planner.service.store.whole import Store

@@ -42,6 +42,10 @@ class Blobs:
         except OSError:
             raise MissingError(f"The bytes {sha256[:12]} are gone from the folder of the service.") from None
 
+    def all(self) -> list[Path]:
+        """Every file below the folder, drafts of broken writes among them."""
+        return [path for path in self._folder.rglob("*") if path.is_file()]
+
     def path(self, sha256: str) -> Path:
         """Where the bytes of a SHA-256 are."""
         if not re.fullmatch(r"[0-9a-f]{64}", sha256):

@@ -19,7 +19,11 @@ class Store(Tokens, Files, Jobs, Fleets):
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
-        migrate(self.database.engine)
+        try:
+            migrate(self.database.engine)
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Let go of the database."""

@@ -1,0 +1,30 @@
+"""`headland backup`: all that a service has in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planner.commands.serve import Data, DatabaseOption, settings_of
+
+
+def backup(
+    file: Annotated[Path, typer.Argument(help="The file to write, such as farm.zip.")],
+    data: Data = None,
+    database: DatabaseOption = "",
+    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+) -> None:
+    """Write all that the service has into one file, while it runs or not; unpacked it is a folder for --data.
+
+    Example: headland backup farm.zip
+    """
+    from planner.commands.outputs import check_outputs, spare
+    from planner.service.store import Store
+    from planner.service.store.backup import back_up
+
+    check_outputs((file, ".zip"))
+    spare(file, force)
+    count = back_up(Store(settings_of(data, database)), file)
+    typer.echo(f"{file} holds the database and {count} files; unpacked into an empty folder it is one for --data.")
