@@ -21,6 +21,7 @@ from typer.core import TyperGroup
 
 from planner.commands.backup import backup
 from planner.commands.day import day
+from planner.commands.demo import demo
 from planner.commands.design import design
 from planner.commands.diagnose import diagnose
 from planner.commands.drive import drive
@@ -29,6 +30,7 @@ from planner.commands.field import field
 from planner.commands.gnss import gnss
 from planner.commands.plan import plan
 from planner.commands.replay import replay
+from planner.commands.robot import robot
 from planner.commands.saved import show
 from planner.commands.serve import serve
 from planner.commands.study import study
@@ -90,12 +92,14 @@ app.command()(validate)
 app.command()(drive)
 app.command()(design)
 app.command()(serve)
+app.command()(robot)
 app.command()(backup)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")
 app.add_typer(day, name="day")
 app.add_typer(token, name="token")
+app.add_typer(demo, name="demo")
 
 
 def main() -> None:

@@ -67,7 +67,7 @@ def _tuple(value: Any) -> Any:
 
 def driven_again(saved: SavedPlan, scenario: Scenario) -> Run:
     """The run of a saved plan by the tractor, the implement and the errors of position of its scenario."""
-    tractor, implement = _machines(saved, scenario)
+    tractor, implement = machines_with(saved, scenario)
     return World(saved.plan, tractor, implement, position_errors=gnss_errors(scenario), seed=scenario.seed).run()
 
 
@@ -78,7 +78,7 @@ def machines_of(site: Site) -> dict[str, Any]:
     return {MACHINES: {"tractor": site.tractor.model_dump(mode="json"), "implement": site.implement.model_dump()}}
 
 
-def _machines(saved: SavedPlan, scenario: Scenario) -> tuple[Tractor, Implement]:
+def machines_with(saved: SavedPlan, scenario: Scenario) -> tuple[Tractor, Implement]:
     """Those saved with the plan, else the tractor that its scenario names and a usual implement of its width."""
     own = saved.scenario.get(MACHINES)
     if own is None:

@@ -19,6 +19,7 @@
     world, run        drives missions and hands back a run
     rehearsal         plans of one fleet one after another, each from where it differs from the one before
     clearance         how close two tractors come
+    approach          who comes too near to whom on ways foreseen
 meetings          where on their ways two tractors cannot be at once
     instruments       what antenna and heading show of a pose, for control and for logs
     measured          from logs of a real tractor to what the simulation gets wrong

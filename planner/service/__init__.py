@@ -5,5 +5,8 @@ store     what survives it: database and bytes
 jobs      long work in processes of its own
 access    who may do what, and how much
 api       all of it over HTTP
+centre    the control centre of a fleet, without a network
+links     tractors and operators over WebSocket, and fleets over HTTP
+robot     a simulated tractor as a client
 errors    its refusals
 """

@@ -21,6 +21,9 @@ from planner.service.api.jobs import every_job, jobs_router, views
 from planner.service.api.refusals import add_refusals
 from planner.service.jobs.reading import Reader
 from planner.service.jobs.supervisor import Supervisor
+from planner.service.links import fleets, link
+from planner.service.links.hub import Hub
+from planner.service.pages import mount
 from planner.service.settings import Settings
 from planner.service.store import Store
 from planner.service.store.backup import sweep
@@ -40,15 +43,17 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     )  # fmt: skip
     app.state.settings = settings
     app.state.store = store = Store(settings)
+    app.state.hub = Hub(store)
     app.state.supervisor = Supervisor(settings, store)
     app.state.views = Views()
     app.state.reader = Reader(settings, store, inline=inline)
     api = APIRouter(prefix=PREFIX)
     parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, views]
-    parts += [events.router, docs.router]
+    parts += [events.router, docs.router, fleets.router, link.router]
     for router in parts:
         api.include_router(router)
     app.include_router(api)
+    mount(app)
     add_refusals(app, word_of)
     app.add_middleware(Limits, settings=settings)
     app.add_middleware(SecurityHeaders)
@@ -57,12 +62,14 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
 
 @asynccontextmanager
 async def _life(app: FastAPI) -> AsyncIterator[None]:
+    await app.state.hub.start()
     try:
         await asyncio.to_thread(sweep, app.state.store)
         app.state.supervisor.start()
         app.state.reader.warm()
         yield
     finally:
+        await app.state.hub.stop()
         await asyncio.to_thread(app.state.supervisor.stop)
         app.state.reader.close()
         app.state.store.close()

@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from planner.service.settings import FILE
 from planner.service.store.base import FOLDER
 from planner.service.store.database import Database, migrate
-from planner.service.store.models import Base, File, Job, Result
+from planner.service.store.models import Base, File, Fleet, Job, Result
 from planner.service.store.whole import Store
 
 AT_A_TIME = 500
@@ -87,4 +87,6 @@ def _named(connection: sa.Connection) -> list[str]:
     names = list(connection.scalars(sa.union_all(sa.select(File.sha256), sa.select(Result.sha256))))
     for inputs in connection.scalars(sa.select(Job.inputs)):
         names += inputs.values()
+    for settings in connection.scalars(sa.select(Fleet.settings)):
+        names += [sha256 for _, sha256 in settings.get("files", {}).values()]
     return names

@@ -1,0 +1,23 @@
+"""The control centre of one fleet: what tractors report goes in, orders and a picture for operators come out.
+
+Nothing here knows a network or a clock; times are handed in.
+
+    centre        the whole: reports, and what time brings about
+    operated      what operators order
+    core          plan, states, orders and events that wait to be taken
+    fleet_plan    a saved plan with machines, times and ground
+    replanning    the rest of a failed tractor's tracks for the others
+    course        the legs of one tractor: lengths, times, places on them
+    tractors      report and state of one tractor, and what may hold it
+    releasing     which legs may be driven: base and horizon
+    forecast      when everybody will be done
+    foresight     where everybody will be in a few seconds
+    guard         fence, distances, and what a remote command may do
+    obstacles     what stands in the way, and which legs it blocks
+    leases        who drives which tractor
+    alarms        what has to be seen
+    painting      what has been worked
+    progress      the state of a fleet as plain values, for a restart
+    orders        what leaves the centre
+    rules         by what distances and times all this goes
+"""

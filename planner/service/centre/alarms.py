@@ -1,0 +1,82 @@
+"""What an operator has to know at once: raised once, gone when it is over and has been seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from planner.service.centre.errors import CentreError
+
+WARNING, CRITICAL = "warning", "critical"
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """One alarm; `code` says of what kind it is, `over` that its cause is gone."""
+
+    id: int
+    code: str
+    level: str
+    tractor: int | None
+    sentence: str
+    since_s: float
+    acknowledged: str | None = None
+    over: bool = False
+
+
+class Alarms:
+    """Alarms that are on, or over and not yet acknowledged; `version` rises with every change."""
+
+    def __init__(self) -> None:
+        self._items: dict[int, Alarm] = {}
+        self._on: dict[tuple[str, int | None], int] = {}
+        self._last = 0
+        self.version = 0
+
+    def items(self) -> list[Alarm]:
+        """All, the oldest first."""
+        return list(self._items.values())
+
+    def on(self, code: str, tractor: int | None) -> bool:
+        """Whether such an alarm is on."""
+        return (code, tractor) in self._on
+
+    def raised(self, code: str, tractor: int | None, level: str, sentence: str, now: float) -> Alarm | None:
+        """A new alarm; None where it is on already."""
+        if (code, tractor) in self._on:
+            return None
+        self._last += 1
+        alarm = Alarm(self._last, code, level, tractor, sentence, now)
+        self._items[alarm.id], self._on[code, tractor] = alarm, alarm.id
+        self.version += 1
+        return alarm
+
+    def ended(self, code: str, tractor: int | None) -> None:
+        """Its cause is gone; it stays to be seen until somebody has acknowledged it."""
+        number = self._on.pop((code, tractor), None)
+        if number is None:
+            return
+        alarm = replace(self._items[number], over=True)
+        self._items[number] = alarm
+        self.version += 1
+        if alarm.acknowledged is not None:
+            del self._items[number]
+
+    def acknowledge(self, number: int, who: str) -> Alarm:
+        """Somebody has seen it. Raises CentreError where there is none of this number."""
+        if number not in self._items:
+            raise CentreError(f"There is no alarm {number}; it is over and was acknowledged.", parameter="alarm")
+        alarm = replace(self._items[number], acknowledged=who)
+        self._items[number] = alarm
+        self.version += 1
+        if alarm.over:
+            del self._items[number]
+        return alarm
+
+    def told(self) -> list[dict[str, Any]]:
+        """As pages are told."""
+        return [
+            {"id": a.id, "level": a.level, "tractor": None if a.tractor is None else a.tractor + 1,
+             "sentence": a.sentence, "since": a.since_s, "acknowledged": a.acknowledged, "over": a.over}
+            for a in self._items.values()
+        ]  # fmt: skip

@@ -1,0 +1,187 @@
+"""The control centre of one fleet, without a network and without a clock: times are given to it, orders taken from it.
+
+Tractors and legs count from 0. Whoever calls takes orders and events with `taken` after each call.
+"""
+
+from __future__ import annotations
+
+import math
+
+from planner.service.centre.alarms import CRITICAL, WARNING
+from planner.service.centre.core import CENTRE, DONE, RUNNING
+from planner.service.centre.course import Course
+from planner.service.centre.errors import CentreError
+from planner.service.centre.forecast import finish_in_s
+from planner.service.centre.guard import Danger
+from planner.service.centre.operated import Operated
+from planner.service.centre.releasing import base_end
+from planner.service.centre.tractors import AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
+from vehicle.speed import follower_speed
+
+WATCH_S, FORECAST_S = 0.2, 1.0
+LONGEST_STEP_S = 2.0  # between two reports that counts as driving
+
+
+class Centre(Operated):
+    """Executes one plan with real tractors."""
+
+    def joined(self, number: int, now: float) -> None:
+        """The link of a tractor is up: it is told at once what it may do."""
+        self.check_number(number)
+        state = self.states[number]
+        state.linked, state.said_goodbye, state.heard_s = True, False, now
+        self.alarms.ended("broken", number)
+        self._tell_release(number)
+        self._order(number, "stop" if state.standing_ordered else "resume", **self._why(number))
+
+    def left(self, number: int, now: float, goodbye: bool) -> None:
+        """The link of a tractor is down, with a goodbye or broken."""
+        state = self.states[number]
+        state.linked, state.said_goodbye = False, goodbye
+        if not goodbye:
+            self._broken(number, now)
+
+    def reported(self, number: int, report: Report, now: float) -> None:
+        """A tractor says where it is. Raises CentreError for a leg that it does not have."""
+        state, course = self.states[number], self.courses[number]
+        if not 0 <= report.leg < len(course.legs):
+            raise CentreError(
+                f"Tractor {number + 1} reports leg {report.leg} of {len(course.legs)}; it drives another plan.",
+                parameter="leg",
+            )
+        before, state.report = state.report, report
+        moved = report.mode == AUTOMATIC and now - state.heard_s <= LONGEST_STEP_S and report.speed_mps > 0.0
+        self._progressed(state, course, report, (now - state.heard_s) * self.rules.times if moved else 0.0)
+        state.heard_s = now
+        self.alarms.ended("broken", number)
+        self.painting.at(number, report.x_m, report.y_m, bool(report.implement))
+        if report.errors and (before is None or before.errors != report.errors):
+            self._alarm("error", number, WARNING, f"Tractor {number + 1} reports: {'; '.join(report.errors)}.", now)
+        elif not report.errors:
+            self.alarms.ended("error", number)
+        if report.done and not state.done and report.leg == len(course.legs) - 1:
+            state.done = True
+            self.note(CENTRE, "done", tractor=number + 1)
+
+    def _progressed(self, state: TractorState, course: Course, report: Report, driving_s: float) -> None:
+        if (report.leg, report.leg_m) < (state.leg, state.leg_m):
+            return
+        planned = course.driven_s(report.leg, report.leg_m) - course.driven_s(state.leg, state.leg_m)
+        state.leg, state.leg_m = report.leg, report.leg_m
+        if report.mode == AUTOMATIC:
+            state.driving_s += driving_s
+            state.driven_plan_s += planned
+
+    def _broken(self, number: int, now: float) -> None:
+        state = self.states[number]
+        if not state.done:
+            self._alarm(
+                "broken", number, CRITICAL, f"The link to tractor {number + 1} is broken: it ends its released leg "
+                "and stops.", now,
+            )  # fmt: skip
+        state.limit_mps = None
+
+    def tick(self, now: float) -> None:
+        """Look after everything that only time brings about; to be called ten times a second."""
+        for number, state in enumerate(self.states):
+            if state.linked and state.connection(now, self.rules.silence_s) == BROKEN and not self._is_on(number):
+                self._broken(number, now)
+            self._dead_man(number, now)
+        if now - self._watched_s >= WATCH_S / self.rules.times:
+            self._watched_s = now
+            self._watch(now)
+        self._settle()
+        if self.state == RUNNING:
+            self._release()
+        if now - self._forecast_s >= FORECAST_S:
+            self._forecast_s = now
+            self._forecast()
+
+    def _is_on(self, number: int) -> bool:
+        return self.alarms.on("broken", number)
+
+    def _dead_man(self, number: int, now: float) -> None:
+        """Nobody says any more how a tractor is to be driven: it stands."""
+        state = self.states[number]
+        if state.remote_command[1] != 0.0 and now - state.commanded_s > self.rules.dead_man_s:
+            steering = state.remote_command[0]
+            state.remote_command = (steering, 0.0)
+            self._order(number, "command", steering_rad=steering, speed_mps=0.0)
+            self.note(CENTRE, "dead_man", tractor=number + 1)
+
+    def _release(self) -> None:
+        for number, state in enumerate(self.states):
+            if state.failed or state.done:
+                continue
+            base = base_end(number, self.courses, self.states, self.blocked[number], self.rules)
+            limit = self._limit(number)
+            if base > state.released or limit != state.limit_mps:
+                state.update += base > state.released
+                state.released, state.limit_mps = base, limit
+                self._tell_release(number)
+
+    def _limit(self, number: int) -> float | None:
+        """How fast a tractor may follow its leader (Eq. 6.1), rounded to centimetres a second; None for no leader."""
+        state, course = self.states[number], self.courses[number]
+        follow = course.legs[min(state.leg, len(course.legs) - 1)].follow
+        if follow is None or state.report is None:
+            return None
+        leader = self.states[follow.tractor]
+        if leader.done or leader.failed or leader.leg != follow.leg or leader.report is None:
+            return None
+        mine, its = state.report, leader.report
+        gap = (its.x_m - mine.x_m) * math.cos(mine.heading_rad) + (its.y_m - mine.y_m) * math.sin(mine.heading_rad)
+        return round(float(follower_speed(gap, follow.gap_m, abs(its.speed_mps))), 2)
+
+    def _watch(self, now: float) -> None:
+        """Hold those in danger, let go those out of it."""
+        dangers = self.guard.dangers(self.states, self.courses)
+        for danger in dangers:
+            self._warn(danger, now)
+        close = {(d.first, d.second) for d in dangers if d.second is not None}
+        self._out_of_danger(close, {d.first for d in dangers if d.second is None})
+
+    def _warn(self, danger: Danger, now: float) -> None:
+        one, other = danger.first, danger.second
+        if other is None:
+            told = f"Tractor {one + 1} leaves the fence in {danger.in_s:.1f} s."
+            hold, code = FENCE, "fence"
+        else:
+            told = f"Tractors {one + 1} and {other + 1} come within {danger.metres:.2f} m in {danger.in_s:.1f} s."
+            hold, code = NEAR, f"near {other + 1}"
+        self._alarm(code, one, CRITICAL if danger.urgent else WARNING, told, now)
+        if not danger.urgent:
+            return
+        for number in (one, other):
+            if number is not None and hold not in self.states[number].holds and not self.states[number].done:
+                self.states[number].holds.add(hold)
+                self.note(CENTRE, hold, tractor=number + 1)
+                self._stand(number, hold)
+
+    def _out_of_danger(self, close: set[tuple[int, int]], outside: set[int]) -> None:
+        for number, state in enumerate(self.states):
+            for other in range(number + 1, self.plan.tractors):
+                if (number, other) not in close:
+                    self.alarms.ended(f"near {other + 1}", number)
+            if number not in outside:
+                self.alarms.ended("fence", number)
+                if self.guard.inside(state):
+                    state.holds.discard(FENCE)
+        close_to = {n for pair in close for n in pair}
+        for number, state in enumerate(self.states):
+            if DRIVEN in state.holds and number not in close_to:
+                state.holds.discard(NEAR)  # what its operator may do is asked at every command
+        waiting = [n for n, state in enumerate(self.states) if NEAR in state.holds]
+        for number in sorted(waiting, key=lambda n: self.courses[n].before_s[self.states[n].leg]):
+            if self.guard.may_go(number, self.states, self.courses):
+                self.states[number].holds.discard(NEAR)
+                self.note(CENTRE, "goes on", tractor=number + 1)
+                break  # the next one only once it is seen how this one drives
+
+    def _forecast(self) -> None:
+        halted = [self.state != RUNNING or bool(s.holds - {NEAR}) or bool(self.blocked[n]) or s.failed
+                  for n, s in enumerate(self.states)]  # fmt: skip
+        self.finish_in_s = [s / self.rules.times for s in finish_in_s(self.courses, self.states, halted)]
+        if self.state == RUNNING and all(s.done or s.failed for s in self.states) and any(s.done for s in self.states):
+            self.state = DONE
+            self.note(CENTRE, "fleet done")

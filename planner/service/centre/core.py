@@ -1,0 +1,134 @@
+"""What there is of a fleet: its plan, the state of every tractor, and what is to be told to whom."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from planner.service.centre.alarms import Alarms
+from planner.service.centre.course import Course
+from planner.service.centre.errors import CentreError
+from planner.service.centre.fleet_plan import FleetPlan
+from planner.service.centre.guard import Guard
+from planner.service.centre.leases import Leases
+from planner.service.centre.obstacles import Obstacles
+from planner.service.centre.orders import Event, Order
+from planner.service.centre.painting import Painting
+from planner.service.centre.releasing import waits_for
+from planner.service.centre.rules import Rules
+from planner.service.centre.tractors import OBSTACLE, REMOTE, TractorState
+
+READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
+CENTRE = "centre"
+
+
+class Core:
+    """State of a fleet, and the orders and events that wait to be taken."""
+
+    def __init__(self, plan: FleetPlan, rules: Rules) -> None:
+        self.plan, self.rules = plan, rules
+        self.version = 1
+        self.state = READY
+        self.started_s: float | None = None
+        self.states = [TractorState() for _ in plan.courses]
+        self.leases, self.alarms = Leases(), Alarms()
+        reach_m = 0.5 * max(plan.tractor.width_m, plan.implement.contact_width_m) + rules.obstacle_margin_m
+        self.obstacles = Obstacles(reach_m)
+        self.blocked: list[dict[int, str]] = [{} for _ in plan.courses]
+        self.painting = Painting(plan.tractors)
+        self.guard = Guard(plan, rules)
+        self.finish_in_s = [math.inf] * plan.tractors
+        self._orders: list[Order] = []
+        self._events: list[Event] = []
+        self._watched_s = self._forecast_s = -math.inf
+
+    @property
+    def courses(self) -> tuple[Course, ...]:
+        """The legs of every tractor."""
+        return self.plan.courses
+
+    def taken(self) -> tuple[list[Order], list[Event]]:
+        """Orders and events since the last call."""
+        orders, events = self._orders, self._events
+        self._orders, self._events = [], []
+        return orders, events
+
+    def note(self, who: str, what: str, **data: Any) -> None:
+        """Write something into the log of who did what."""
+        self._events.append(Event(who, what, data))
+
+    def _order(self, number: int, kind: str, **data: Any) -> None:
+        self._orders.append(Order(number, kind, data))
+
+    def check_number(self, number: int) -> None:
+        """Raise CentreError for a tractor that this fleet does not have."""
+        if not 0 <= number < self.plan.tractors:
+            raise CentreError(
+                f"Tractor {number + 1} is not in this fleet of {self.plan.tractors}; use 1 to {self.plan.tractors}.",
+                parameter="tractor",
+            )
+
+    def _settle(self) -> None:
+        """Tell every tractor to stand or to go on, where that has changed."""
+        for number, state in enumerate(self.states):
+            stand = bool(state.holds) or self.state in (READY, STOPPED)
+            if stand != state.standing_ordered:
+                state.standing_ordered = stand
+                self._order(number, "stop" if stand else "resume", **self._why(number))
+
+    def _why(self, number: int) -> dict[str, Any]:
+        """What an order to stand says of its reason; nothing for one to go on."""
+        state = self.states[number]
+        if not state.standing_ordered:
+            return {}
+        return {"reason": sorted(state.holds)[0] if state.holds else "not started"}
+
+    def _stand(self, number: int, reason: str) -> None:
+        """Stop a tractor whatever it does, by remote control too."""
+        state = self.states[number]
+        state.remote_command = (state.remote_command[0], 0.0)
+        state.standing_ordered = True
+        self._order(number, "stop", reason=reason)
+
+    def _alarm(self, code: str, number: int | None, level: str, sentence: str, now: float) -> None:
+        if self.alarms.raised(code, number, level, sentence, now):
+            self.note(CENTRE, "alarm", tractor=None if number is None else number + 1, sentence=sentence)
+
+    def _tell_release(self, number: int) -> None:
+        state = self.states[number]
+        self._order(
+            number, "release", update=state.update, released=state.released,
+            announced=len(self.courses[number].legs), limit_mps=state.limit_mps,
+        )  # fmt: skip
+
+    def _reblock(self) -> None:
+        for number, (state, course) in enumerate(zip(self.states, self.courses, strict=True)):
+            legs = self.obstacles.blocked(course)
+            self.blocked[number] = {leg: name for leg, name in legs.items() if leg >= state.released}
+            if self.obstacles.ahead(course, state.leg, state.leg_m, state.released) and not state.done:
+                state.holds.add(OBSTACLE)
+            else:
+                state.holds.discard(OBSTACLE)
+        self._settle()
+
+    def waits_for(self, number: int) -> list[tuple[int, int]]:
+        """(tractor, leg) that a tractor waits for now."""
+        return waits_for(number, self.courses, self.states, self.rules)
+
+    def done_m(self) -> float:
+        """Metres worked so far by all."""
+        return sum(
+            course.worked_m[-1] if state.done else course.done_m(state.leg, state.leg_m)
+            for course, state in zip(self.courses, self.states, strict=True)
+        )
+
+    def late_s(self, number: int, now: float) -> float | None:
+        """How much later than planned a tractor will be done, in seconds of the clock; None where nobody knows."""
+        if self.started_s is None or not math.isfinite(self.finish_in_s[number]) or self.states[number].done:
+            return None
+        planned = self.plan.finish_s[number] / self.rules.times
+        return now + self.finish_in_s[number] - self.started_s - planned
+
+    def remote(self, number: int) -> bool:
+        """Whether a tractor is driven by remote control."""
+        return self.states[number].mode == REMOTE

@@ -1,0 +1,136 @@
+"""What a fleet is to do: a saved plan with the machines, how long its legs take when it is driven, and where it leads.
+
+Making one drives the plan once in the simulator: seconds of computing, for a process of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from fields.read import read_field, sample_names
+from planner.scenario import Scenario
+from planner.service.centre.course import Course
+from planner.service.centre.errors import CentreError
+from planner.showing import MACHINES, machines_with, scenario_of
+from vehicle.layout import WAITING
+from vehicle.missions import Plan
+from vehicle.plan_file import SavedPlan, saved_from_json
+from vehicle.run import DONE, Run
+from vehicle.tractor import Implement, Tractor, tractor_names
+from vehicle.world import simulate
+
+NEARER = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
+LEAST_S = 0.05
+Ring = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FleetPlan:
+    """A plan to be driven live; metres are those of the plan, whose origin is in `saved`.
+
+    `finish_s` is when each tractor is done in the simulated plan, `near_m` how near two come in it. `ground` is what is
+    driven on, `rings` are the rings of the field and `obstacles` those in it, none where the field is not known.
+    """
+
+    saved: SavedPlan
+    scenario: Scenario
+    tractor: Tractor
+    implement: Implement
+    courses: tuple[Course, ...]
+    finish_s: tuple[float, ...]
+    near_m: float
+    ground: shapely.Geometry
+    rings: tuple[Ring, ...] = ()
+    obstacles: tuple[Ring, ...] = ()
+
+    @property
+    def tractors(self) -> int:
+        """Number of tractors."""
+        return len(self.courses)
+
+    @property
+    def worked_m(self) -> float:
+        """Metres of all working legs."""
+        return sum(course.worked_m[-1] for course in self.courses)
+
+    @property
+    def clearance_m(self) -> float:
+        """How near two may come before they are stopped: as was asked, and never more than the plan itself keeps."""
+        return min(self.scenario.clearance_m, NEARER * self.near_m)
+
+
+def prepared(text: str, field: Path | None = None, tractor: Path | None = None) -> FleetPlan:
+    """A saved plan made ready; the field and tractor files stand for those its scenario names.
+
+    Without them only samples and tractors that come with Headland are read: names in a plan open no file. Raises
+    MissionError, ScenarioError, VehicleError or CentreError.
+    """
+    saved = saved_from_json(text)
+    scenario = scenario_of(saved)
+    if tractor is not None:
+        scenario = replace(scenario, tractor=str(tractor))
+        saved = replace(saved, scenario={name: v for name, v in saved.scenario.items() if name != MACHINES})
+    elif MACHINES not in saved.scenario and scenario.tractor not in tractor_names():
+        raise CentreError(
+            f"The plan was made for the tractor {scenario.tractor[:60]!r}, which does not come with Headland; give the "
+            "tractor file by its name.", parameter="tractor",
+        )  # fmt: skip
+    machine, implement = machines_with(saved, scenario)
+    run = simulate(saved.plan, machine, implement)
+    if run.outcome != DONE:
+        raise CentreError(
+            f"The plan is not driven to its end ({run.outcome}) by {machine.name}; plan anew.", parameter="plan"
+        )
+    courses = timed(saved.plan, run)
+    rings, obstacles = _field_rings(scenario, saved, field)
+    width_m = max(implement.contact_width_m, machine.width_m)
+    return FleetPlan(
+        saved, scenario, machine, implement, courses, tuple(float(t) for t in run.finish_s),
+        run.min_clearance_m, _ground(saved.plan, rings, width_m), rings, obstacles,
+    )  # fmt: skip
+
+
+def timed(plan: Plan, run: Run) -> tuple[Course, ...]:
+    """The missions of a plan with the seconds that a run spends on each leg, waiting for others left out."""
+    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else LEAST_S
+    courses = []
+    for number, mission in enumerate(plan.missions):
+        driving = (run.status(number) != WAITING) & (run.time_s < run.finish_s[number])
+        ticks = np.bincount(run.leg(number)[driving], minlength=len(mission.legs))
+        courses.append(Course(mission, tuple(np.maximum(ticks * step_s, LEAST_S).tolist())))
+    return tuple(courses)
+
+
+def _field_rings(scenario: Scenario, saved: SavedPlan, file: Path | None) -> tuple[tuple[Ring, ...], tuple[Ring, ...]]:
+    """Rings of the field and of what stands in it, in metres of the plan; none where the field is not known."""
+    if file is None and scenario.field not in sample_names():
+        return (), ()
+    where = scenario.field if file is None else str(file)
+    if file is not None and "#" in scenario.field:
+        where += "#" + scenario.field.rsplit("#", 1)[1]
+    field = read_field(where, local=scenario.local)
+    if field.crs != saved.crs:
+        raise CentreError(
+            f"The field is in {field.crs or 'local metres'} and the plan in {saved.crs or 'local metres'}; give the "
+            "field that the plan was made for.", parameter="field",
+        )  # fmt: skip
+    shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
+    outer = [_ring(ring, shift) for ring in (field.boundary.exterior, *field.boundary.interiors)]
+    parts = shapely.get_parts([one.shape for one in field.obstacles])
+    return tuple(outer), tuple(_ring(part.exterior, shift) for part in parts)
+
+
+def _ring(ring: shapely.LinearRing, shift: np.ndarray) -> Ring:
+    return tuple((float(x), float(y)) for x, y in np.asarray(ring.coords)[:-1, :2] + shift)
+
+
+def _ground(plan: Plan, rings: tuple[Ring, ...], width_m: float) -> shapely.Geometry:
+    """What tractors may drive on: the field, and the ways of the plan."""
+    lines = shapely.union_all([shapely.LineString(leg.points) for m in plan.missions for leg in m.legs])
+    ways = shapely.buffer(lines, 0.5 * width_m, quad_segs=4)
+    whole = ways if not rings else shapely.union(ways, shapely.Polygon(rings[0]))
+    return shapely.simplify(whole, 0.05)

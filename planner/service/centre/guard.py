@@ -1,0 +1,143 @@
+"""What keeps tractors from harm: the fence, the distance between them, and what a remote command may do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from planner.service.centre.course import Course
+from planner.service.centre.fleet_plan import FleetPlan
+from planner.service.centre.foresight import STEP_S, arc, braking_s, centres, foreseen, standing
+from planner.service.centre.rules import Rules
+from planner.service.centre.tractors import NEAR, TractorState
+from vehicle.approach import approaches, distances
+from vehicle.compile import compile_model
+from vehicle.missions import ENTER, LEAVE
+
+Array = npt.NDArray[np.float64]
+AWAY_M = 0.01  # rounding, of distances that must not become smaller
+MOVING_MPS = 0.05
+
+
+@dataclass(frozen=True)
+class Danger:
+    """Two tractors that will be too near, or one that leaves the fence (`second` is None): in how many seconds.
+
+    `urgent` where no more time is left than it takes to stand.
+    """
+
+    first: int
+    second: int | None
+    in_s: float
+    metres: float
+    urgent: bool
+
+
+class Guard:
+    """Watches the tractors of one plan."""
+
+    def __init__(self, plan: FleetPlan, rules: Rules) -> None:
+        self.tractor, self.rules = plan.tractor, rules
+        self.model = np.array([compile_model(plan.tractor, plan.implement)])
+        self.clearance_m = min(rules.clearance_m, plan.clearance_m)
+        self.beside_m = min(rules.beside_m, self.clearance_m)
+        self.fence = shapely.buffer(plan.ground, rules.fence_margin_m, quad_segs=4)
+        shapely.prepare(self.fence)
+
+    def there(self, states: Sequence[TractorState], courses: Sequence[Course]) -> npt.NDArray[np.bool_]:
+        """Who is on the field (n,): known, come in through the entrance, and not gone again."""
+        return np.array([_there(state, course) for state, course in zip(states, courses, strict=True)], dtype=np.bool_)
+
+    def paths(self, states: Sequence[TractorState], courses: Sequence[Course]) -> Array:
+        """Foreseen antenna poses (n, steps, 3); zeros for who has never been heard of."""
+        nowhere = np.zeros((len(np.arange(0.0, self.rules.ahead_s + 0.5 * STEP_S, STEP_S)), 3))
+        return np.array([
+            nowhere if state.report is None
+            else standing(state.report, self.rules) if state.done or state.failed
+            else foreseen(state, course, self.tractor, self.rules)
+            for state, course in zip(states, courses, strict=True)
+        ])  # fmt: skip
+
+    def dangers(self, states: Sequence[TractorState], courses: Sequence[Course]) -> list[Danger]:
+        """Everything that would go wrong within the time foreseen if nobody did anything."""
+        there, paths = self.there(states, courses), self.paths(states, courses)
+        speeds = [0.0 if s.report is None else abs(s.report.speed_mps) for s in states]
+        found = approaches(centres(paths, self.tractor), there, self.model, self.clearance_m, self.beside_m)
+        dangers = []
+        for i, j, k, metres in found:
+            if max(speeds[i], speeds[j]) < MOVING_MPS and k == 0:
+                continue
+            in_s = k * STEP_S
+            urgent = in_s <= braking_s(max(speeds[i], speeds[j]), self.rules) + STEP_S
+            dangers.append(Danger(i, j, in_s, metres, urgent))
+        return dangers + self._outside(there, paths, speeds)
+
+    def _outside(self, there: npt.NDArray[np.bool_], paths: Array, speeds: list[float]) -> list[Danger]:
+        inside = shapely.contains_xy(self.fence, paths[:, :, 0], paths[:, :, 1])
+        dangers = []
+        for i in np.flatnonzero(there & ~inside.all(axis=1)).tolist():
+            in_s = float(np.argmin(inside[i])) * STEP_S
+            metres = float(shapely.distance(self.fence, shapely.Point(paths[i, -1, :2])))
+            dangers.append(Danger(i, None, in_s, metres, in_s <= braking_s(speeds[i], self.rules) + STEP_S))
+        return dangers
+
+    def inside(self, state: TractorState) -> bool:
+        """Whether a tractor is within the fence now."""
+        report = state.report
+        return report is None or bool(shapely.contains_xy(self.fence, report.x_m, report.y_m))
+
+    def may_go(self, number: int, states: Sequence[TractorState], courses: Sequence[Course]) -> bool:
+        """Whether one that stands because another is near could drive on past all others as these go, or stand, now."""
+        report = states[number].report
+        if report is None or courses[number].off_m(states[number].leg, (report.x_m, report.y_m)) > self.rules.rejoin_m:
+            return False  # whoever put it there takes it away
+        going = foreseen(states[number], courses[number], self.tractor, self.rules, going=True)
+        return self._clear(number, going, states, courses)
+
+    def allows(
+        self, number: int, velocity_mps: float, steering_rad: float, states: Sequence[TractorState],
+        courses: Sequence[Course],
+    ) -> str | None:
+        """Why a remote command would do harm; None when it does not, or leads away from it."""
+        report = states[number].report
+        if report is None or abs(velocity_mps) < MOVING_MPS:
+            return None
+        path = arc(report, self.tractor, velocity_mps, steering_rad, self.rules)
+        steps = 1 + int(np.ceil(braking_s(velocity_mps, self.rules) / STEP_S))
+        path = path[: max(steps, 2)]
+        out = shapely.distance(self.fence, shapely.points(path[:, :2]))
+        if out.max() > 0.0 and out[-1] >= max(out[0] - AWAY_M, 0.0):
+            return "it would leave the fence"
+        if not self._clear(number, path, states, courses):
+            return "it would come too near another tractor"
+        return None
+
+    def _clear(
+        self, number: int, path: Array, states: Sequence[TractorState], courses: Sequence[Course]
+    ) -> bool:
+        there, others = self.there(states, courses), self.paths(states, courses)
+        own = centres(path, self.tractor)
+        for other in np.flatnonzero(there).tolist():
+            if other == number:
+                continue
+            report = states[other].report
+            assert report is not None
+            theirs = standing(report, self.rules) if NEAR in states[other].holds else others[other]
+            metres = distances(own, centres(theirs[: len(path)], self.tractor), self.model)
+            least = self.beside_m if metres[0] < self.clearance_m else self.clearance_m
+            if metres[1:].min(initial=np.inf) < min(least, metres[0] - AWAY_M):
+                return False
+        return True
+
+
+def _there(state: TractorState, course: Course) -> bool:
+    if state.report is None:
+        return False
+    legs = course.legs
+    if legs[0].task.kind == ENTER and state.leg == 0 and state.leg_m <= 0.0 and not state.done:
+        return False
+    return not (state.done and legs[-1].task.kind == LEAVE)

@@ -1,0 +1,199 @@
+"""What operators order: start, pause, resume, stop, remote control, obstacles, tractors that have failed."""
+
+from __future__ import annotations
+
+import math
+
+from planner.service.centre.alarms import CRITICAL, WARNING
+from planner.service.centre.core import READY, RUNNING, STOPPED, Core
+from planner.service.centre.course import Course
+from planner.service.centre.errors import CentreError
+from planner.service.centre.fleet_plan import FleetPlan
+from planner.service.centre.guard import Guard
+from planner.service.centre.obstacles import Block, Ring
+from planner.service.centre.tractors import DRIVEN, FAILED, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE
+
+
+class Operated(Core):
+    """A fleet that takes orders; `who` gave each is in the log."""
+
+    def start(self, who: str, now: float) -> None:
+        """Let everybody drive."""
+        self.started_s = now if self.started_s is None else self.started_s
+        self.state = RUNNING
+        for state in self.states:
+            state.holds -= {PAUSED, HALTED}
+        self.note(who, "started")
+        self._settle()
+
+    def pause(self, who: str, number: int | None, now: float) -> None:
+        """One tractor or all stand until they are resumed."""
+        for each in self._chosen(number):
+            self.states[each].holds.add(PAUSED)
+        self.note(who, "paused", tractor=None if number is None else number + 1)
+        self._settle()
+
+    def resume(self, who: str, number: int | None, now: float) -> None:
+        """One tractor or all go on by themselves; raises CentreError for one that stands too far off its leg."""
+        for each in self._chosen(number):
+            self._rejoin(each, alone=number is not None)
+        if self.state in (READY, STOPPED) and number is None:
+            self.started_s = now if self.started_s is None else self.started_s
+            self.state = RUNNING
+        self.note(who, "resumed", tractor=None if number is None else number + 1)
+        self._settle()
+
+    def _rejoin(self, number: int, alone: bool) -> None:
+        state = self.states[number]
+        off_m = 0.0
+        if state.report is not None and DRIVEN in state.holds:
+            off_m = self.courses[number].off_m(state.leg, (state.report.x_m, state.report.y_m))
+        held = self.leases.holder(number) is not None
+        if alone and held:
+            raise CentreError(f"Tractor {number + 1} is driven by {self.leases.holder(number)}; they must leave first.")
+        if alone and off_m > self.rules.rejoin_m:
+            raise CentreError(
+                f"Tractor {number + 1} stands {off_m:.1f} m off its leg; drive it back to within "
+                f"{self.rules.rejoin_m:g} m first."
+            )
+        state.holds -= {PAUSED, HALTED}
+        if not held and off_m <= self.rules.rejoin_m:
+            state.holds.discard(DRIVEN)
+
+    def stop_all(self, who: str, now: float) -> None:
+        """Everybody stands, whoever drives; also who is offline, once it is back."""
+        self.state = STOPPED
+        for number, state in enumerate(self.states):
+            state.holds.add(HALTED)
+            state.standing_ordered = True
+            self._order(number, "stop", reason=HALTED)
+        self.note(who, "stop_all")
+
+    def lease(self, who: str, number: int, takeover: bool, now: float) -> str | None:
+        """Let somebody drive a tractor by remote control; returns from whom it was taken. Raises LeaseError."""
+        self.check_number(number)
+        if self.states[number].failed:
+            raise CentreError(f"Tractor {number + 1} has failed; nobody drives it.", parameter="tractor")
+        before = self.leases.take(number, who, takeover)
+        state = self.states[number]
+        state.holds.add(DRIVEN)
+        state.commanded_s, state.remote_command = -math.inf, (0.0, 0.0)
+        self.note(who, "lease", tractor=number + 1, taken_from=before)
+        self._settle()
+        return before
+
+    def leave(self, who: str, number: int, now: float) -> None:
+        """Give a tractor back: it stands until it is resumed."""
+        if self.leases.leave(number, who):
+            self._stand(number, "remote control ended")
+            self.note(who, "leave", tractor=number + 1)
+
+    def gone(self, who: str, now: float) -> list[int]:
+        """An operator's link is down: what they drove stands. Returns those tractors."""
+        held = self.leases.held_by(who)
+        for number in held:
+            self.leave(who, number, now)
+        return held
+
+    def command(self, who: str, number: int, steering_rad: float, speed_mps: float, now: float) -> None:
+        """Drive a tractor by remote control: `steering_rad` positive right, `speed_mps` negative backwards.
+
+        Both are kept within what the rules and the tractor allow. Raises LeaseError without a lease, CentreError for
+        what would do harm or a tractor that must stand; the tractor then stands.
+        """
+        self.check_number(number)
+        self.leases.check(number, who)
+        state = self.states[number]
+        lock = math.radians(self.plan.tractor.max_steering_deg)
+        steering = min(max(steering_rad, -lock), lock)
+        speed = min(max(speed_mps, -self.rules.remote_mps), self.rules.remote_mps)
+        state.commanded_s = now
+        fault = self._not_now(number, speed, steering, now)
+        if fault:
+            speed = 0.0
+        if (steering, speed) != state.remote_command:
+            self.note(who, "command", tractor=number + 1, steering_deg=round(math.degrees(steering), 2),
+                      speed_mps=round(speed, 3))  # fmt: skip
+        state.remote_command = (steering, speed)
+        self._order(number, "command", steering_rad=steering, speed_mps=speed)
+        if fault:
+            raise CentreError(f"Tractor {number + 1} stands: {fault}.")
+
+    def _not_now(self, number: int, speed_mps: float, steering_rad: float, now: float) -> str | None:
+        state = self.states[number]
+        barred = sorted(state.holds - SAFE_TO_DRIVE)
+        if barred:
+            return barred[0]
+        if state.connection(now, self.rules.silence_s) != ONLINE:
+            return "its link is broken"
+        return self.guard.allows(number, speed_mps, steering_rad, self.states, self.courses)
+
+    def obstacle(self, who: str, ring: Ring, name: str, now: float) -> Block:
+        """Something stands there: legs that it touches are released no more, who is driving at it stands."""
+        block = self.obstacles.add(ring, name, who)
+        self._reblock()
+        touched = sum(len(blocked) for blocked in self.blocked)
+        self._alarm(f"obstacle {block.id}", None, WARNING, f"Obstacle {name!r} blocks {touched} legs.", now)
+        self.note(who, "obstacle", obstacle=block.id, name=name, legs=touched)
+        return block
+
+    def clear(self, who: str, number: int, now: float) -> None:
+        """An obstacle is gone."""
+        self.obstacles.clear(number)
+        self.alarms.ended(f"obstacle {number}", None)
+        self.note(who, "cleared", obstacle=number)
+        self._reblock()
+
+    def fail(self, who: str, number: int, now: float) -> None:
+        """A tractor drives no more; who waits for it waits until the rest is planned anew."""
+        self.check_number(number)
+        self.states[number].failed = True
+        self.states[number].holds.add(FAILED)
+        holder = self.leases.holder(number)
+        if holder is not None:
+            self.leases.leave(number, holder)
+        self._alarm(
+            "failed", number, CRITICAL, f"Tractor {number + 1} has failed; plan the rest of its tracks for the others.",
+            now,
+        )
+        self.note(who, "fail", tractor=number + 1)
+        self._settle()
+
+    def acknowledge(self, who: str, alarm: int, now: float) -> None:
+        """Somebody has seen an alarm."""
+        self.alarms.acknowledge(alarm, who)
+        self.note(who, "acknowledge", alarm=alarm)
+
+    def adopt(self, who: str, plan: FleetPlan, now: float) -> None:
+        """Go on by another plan, whose released legs are the same; raises CentreError where they are not."""
+        for number, (state, old, new) in enumerate(zip(self.states, self.courses, plan.courses, strict=True)):
+            if not state.failed and not _same_base(old, new, state.released):
+                raise CentreError(
+                    f"Tractor {number + 1} has gone on since the plan was made; plan the rest anew.",
+                    parameter="proposal",
+                )
+        self.plan = plan
+        self.version += 1
+        self.guard = Guard(plan, self.rules)
+        for number, state in enumerate(self.states):
+            state.done = state.done and state.leg >= len(self.courses[number].legs) - 1
+            self._order(number, "plan", released=state.released)
+        self.note(who, "accept", version=self.version)
+        self._reblock()
+        self._forecast_s = -math.inf
+
+    def _chosen(self, number: int | None) -> range:
+        if number is None:
+            return range(self.plan.tractors)
+        self.check_number(number)
+        return range(number, number + 1)
+
+
+def _same_base(old: Course, new: Course, released: int) -> bool:
+    """Whether two courses have the same first legs, gates aside."""
+    if len(new.legs) < released:
+        return False
+    return all(
+        a.points.shape == b.points.shape and bool((a.points == b.points).all()) and a.gear == b.gear
+        for a, b in zip(old.legs[:released], new.legs[:released], strict=True)
+    )

@@ -1,0 +1,84 @@
+"""What the centre knows of one tractor: its last report, its link, what holds it, and how far it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
+MODES = (AUTOMATIC, REMOTE, MANUAL, STOPPED)
+ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
+# What keeps a tractor from driving its legs; while any holds, it stands.
+PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN = (
+    "paused", "stopped by stop-all", "too near another", "outside the fence", "obstacle on its way", "failed",
+    "remote control",
+)  # fmt: skip
+SAFE_TO_DRIVE = frozenset({PAUSED, DRIVEN, OBSTACLE, NEAR, FENCE})
+"""Holds under which an operator may still drive by remote control; away from danger only, which the guard sees to."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a tractor says of itself, in metres of the plan, m/s and radians.
+
+    `heading_rad` is a mathematical angle, steering is positive to the right, as everywhere in `vehicle`; (x, y) is the
+    guided point, abreast of the antenna.
+    """
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    speed_command_mps: float = 0.0
+    steering_command_rad: float = 0.0
+    steering_rad: float | None = None
+    shuttle: int = 1
+    mode: str = AUTOMATIC
+    leg: int = 0
+    leg_m: float = 0.0
+    implement: int = 0
+    done: bool = False
+    errors: tuple[str, ...] = ()
+
+    @property
+    def velocity_mps(self) -> float:
+        """Speed with the sign of its direction."""
+        return math.copysign(self.speed_mps, self.shuttle) if self.shuttle else self.speed_mps
+
+
+@dataclass
+class TractorState:
+    """One tractor. Times are of the clock that the centre is told; -inf for never.
+
+    `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
+    guidance, against which the plan is scaled.
+    """
+
+    report: Report | None = None
+    heard_s: float = -math.inf
+    linked: bool = False
+    said_goodbye: bool = True
+    leg: int = 0
+    leg_m: float = 0.0
+    released: int = 0
+    update: int = 0
+    limit_mps: float | None = None
+    done: bool = False
+    failed: bool = False
+    driving_s: float = 0.0
+    driven_plan_s: float = 0.0
+    holds: set[str] = field(default_factory=set)
+    standing_ordered: bool = True
+    commanded_s: float = -math.inf
+    remote_command: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def mode(self) -> str:
+        """How it is driven, as it said last."""
+        return self.report.mode if self.report else STOPPED
+
+    def connection(self, now: float, silence_s: float) -> str:
+        """One of online, offline (never there or gone with a goodbye) and broken."""
+        if self.linked and now - self.heard_s <= silence_s:
+            return ONLINE
+        return OFFLINE if self.said_goodbye and not self.linked else BROKEN

@@ -1,0 +1,18 @@
+"""Tractors, operators and viewers of live fleets, over one WebSocket each; fleets and twins over HTTP.
+
+frames       every frame as a model: what comes in is checked against it, what goes out is documented by it
+asyncapi     the document of these frames
+converting   frames to reports of the centre and back
+outbox       what waits to be sent to one client, with an end to it
+clients      who is linked to a fleet, in which role
+telling      scene, tick and alarms as frames
+recording    what tractors reported, kept and given out as logs
+warming      what is compiled on first use, used once
+proposals    what is planned anew
+twinning     one twin per tractor, advanced with the fleet
+live         one live fleet: its centre, its clients, its clock
+hub          all live fleets, and what is worked out for them in a process of its own
+link         the WebSocket
+fleets       fleets over HTTP
+twins        twins over HTTP
+"""

@@ -1,0 +1,419 @@
+"""Frames of the link. Those of clients are strict: nothing unknown, nothing out of range, nothing endless passes.
+
+Tractors are numbered from 1, legs from 0. Metres are eastings and northings in the coordinate system of the plan,
+angles are degrees: headings clockwise from north, steering positive to the right.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+LARGEST_FRAME = 64 * 1024
+VERSION = 1
+MOST_TRACTORS = 999
+
+
+class Frame(BaseModel):
+    """Any frame."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+def _number(low: float, high: float) -> Any:
+    return Field(ge=low, le=high, allow_inf_nan=False)
+
+
+Metres = Annotated[float, _number(-1e8, 1e8)]
+Heading = Annotated[float, _number(-360.0, 720.0)]
+Steering = Annotated[float, _number(-90.0, 90.0)]
+Speed = Annotated[float, _number(-50.0, 50.0)]
+Word = Annotated[str, Field(min_length=1, max_length=80)]
+Sequence = Annotated[int, Field(ge=0, le=2**53)]
+Number = Annotated[int, Field(ge=1, le=MOST_TRACTORS)]
+Corner = Annotated[list[Metres], Field(min_length=2, max_length=2)]
+Polygon = Annotated[list[Corner], Field(min_length=3, max_length=200)]
+
+
+class Hello(Frame):
+    """The first frame of every client."""
+
+    kind: Literal["hello"]
+    role: Literal["tractor", "twin", "control", "viewer"]
+    version: Literal[1]
+    tractor: Number | None = None
+    token: Annotated[str, Field(max_length=200)] | None = None
+    name: Word | None = None
+
+
+class State(Frame):
+    """A tractor says where it is: the fields of the thesis (5.2.2), and what VDA 5050 asks of a state (6.6)."""
+
+    kind: Literal["state"]
+    id: Word
+    sequence: Sequence
+    time: AwareDatetime
+    easting_m: Metres
+    northing_m: Metres
+    heading_deg: Heading
+    speed_mps: Annotated[float, _number(0.0, 50.0)]
+    speed_command_mps: Speed
+    steering_command_deg: Steering
+    steering_deg: Steering | None = None
+    shuttle: Literal[-1, 0, 1]
+    start: Literal[0, 1]
+    mode: Literal["automatic", "remote", "manual", "stopped"]
+    leg: Annotated[int, Field(ge=0, le=10**6)]
+    leg_m: Annotated[float, _number(-10.0, 1e6)]
+    implement: Literal[0, 1]
+    update: Annotated[int, Field(ge=0)] = 0
+    done: bool = False
+    errors: Annotated[list[Annotated[str, Field(max_length=200)]], Field(max_length=10)] = []
+
+
+class Goodbye(Frame):
+    """A client goes; without it the connection counts as broken."""
+
+    kind: Literal["goodbye"]
+
+
+class ObstacleSeen(Frame):
+    """Something stands there."""
+
+    kind: Literal["obstacle"]
+    polygon_m: Polygon
+    name: Word = "obstacle"
+    sequence: Sequence | None = None
+
+
+class _Order(Frame):
+    sequence: Sequence | None = None
+
+
+class TakeLease(_Order):
+    """Drive a tractor by remote control."""
+
+    kind: Literal["lease"]
+    tractor: Number
+    takeover: bool = False
+
+
+class Leave(_Order):
+    """Give a tractor back; it stands until it is resumed."""
+
+    kind: Literal["leave"]
+    tractor: Number
+
+
+class Drive(_Order):
+    """How a leased tractor is to be driven; to be sent again at least every half second."""
+
+    kind: Literal["command"]
+    tractor: Number
+    steering_command_deg: Steering
+    speed_command_mps: Speed
+    shuttle: Literal[-1, 0, 1] | None = None
+    start: Literal[0, 1] | None = None
+
+
+class StopAll(_Order):
+    """Everybody stands."""
+
+    kind: Literal["stop_all"]
+
+
+class Begin(_Order):
+    """The fleet starts."""
+
+    kind: Literal["start"]
+
+
+class Pause(_Order):
+    """One tractor stands, or all."""
+
+    kind: Literal["pause"]
+    tractor: Number | None = None
+
+
+class GoOn(_Order):
+    """One tractor goes on, or all."""
+
+    kind: Literal["resume"]
+    tractor: Number | None = None
+
+
+class Clear(_Order):
+    """An obstacle is gone."""
+
+    kind: Literal["clear"]
+    obstacle: Annotated[int, Field(ge=1)]
+
+
+class Acknowledge(_Order):
+    """An alarm was seen."""
+
+    kind: Literal["acknowledge"]
+    alarm: Annotated[int, Field(ge=1)]
+
+
+class Fail(_Order):
+    """A tractor drives no more."""
+
+    kind: Literal["fail"]
+    tractor: Number
+
+
+class Replan(_Order):
+    """Plan the rest of the tracks of these tractors for the others."""
+
+    kind: Literal["replan"]
+    without: Annotated[list[Number], Field(max_length=MOST_TRACTORS)] = []
+
+
+class Accept(_Order):
+    """Go on by a proposal."""
+
+    kind: Literal["accept"]
+    proposal: Annotated[int, Field(ge=1)]
+
+
+Orders = (
+    TakeLease | Leave | Drive | StopAll | Begin | Pause | GoOn | ObstacleSeen | Clear | Acknowledge | Fail | Replan
+    | Accept
+)  # fmt: skip
+FromTractor = State | ObstacleSeen | Goodbye
+FromControl = Orders | Goodbye
+FromViewer = Goodbye
+
+OF_ROLE: dict[str, TypeAdapter[Any]] = {
+    "tractor": TypeAdapter(Annotated[FromTractor, Field(discriminator="kind")]),
+    "control": TypeAdapter(Annotated[FromControl, Field(discriminator="kind")]),
+    "viewer": TypeAdapter(FromViewer),
+    "twin": TypeAdapter(FromViewer),
+}
+HELLO: TypeAdapter[Hello] = TypeAdapter(Hello)
+
+
+class Told(BaseModel):
+    """Any frame of the service."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Welcome(Told):
+    """The answer to hello. `last_sequence` is the last state that is kept of this tractor, -1 for none."""
+
+    kind: Literal["welcome"] = "welcome"
+    fleet: str
+    role: str
+    tractor: int | None
+    version: int
+    last_sequence: int
+    server_time: str
+    beat_s: float
+    settings: dict[str, Any]
+    plan: dict[str, Any] | None = None
+
+
+class Refused(Told):
+    """A frame that is not taken: why, and its sequence where it has one."""
+
+    kind: Literal["refused"] = "refused"
+    sentence: str
+    sequence: int | None = None
+
+
+class Ack(Told):
+    """All states of this tractor up to this sequence are kept."""
+
+    kind: Literal["ack"] = "ack"
+    sequence: int
+
+
+class Beat(Told):
+    """The centre is there; a tractor that hears none for a second acts as for a broken link."""
+
+    kind: Literal["beat"] = "beat"
+    time: str
+
+
+class Release(Told):
+    """The first `released` of `announced` legs may be driven; `limit_mps` is how fast, behind a leader."""
+
+    kind: Literal["release"] = "release"
+    update: int
+    released: int
+    announced: int
+    limit_mps: float | None = None
+
+
+class Command(Told):
+    """Drive by remote control."""
+
+    kind: Literal["command"] = "command"
+    sequence: int
+    steering_command_deg: float
+    speed_command_mps: float
+    shuttle: int
+    start: int
+
+
+class Stop(Told):
+    """Stand at once."""
+
+    kind: Literal["stop"] = "stop"
+    reason: str = ""
+
+
+class Resume(Told):
+    """Drive the released legs."""
+
+    kind: Literal["resume"] = "resume"
+
+
+class PlanChanged(Told):
+    """Legs after the released ones are new."""
+
+    kind: Literal["plan"] = "plan"
+    version: int
+    released: int
+    plan: dict[str, Any]
+
+
+class LeaseTold(Told):
+    """Who drives a tractor."""
+
+    kind: Literal["lease"] = "lease"
+    tractor: int
+    holder: str | None
+    mine: bool
+
+
+class SceneTractor(Told):
+    """One tractor of the scene."""
+
+    tractor: int
+    legs: list[dict[str, Any]]
+    boxes_m: dict[str, float]
+    antenna_forward_m: float
+    wheelbase_m: float
+    max_steering_deg: float
+
+
+class Scene(Told):
+    """What changes seldom."""
+
+    kind: Literal["scene"] = "scene"
+    version: int
+    crs: str | None
+    origin_m: list[float]
+    field: list[list[list[float]]]
+    field_obstacles: list[list[list[float]]]
+    fence: list[list[list[float]]]
+    obstacles: list[dict[str, Any]]
+    width_m: float
+    deadline_s: float | None
+    tractors: list[SceneTractor]
+
+
+class TickTractor(Told):
+    """One tractor of a tick; `time` and pose are those of its last state."""
+
+    tractor: int
+    time: str | None
+    easting_m: float | None
+    northing_m: float | None
+    heading_deg: float | None
+    speed_mps: float | None
+    steering_deg: float | None
+    twin: dict[str, float] | None
+    connection: Literal["online", "offline", "broken"]
+    age_s: float | None
+    mode: str
+    holds: list[str]
+    holder: str | None
+    leg: int
+    leg_m: float
+    released: int
+    waits_for: list[dict[str, int]]
+    eta_s: float | None
+    late_s: float | None
+    error_m: float | None
+    error_deg: float | None
+    done_pct: float
+
+
+class TickFleet(Told):
+    """The fleet in a tick; ETA and deadline in seconds from now."""
+
+    state: Literal["ready", "running", "stopped", "done"]
+    eta_s: float | None
+    done_pct: float
+    done_m2: float
+    deadline_s: float | None
+    probability: float | None
+
+
+class Tick(Told):
+    """What has changed since the last tick; every tractor once a second at least."""
+
+    kind: Literal["tick"] = "tick"
+    time: str
+    tractors: list[TickTractor]
+    fleet: TickFleet
+
+
+class Painted(Told):
+    """What a tractor has worked after its `first` points: its line, null where the implement was lifted."""
+
+    kind: Literal["painted"] = "painted"
+    tractor: int
+    first: int
+    points: list[list[float] | None]
+
+
+class AlarmsTold(Told):
+    """All alarms that are on or not yet acknowledged."""
+
+    kind: Literal["alarms"] = "alarms"
+    items: list[dict[str, Any]]
+
+
+class ProposalTold(Told):
+    """The rest of the work planned anew; `eta_s` is by simulation, `legs` per tractor for a picture."""
+
+    kind: Literal["proposal"] = "proposal"
+    id: int
+    state: Literal["planning", "ready", "failed", "accepted"]
+    without: list[int]
+    eta_s: float | None = None
+    moved_m: float | None = None
+    left_m: float | None = None
+    sentence: str | None = None
+    tractors: list[dict[str, Any]] = []
+
+
+class EventTold(Told):
+    """Something for the log of who did what."""
+
+    kind: Literal["event"] = "event"
+    time: str
+    who: str
+    what: str
+    data: dict[str, Any]
+
+
+TOLD: tuple[type[Told], ...] = (
+    Welcome, Refused, Ack, Beat, Release, Command, Stop, Resume, PlanChanged, LeaseTold, Scene, Tick, Painted,
+    AlarmsTold, ProposalTold, EventTold,
+)  # fmt: skip
+
+
+def told_why(error: ValidationError) -> str:
+    """The first fault of a frame in one sentence."""
+    fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    place = [str(part) for part in fault["loc"]]
+    words = " ".join(str(fault["msg"]).split()).rstrip(".")
+    where = ".".join(place[1:] if len(place) > 1 else place)
+    return f"The frame cannot be used{f': {where}' if where else ''}: {words[:200]}."

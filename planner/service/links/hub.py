@@ -1,0 +1,183 @@
+"""All live fleets of a service, their clock, and a process for what takes long."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from planner.errors import HeadlandError
+from planner.pool import LocalPool
+from planner.service.centre.fleet_plan import FleetPlan, prepared
+from planner.service.centre.orders import Event
+from planner.service.centre.progress import progress_of, restore
+from planner.service.centre.rules import Rules
+from planner.service.errors import MissingError
+from planner.service.links.live import LiveFleet
+from planner.service.links.proposals import Proposals
+from planner.service.links.recording import keep, rising
+from planner.service.links.warming import warm
+from planner.service.store import Store
+
+STEP_S, KEEP_S = 0.05, 1.0
+X, Y, WORKS = 2, 3, 10  # columns of kept rows
+Files = Mapping[str, tuple[str, bytes]]
+"""Contents by parameter (field, tractor), each with the ending of its file."""
+
+
+def prepared_with(text: str, files: Files) -> FleetPlan:
+    """`prepared` with files that are handed in as bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = {}
+        for parameter, (suffix, content) in files.items():
+            paths[parameter] = Path(folder) / f"{parameter}{suffix}"
+            paths[parameter].write_bytes(content)
+        return prepared(text, **paths)
+
+
+class Hub:
+    """Live fleets by id. `faults` has why a stored fleet could not be taken up again."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self.fleets: dict[str, LiveFleet] = {}
+        self.faults: dict[str, str] = {}
+        self._pool: LocalPool | None = None
+        self._tasks: list[asyncio.Task[None]] = []
+        self._keeping = asyncio.Lock()
+
+    async def start(self) -> None:
+        """Take up stored fleets, and let time pass.
+
+        Before that all that is compiled on first use is loaded, as nobody's frames are to wait for it later.
+        """
+        await asyncio.to_thread(warm)
+        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._take_up())]
+
+    async def stop(self) -> None:
+        """Keep what there is and end."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        for fleet in list(self.fleets.values()):
+            fleet.proposals.close()
+            await self.keep(fleet)
+        if self._pool is not None:
+            await asyncio.to_thread(self._pool.shutdown, wait=True, cancel_futures=True)
+
+    async def work(self, fn: Callable[..., Any], *arguments: Any) -> Any:
+        """Do something in a process of its own, so that nobody's frames wait for it."""
+        if self._pool is None:
+            self._pool = LocalPool(1)
+        return await asyncio.wrap_future(self._pool.submit(fn, *arguments))
+
+    def fleet(self, id: str) -> LiveFleet:
+        """A fleet that runs; raises MissingError."""
+        if id not in self.fleets:
+            raise MissingError(f"There is no live fleet {id[:40]!r}; the list shows all.", parameter="id")
+        return self.fleets[id]
+
+    async def create(self, name: str, text: str, files: Files, settings: dict[str, Any]) -> LiveFleet:
+        """A new fleet, ready to start. Raises a HeadlandError for a plan that cannot be driven."""
+        plan = await self.work(prepared_with, text, files)
+        settings = settings | {"begin_s": time.time()}
+        fleet = self._live(secrets.token_hex(8), name, plan, settings)
+        await asyncio.to_thread(self.store.save_fleet, fleet.id, name, text, settings)
+        self.fleets[fleet.id] = fleet
+        return fleet
+
+    def add(self, fleet: LiveFleet) -> None:
+        """Take a fleet that somebody has made."""
+        self.fleets[fleet.id] = fleet
+
+    def _live(self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any]) -> LiveFleet:
+        rules = Rules(times=settings["times"])
+        return LiveFleet(
+            id, name, plan, rules, begin_s=settings["begin_s"], way=settings["way"],
+            deadline_s=settings.get("deadline_s"), propose=Proposals(self.work),
+        )  # fmt: skip
+
+    async def delete(self, id: str) -> None:
+        """End a fleet and forget it; raises MissingError."""
+        await asyncio.to_thread(self.store.delete_fleet, id)
+        fleet = self.fleets.pop(id, None)
+        self.faults.pop(id, None)
+        if fleet is not None:
+            fleet.proposals.close()
+
+    async def _take_up(self) -> None:
+        """Go on with the fleets of the store."""
+        for row in await asyncio.to_thread(self.store.fleets):
+            if row.id in self.fleets:
+                continue
+            try:
+                files = {name: tuple(given) for name, given in row.settings.get("files", {}).items()}
+                contents = {
+                    name: (suffix, await asyncio.to_thread(self.store.blobs.get, sha256))
+                    for name, (suffix, sha256) in files.items()
+                }
+                plan = await self.work(prepared_with, row.progress.get("plan") or row.plan, contents)
+                fleet = self._live(row.id, row.name, plan, row.settings)
+                restore(fleet.centre, row.progress.get("centre", {}), time.monotonic(), time.time())
+                await self._repaint(fleet, row.progress)
+                self.fleets[row.id] = fleet
+            except (HeadlandError, KeyError) as refusal:
+                self.faults[row.id] = str(refusal)
+                logging.getLogger(__name__).warning("Fleet %s is not taken up again: %s", row.id, refusal)
+
+    async def _repaint(self, fleet: LiveFleet, progress: Mapping[str, Any]) -> None:
+        """Sequences and painted ground from what was recorded."""
+        for number in range(fleet.tractor_count):
+            rows = rising(await asyncio.to_thread(self.store.recording, fleet.id, number))
+            east, north = fleet.centre.plan.saved.origin_m
+            for row in rows:
+                fleet.centre.painting.at(number, row[X] - east, row[Y] - north, bool(row[WORKS]))
+            if rows:
+                fleet.recorder.seen[number] = fleet.recorder.kept[number] = rows[-1][0]
+
+    async def _run(self) -> None:
+        """Every fleet takes a step twenty times a second, whatever becomes of one of them."""
+        due = time.monotonic()
+        while True:
+            for fleet in list(self.fleets.values()):
+                try:
+                    fleet.step(time.monotonic())
+                except Exception:
+                    logging.getLogger(__name__).exception("Fleet %s", fleet.id)
+            due = max(due + STEP_S, time.monotonic() - STEP_S)
+            await asyncio.sleep(max(0.0, due - time.monotonic()))
+
+    async def _keep_on(self) -> None:
+        while True:
+            await asyncio.sleep(KEEP_S)
+            for fleet in list(self.fleets.values()):
+                try:
+                    await self.keep(fleet)
+                except Exception:
+                    logging.getLogger(__name__).exception("Keeping fleet %s", fleet.id)
+
+    async def keep(self, fleet: LiveFleet) -> None:
+        """Write what was reported and what happened, then acknowledge it."""
+        async with self._keeping:
+            taken, events = fleet.recorder.take(), fleet.events
+            fleet.events = []
+            progress = {"centre": progress_of(fleet.centre, time.monotonic(), time.time()), "plan": fleet.plan_text}
+            try:
+                await asyncio.to_thread(_write, self.store, fleet.id, taken, events, progress)
+            except BaseException:
+                fleet.recorder.back(taken)
+                fleet.events = events + fleet.events
+                raise
+            fleet.acknowledge(taken)
+
+
+def _write(store: Store, id: str, taken: Any, events: list[tuple[str, Event]], progress: dict[str, Any]) -> None:
+    keep(store, id, taken)
+    for _, event in events:
+        store.add_event(id, event.who, event.what, event.data)
+    store.save_progress(id, progress)

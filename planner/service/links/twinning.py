@@ -1,0 +1,107 @@
+"""One twin per tractor, fed with what it was told, corrected by what it reports, advanced with the fleet."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from planner.service.centre.alarms import WARNING
+from planner.service.centre.centre import Centre
+from planner.service.centre.fleet_plan import FleetPlan
+from planner.service.links.converting import heading_deg
+from planner.service.links.frames import State
+from vehicle.tractor import Tractor
+from vehicle.twin.twin import Fix, Twin
+
+CORRECT_S = 1.0  # between two fixes that a twin is given, as in section 5.2.2
+DOUBT_S = 1.0  # between two looks at whether a twin is wrong
+
+
+class Twins:
+    """The twins of a fleet. Their clock is the simulated one, `times` as fast as that on the wall, from `begin_s` on
+    (seconds since 1970, by which tractors date their states)."""
+
+    def __init__(self, plan: FleetPlan, way: str, times: float, begin_s: float) -> None:
+        self.plan, self.way, self.times, self.begin_s = plan, way, times, begin_s
+        self.tractors: list[Tractor] = [plan.tractor] * plan.tractors
+        self.items: list[Twin | None] = [None] * plan.tractors
+        self._fixed_s = [-math.inf] * plan.tractors
+        self._doubt_s = -math.inf
+
+    def time_s(self, clock_s: float) -> float:
+        """The time of the twins at a time of the clock (seconds since 1970)."""
+        return (clock_s - self.begin_s) * self.times
+
+    def reported(self, number: int, state: State, clock_s: float) -> None:
+        """A tractor has reported: what it was told is held, and once a second where it is corrects its twin."""
+        arrived = self.time_s(clock_s)
+        time_s = min(self.time_s(state.time.timestamp()), arrived)
+        east, north = self.plan.saved.origin_m
+        sign = -1.0 if state.shuttle < 0 else 1.0
+        fix = Fix(time_s, state.easting_m - east, state.northing_m - north, math.radians(90.0 - state.heading_deg),
+                  sign * state.speed_mps, arrived)  # fmt: skip
+        twin = self.items[number]
+        if twin is None:
+            self.items[number] = Twin(self.tractors[number], self.plan.implement, fix, way=self.way)
+            return
+        speed = sign * abs(state.speed_command_mps)
+        twin.command(time_s, math.radians(state.steering_command_deg), speed, bool(state.implement))
+        if clock_s - self._fixed_s[number] >= CORRECT_S:
+            self._fixed_s[number] = clock_s
+            twin.measured(fix)
+
+    def commanded(self, number: int, steering_rad: float, speed_mps: float, clock_s: float) -> None:
+        """A tractor is told by remote control how to drive, and its twin at the same time."""
+        twin = self.items[number]
+        if twin is not None:
+            twin.command(self.time_s(clock_s), steering_rad, speed_mps, exact=True)
+
+    def advance(self, now: float, clock_s: float, centre: Centre) -> None:
+        """Drive all twins up to now; who is in doubt raises an alarm of the centre."""
+        time_s = self.time_s(clock_s)
+        for twin in self.items:
+            if twin is not None:
+                twin.advance(time_s)
+        if now - self._doubt_s >= DOUBT_S:
+            self._doubt_s = now
+            for number, twin in enumerate(self.items):
+                doubt = None if twin is None else twin.doubt()
+                if doubt is None:
+                    centre.alarms.ended("doubt", number)
+                else:
+                    told = f"The twin of tractor {number + 1} is wrong: {doubt.words}"
+                    centre.alarms.raised("doubt", number, WARNING, told, now)
+
+    def told(self, number: int) -> dict[str, Any]:
+        """The entries of a twin in a tick; none for a tractor that was never heard of."""
+        twin = self.items[number]
+        if twin is None:
+            return {}
+        state = twin.state
+        east, north = self.plan.saved.origin_m
+        metres, degrees = self.error(number)
+        return {
+            "twin": {
+                "easting_m": round(state.x_m + east, 3), "northing_m": round(state.y_m + north, 3),
+                "heading_deg": round(heading_deg(state.heading_rad), 2), "speed_mps": round(state.speed_mps, 3),
+            },
+            "error_m": metres, "error_deg": degrees,
+        }  # fmt: skip
+
+    def error(self, number: int) -> tuple[float | None, float | None]:
+        """How far off the last correction found a twin: metres and degrees."""
+        twin = self.items[number]
+        last = None if twin is None else twin.last_correction
+        if last is None:
+            return None, None
+        ahead, right, heading = last
+        return round(math.hypot(ahead, right), 4), round(math.degrees(heading), 3)
+
+    def changed(self, plan: FleetPlan) -> None:
+        """The fleet goes on by another plan of the same tractors."""
+        self.plan = plan
+
+    def mended(self, number: int, tractor: Tractor) -> None:
+        """From its next report on a twin is that of this tractor file."""
+        self.tractors[number] = tractor
+        self.items[number] = None

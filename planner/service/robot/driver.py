@@ -1,0 +1,114 @@
+"""What a simulated robot tractor does with what it is told, and when it hears nothing any more."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from vehicle.missions import Mission
+from vehicle.plan_file import saved_from_json
+from vehicle.tractor import Implement, Tractor
+from vehicle.twin.stepper import AUTOMATIC, REMOTE, Stepper
+
+SILENCE_S = 1.0
+STANDING_MPS = 0.02
+
+
+class Driver:
+    """One tractor. Times are of a clock that only goes on; `times` is how much faster than it the tractor lives.
+
+    Silence of the centre for a second stops it at once when it is driven by remote control or follows another tractor,
+    of which nobody tells it now; else it ends its released legs and stands.
+    """
+
+    def __init__(
+        self, mission: Mission, tractor: Tractor, implement: Implement, origin_m: tuple[float, float], *,
+        name: str, hidden: Mapping[str, float] | None = None, noise_m: float = 0.0, seed: int = 0, times: float = 1.0,
+    ) -> None:  # fmt: skip
+        self.stepper = Stepper(mission, tractor, implement, hidden=hidden, noise_m=noise_m, seed=seed)
+        self.stepper.halt()
+        self.origin_m, self.name, self.times = origin_m, name, times
+        self.update = 0
+        self.sequence = -1
+        self.reason = "nobody has told it to drive"
+        self._begun_s: float | None = None
+        self._heard_s = -math.inf
+        self._silent = False
+
+    def heard(self, frame: dict[str, Any], now: float) -> None:
+        """The centre says something; a frame of a kind that is not for tractors changes nothing."""
+        self._heard_s, self._silent = now, False
+        take = getattr(self, f"_take_{frame.get('kind')}", None)
+        if take is not None:
+            take(frame)
+
+    def _take_welcome(self, frame: dict[str, Any]) -> None:
+        self.times = float(frame["settings"]["times"])
+        self.sequence = max(self.sequence, int(frame["last_sequence"]))
+        self._follow(frame["plan"])
+
+    def _take_release(self, frame: dict[str, Any]) -> None:
+        self.update, self.stepper.released = int(frame["update"]), int(frame["released"])
+        limit = frame["limit_mps"]
+        self.stepper.limit_mps = math.inf if limit is None else float(limit)
+
+    def _take_stop(self, frame: dict[str, Any]) -> None:
+        self.reason = str(frame["reason"])
+        self.stepper.halt()
+
+    def _take_resume(self, _frame: dict[str, Any]) -> None:
+        self.stepper.automatic()
+
+    def _take_command(self, frame: dict[str, Any]) -> None:
+        self.stepper.remote(math.radians(frame["steering_command_deg"]), float(frame["speed_command_mps"]))
+
+    def _take_plan(self, frame: dict[str, Any]) -> None:
+        self._follow(frame["plan"])
+        self.stepper.released = int(frame["released"])
+
+    def _follow(self, plan: dict[str, Any]) -> None:
+        """Take the centre's legs, which are those driven so far and new ones."""
+        self.stepper.follow(saved_from_json(json.dumps(plan)).plan.missions[0])
+
+    def step(self, now: float) -> dict[str, Any]:
+        """Drive up to now; the state to be sent."""
+        if self._begun_s is None:
+            self._begun_s = now
+        if now - self._heard_s > SILENCE_S and not self._silent:
+            self._silent = True
+            self._lost()
+        self.stepper.advance((now - self._begun_s) * self.times)
+        self.sequence += 1
+        return self._state()
+
+    def _lost(self) -> None:
+        """Nothing was heard of the centre for a second."""
+        following = math.isfinite(self.stepper.limit_mps)
+        if self.stepper.state.mode == REMOTE or (self.stepper.state.mode == AUTOMATIC and following):
+            self.reason = "the centre is silent"
+            self.stepper.halt()
+
+    def _state(self) -> dict[str, Any]:
+        state = self.stepper.state
+        east, north = self.origin_m
+        velocity = state.speed_mps if abs(state.speed_mps) > STANDING_MPS else state.speed_command_mps
+        backwards = velocity < 0.0 if velocity else state.gear < 0
+        return {
+            "kind": "state", "id": self.name, "sequence": self.sequence, "time": utc_now(),
+            "easting_m": round(state.x_m + east, 4), "northing_m": round(state.y_m + north, 4),
+            "heading_deg": round((90.0 - math.degrees(state.heading_rad)) % 360.0, 4),
+            "speed_mps": round(abs(state.speed_mps), 4), "speed_command_mps": round(abs(state.speed_command_mps), 4),
+            "steering_command_deg": round(math.degrees(state.steering_command_rad), 4),
+            "steering_deg": round(math.degrees(state.wheel_angle_rad), 4), "shuttle": -1 if backwards else 1,
+            "start": int(state.speed_command_mps != 0.0), "mode": state.mode, "leg": state.leg,
+            "leg_m": round(max(state.leg_m, 0.0), 4), "implement": int(state.implement), "update": self.update,
+            "done": state.done, "errors": [],
+        }  # fmt: skip
+
+
+def utc_now() -> str:
+    """Now as frames have it."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,107 @@
+"""A small fleet to watch: straight legs of 20 m side by side, and tractors that drive them at a steady speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+
+from planner.scenario import Scenario
+from planner.service.centre.centre import Centre
+from planner.service.centre.course import Course
+from planner.service.centre.fleet_plan import FleetPlan
+from planner.service.centre.orders import Event, Order
+from planner.service.centre.rules import Rules
+from planner.service.centre.tractors import Report
+from vehicle.missions import TRACK, Gate, Leg, Mission, Plan, Task
+from vehicle.plan_file import SavedPlan
+from vehicle.tractor import Implement, load_tractor
+
+SPEED, LENGTH = 1.0, 20.0
+EG105, BAR = load_tractor("eg105"), Implement(width_m=2.0)
+Gates = dict[tuple[int, int], tuple[Gate, ...]]
+
+
+def fleet_plan(tractors: int = 2, legs: int = 3, gates: Gates | None = None, apart_m: float = 20.0) -> FleetPlan:
+    """Every tractor drives north on a line of its own, `apart_m` from the next one, in legs of 20 m."""
+    missions = []
+    for number in range(tractors):
+        x = apart_m * number
+        missions.append(Mission(tuple(
+            Leg(np.array([[x, LENGTH * k], [x, LENGTH * (k + 1)]]), SPEED, implement=k % 2 == 0,
+                task=Task(TRACK, number), gates=(gates or {}).get((number, k), ()))
+            for k in range(legs)
+        )))  # fmt: skip
+    courses = tuple(Course(mission, (LENGTH / SPEED,) * legs) for mission in missions)
+    ground = shapely.box(-5.0, -5.0, apart_m * (tractors - 1) + 5.0, LENGTH * legs + 5.0)
+    scenario = Scenario(width_m=2.0)
+    return FleetPlan(
+        SavedPlan(Plan(tuple(missions)), None, (1000.0, 2000.0), {}), scenario, EG105, BAR, courses,
+        (LENGTH * legs / SPEED,) * tractors, 10.0, ground,
+    )  # fmt: skip
+
+
+@dataclass
+class Driven:
+    """A centre with simulated tractors: each obeys its orders and reports ten times a second."""
+
+    centre: Centre
+    pace: dict[int, float] = field(default_factory=dict)
+    now: float = 0.0
+    silent: set[int] = field(default_factory=set)
+    standing: list[bool] = field(default_factory=list)
+    at_m: list[float] = field(default_factory=list)
+    orders: list[Order] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        count = self.centre.plan.tractors
+        self.standing, self.at_m = [True] * count, [0.0] * count
+        for number in range(count):
+            self.centre.joined(number, self.now)
+            self.report(number, 0.0)
+
+    def report(self, number: int, speed: float) -> None:
+        """One tractor says where it is."""
+        course = self.centre.courses[number]
+        end = course.before_m[-1]
+        leg = min(int(self.at_m[number] // LENGTH), len(course.legs) - 1)
+        x, y, heading = course.along(leg, self.at_m[number] - LENGTH * leg, [0.0], len(course.legs))[0]
+        self.centre.reported(number, Report(
+            x, y, heading, speed, speed, mode="stopped" if self.standing[number] else "automatic",
+            leg=leg, leg_m=self.at_m[number] - LENGTH * leg, implement=int(course.legs[leg].implement),
+            done=self.at_m[number] >= end - 1e-6,
+        ), self.now)  # fmt: skip
+
+    def obey(self) -> None:
+        """Take orders."""
+        orders, events = self.centre.taken()
+        self.orders += orders
+        self.events += events
+        for order in orders:
+            if order.kind in ("stop", "resume"):
+                self.standing[order.tractor] = order.kind == "stop"
+
+    def run(self, seconds: float) -> None:
+        """Let time pass in steps of a tenth of a second."""
+        for _ in range(round(seconds * 10)):
+            self.now += 0.1
+            self.centre.tick(self.now)
+            self.obey()
+            for number, state in enumerate(self.centre.states):
+                if number in self.silent:
+                    continue
+                end = self.centre.courses[number].before_m[state.released]
+                step = 0.0 if self.standing[number] else 0.1 * SPEED * self.pace.get(number, 1.0)
+                step = max(min(step, end - self.at_m[number]), 0.0)
+                self.at_m[number] += step
+                self.report(number, 10.0 * step)
+
+
+def driven(plan: FleetPlan | None = None, rules: Rules | None = None, **options: object) -> Driven:
+    """A fleet at the start of its plan, started."""
+    fleet = Driven(Centre(plan or fleet_plan(), rules or Rules()), **options)  # type: ignore[arg-type]
+    fleet.centre.start("anna", fleet.now)
+    fleet.obey()
+    return fleet

@@ -1,0 +1,181 @@
+"""The two ways in which a twin is corrected by what is measured of the real tractor.
+
+thesis    section 5.2.3: once a second the last fix that came in, old as it is, is where the twin is moved to, smoothly
+predict   the fix corrects the twin as it was at the fix's time, as far as each is sure; from there the twin is rolled
+          to now along the commands known by now, steering dead time included, turning and slipping as was found out
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vehicle.layout import DT_S
+from vehicle.twin.belief import Belief, measure
+from vehicle.twin.doubt import Test
+from vehicle.twin.motion import Array
+from vehicle.twin.rolling import Commands, Rolled, antenna_of, roll_believing
+
+OLDEST = 240  # steps that a fix may be late: 4 s
+GATE = 8.0  # standard deviations beyond which a fix is absurd; three in a row are believed all the same
+PATIENCE = 3
+LOST_M, LOST_RAD = 0.05, 0.02  # how sure the twin is of a place it was moved to
+EVERY, BLEND = 60, 12  # steps between two corrections of the thesis, and over which one is spread (assumed: 0.2 s)
+STANDING = np.zeros(2)
+
+
+class Anchor:
+    """The twin as it was at the last fix, with what the tracker and the witness believe; it never is ahead of now."""
+
+    def __init__(self, rolled: Rolled, tracker: Belief, witness: Belief, test: Test) -> None:
+        self.rolled, self.tracker, self.witness, self.test = rolled, tracker, witness, test
+        self._spin = np.zeros(1)
+        self._absurd = 0
+        self.rejected = 0
+        self.taken = 0
+        self.clear = np.zeros((4, 0))
+
+    @property
+    def learnt(self) -> Array:
+        """Turn (rad per m) and slip (share) besides the model's."""
+        return self.tracker.estimate[3:5]
+
+    def to(self, step: int, commands: Commands) -> None:
+        """Roll on to a step."""
+        rolled, one, two = self.rolled, self.tracker, self.witness
+        if step <= rolled.step:
+            return
+        commands.extend(step)
+        roll_believing(
+            step - rolled.step, rolled.step, DT_S, rolled.state[0], rolled.body, commands.ring, *rolled.parts,
+            self._spin, one.estimate, one.cov, one.spec, two.estimate, two.cov, two.spec, self.test.shifts,
+            self.test.sizes,
+        )  # fmt: skip
+        rolled.step = step
+        one.estimate[:3] = rolled.body[:3]
+
+    def take(self, fix: Array, time_s: float) -> Array:
+        """Correct by a fix (4,) of this very step; hands back measured less foretold (3,): ahead, right, turned."""
+        rolled, tracker, machine = self.rolled, self.tracker, self.rolled.machine
+        off = self._apart(fix)
+        pose, forward, spin = rolled.body[:3].copy(), rolled.forward_mps, float(rolled.body[5])
+        whitened = np.zeros(4)
+        none = np.zeros((0, 8))
+        lever = machine.ahead_m, machine.right_m
+        good = measure(
+            tracker.estimate, tracker.cov, tracker.spec, fix, *lever, forward, spin, True, none, np.zeros(0), GATE,
+            whitened, self.clear,
+        )  # fmt: skip
+        if not good:
+            self._lost(fix, time_s)
+            return off
+        self._absurd = 0
+        self.taken += 1
+        moved = tracker.estimate[:3] - pose
+        rolled.shift(float(moved[0]), float(moved[1]), float(moved[2]))
+        test = self.test
+        measure(
+            self.witness.estimate, self.witness.cov, self.witness.spec, fix, *lever, forward, spin, False,
+            test.shifts, test.sizes, math.inf, test.whitened, test.means,
+        )  # fmt: skip
+        test.take(time_s)
+        return off
+
+    def _apart(self, fix: Array) -> Array:
+        """How far a fix lies from what is foretold: ahead, to the right (m), turned (rad)."""
+        body = self.rolled.body
+        x, y = antenna_of(self.rolled.machine, body[:3])
+        east, north, turned = fix[0] - x, fix[1] - y, fix[2] - body[2]
+        cosine, sine = math.cos(body[2]), math.sin(body[2])
+        return np.array([
+            east * cosine + north * sine, east * sine - north * cosine, math.atan2(math.sin(turned), math.cos(turned)),
+        ])
+
+    def _lost(self, fix: Array, time_s: float) -> None:
+        """An absurd fix: left out, unless several in a row are; then the tractor is where they say."""
+        self.rejected += 1
+        self._absurd += 1
+        if self._absurd < PATIENCE:
+            return
+        self._absurd = 0
+        body = self.rolled.body
+        x, y = antenna_of(self.rolled.machine, np.array([0.0, 0.0, fix[2]]))
+        turned = math.remainder(fix[2] - body[2], 2.0 * math.pi)
+        self.rolled.shift(fix[0] - x - body[0], fix[1] - y - body[1], turned)
+        for belief in (self.tracker, self.witness):
+            belief.start(body[:3], LOST_M, LOST_RAD)
+        self.test.shifts[:] = 0.0
+
+
+class Predicting:
+    """Prediction over a fix's age: now is the anchor rolled on."""
+
+    def __init__(self, anchor: Anchor, commands: Commands) -> None:
+        self.anchor, self.commands = anchor, commands
+        self.rolled = anchor.rolled.copy()
+
+    def commanded(self, step: int, command: Array) -> None:
+        """A command from a step on; what was driven since is driven again."""
+        if step < self.rolled.step:
+            self.rolled = self.anchor.rolled.copy()
+
+    def corrected(self, step: int, fix: Array) -> None:
+        """The anchor has taken a fix."""
+        self.rolled = self.anchor.rolled.copy()
+
+    def to(self, step: int) -> None:
+        """Roll on to a step."""
+        self.rolled.to(step, self.commands, self.anchor.learnt)
+
+    @property
+    def learnt(self) -> Array:
+        """Turn and slip besides the model's."""
+        return self.anchor.learnt
+
+
+class Following:
+    """The thesis's way: commands count when they come in, and once a second the last fix is where the twin goes."""
+
+    def __init__(self, anchor: Anchor, commands: Commands) -> None:
+        self.rolled = anchor.rolled.copy()
+        self.learnt = STANDING
+        self.commands = Commands(float(commands.held[0]), float(commands.held[1]))
+        self.applied: list[tuple[int, Array]] = []
+        self._fix: Array | None = None
+        self._left, self._shift = 0, np.zeros(3)
+
+    def commanded(self, step: int, command: Array) -> None:
+        """A command that has come in now."""
+        self.commands.set(self.rolled.step, command)
+
+    def corrected(self, step: int, fix: Array) -> None:
+        """A fix has come in."""
+        self._fix = fix
+
+    def to(self, step: int) -> None:
+        """Roll on to a step, with the corrections that fall due on the way."""
+        while self.rolled.step < step:
+            now = self.rolled.step
+            if now % EVERY == 0 and now > 0 and self._fix is not None:
+                self._due()
+            until = min(step, now + 1 if self._left else (now // EVERY + 1) * EVERY)
+            self.rolled.to(until, self.commands, STANDING)
+            if self._left:
+                self._left -= 1
+                self.rolled.shift(*(float(value) for value in self._shift))
+
+    def _due(self) -> None:
+        """Begin to move the twin to the last fix."""
+        fix, body = self._fix, self.rolled.body
+        assert fix is not None
+        turned = math.remainder(float(fix[2]) - float(body[2]), 2.0 * math.pi)
+        x, y = antenna_of(self.rolled.machine, body[:3])
+        there = antenna_of(self.rolled.machine, np.array([body[0], body[1], body[2] + turned]))
+        east, north = fix[0] - there[0], fix[1] - there[1]
+        self._shift = np.array([east, north, turned]) / BLEND
+        self._left = BLEND
+        cosine, sine = math.cos(body[2]), math.sin(body[2])
+        dx, dy = fix[0] - x, fix[1] - y
+        self.applied.append((self.rolled.step, np.array([dx * cosine + dy * sine, dx * sine - dy * cosine, turned])))
+        self._fix = None
