@@ -190,7 +190,7 @@ class LiveFleet:
         """Ask for the rest of the work planned for the others; the number of the proposal. Raises CentreError."""
         for number in without:
             self.centre.check_number(number)
-        number = self.proposals.ask(self.centre, without, self.show)
+        number = self.proposals.ask(self.centre, without, time.monotonic(), self.show)
         self.centre.note(who, "replan", without=[each + 1 for each in without], proposal=number)
         return number
 
