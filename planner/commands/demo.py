@@ -60,7 +60,7 @@ def _shown(
     token = _new_token(data)
     service, url = stack.enter_context(_service(data, port))
     _awaited(url, service)
-    body = {"name": f"{FIELD}, {TRACTORS} robots", "plan": plan.read_text(encoding="utf-8"), "times": times}
+    body = {"name": f"{FIELD} with {TRACTORS} robots", "plan": plan.read_text(encoding="utf-8"), "times": times}
     id = asked(url, "fleets", token, body)["id"]
     for number in range(1, TRACTORS + 1):
         hide = ("--hide", HIDDEN[number]) if number in HIDDEN else ()

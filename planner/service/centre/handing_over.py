@@ -12,16 +12,15 @@ import shapely
 import shapely.ops
 
 from planner.service.centre.course import Course
-from planner.service.centre.tractors import TractorState
 from strategies.job import Job, Pass
-from strategies.legs import driven_legs, pass_legs
+from strategies.legs import driven_legs, pass_legs, with_stops
 from strategies.ways.paths import Path, Pose
 from strategies.ways.search import shortest_m
 from vehicle.missions import DRIVE_IN, ROUND, TRACK, TURN, WAY, Leg, Task
 
 SHORTEST_M = 2.0  # what is left of a track and shorter is not worth a way
 OVERLAP_M = 1.0
-LONG_TURN_M = 40.0
+LONG_TURN_M, STOPS_M = 40.0, 12.0
 Points = npt.NDArray[np.float64]
 
 
@@ -43,13 +42,13 @@ class Hand:
     legs: list[Leg]
 
 
-def pieces_left(course: Course, state: TractorState, job: Job, blocked: shapely.Geometry) -> list[Piece]:
-    """What a tractor has not worked: whole tracks either way, begun ones and rounds from where they are left.
+def pieces_left(course: Course, first: int, first_m: float, job: Job, blocked: shapely.Geometry) -> list[Piece]:
+    """What is worked after `first_m` metres of leg `first`: whole tracks either way, others from where they are left.
 
     What lies in `blocked` is left out.
     """
     pieces: list[Piece] = []
-    legs, k = course.legs, state.leg
+    legs, k = course.legs, first
     while k < len(legs):
         if legs[k].task.kind not in (TRACK, ROUND, DRIVE_IN):
             k += 1
@@ -57,10 +56,9 @@ def pieces_left(course: Course, state: TractorState, job: Job, blocked: shapely.
         run = [legs[k]]
         while k + len(run) < len(legs) and _goes_on(run[-1], legs[k + len(run)]):
             run.append(legs[k + len(run)])
-        begun = k <= state.leg < k + len(run) and (state.leg_m > 0.0 or state.leg > k)
-        cut = tuple(run[state.leg - k :]) if begun else tuple(run)
+        begun = k == first and (first_m > 0.0 or (k > 0 and _goes_on(legs[k - 1], run[0])))
         whole = None if begun else _whole(run[0], job, blocked)
-        pieces += [whole] if whole else _parts(cut, state.leg_m if begun else 0.0, blocked)
+        pieces += [whole] if whole else _parts(run, first_m if begun else 0.0, blocked)
         k += len(run)
     return pieces
 
@@ -126,7 +124,7 @@ def _taken(job: Job, hand: Hand, way: tuple[Leg, ...]) -> bool:
     path = job.way(hand.pose, pose_at(way[0], 0))
     if path is None:
         return False
-    there = [replace(leg, may_wait=number == 0) for number, leg in enumerate(to_work(job, path, way[0].task))]
+    there = to_work(job, path, way[0].task)
     hand.legs += [*there, *way]
     hand.free_s += sum(leg.length_m / leg.speed_mps for leg in (*there, *way))
     hand.pose = pose_at(way[-1], -1)
@@ -136,7 +134,7 @@ def _taken(job: Job, hand: Hand, way: tuple[Leg, ...]) -> bool:
 def to_work(job: Job, path: Path, task: Task) -> list[Leg]:
     """The legs of a way to some work."""
     kind = WAY if path.kind == "route" or path.length_m > LONG_TURN_M else TURN
-    return driven_legs(job, path, replace(task, kind=kind))
+    return with_stops(driven_legs(job, path, replace(task, kind=kind)), STOPS_M)
 
 
 def _way_s(job: Job, pose: Pose, way: tuple[Leg, ...]) -> float:

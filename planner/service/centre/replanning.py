@@ -20,7 +20,7 @@ from planner.service.centre.core import Core
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, timed
-from planner.service.centre.handing_over import Hand, hand_over, pieces_left, pose_at
+from planner.service.centre.handing_over import Hand, Piece, hand_over, pieces_left, pose_at
 from planner.service.centre.releasing import passed
 from planner.service.centre.tractors import TractorState
 from planner.site import Site, prepare
@@ -38,6 +38,7 @@ from vehicle.world import World
 LEAST_M = 0.05
 STUB_M = 0.02  # a tractor that has failed is one that drives so far: it stands in the way of the others
 OBSTACLE_M = 0.5
+MOST_SINGLE = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,30 +86,49 @@ def rest_of(centre: Core, without: Sequence[int], now: float) -> Rest:
 
 def replanned(rest: Rest) -> Proposal:
     """The tracks of those who drive no more, given to the others. Raises CentreError where no such plan works."""
-    plan = rest.plan
-    asked = replace(plan.scenario, rain=None, draws=None, before_s=None, refill=None, gnss=False, gnss_table=None)
-    site = prepare(asked, plan.field, plan.tractor, plan.implement)
-    blocked = _blocked(rest, site)
-    job = _job(site, blocked)
-    pieces = [piece for number in rest.without
-              for piece in pieces_left(plan.courses[number], rest.states[number], job, blocked)]  # fmt: skip
-    hands = [_hand(rest, number) for number in range(plan.tractors) if _can_help(rest, number)]
-    if not hands:
+    asked = replace(
+        rest.plan.scenario, rain=None, draws=None, before_s=None, refill=None, gnss=False, gnss_table=None
+    )
+    site = prepare(asked, rest.plan.field, rest.plan.tractor, rest.plan.implement)
+    helpers = [number for number in range(rest.plan.tractors) if _can_help(rest, number)]
+    if not helpers:
         raise CentreError("Every other tractor is on its way home already; nobody can take over.")
+    first: CentreError | None = None
+    for keep_m, who in _attempts(site, helpers):
+        try:
+            return _attempt(rest, site, _blocked(rest, site, keep_m), who)
+        except CentreError as refusal:
+            first = first or refusal
+    assert first is not None
+    raise first
+
+
+def _attempts(site: Site, helpers: list[int]) -> list[tuple[float, list[int]]]:
+    """How far to keep from what stands in the way, and who helps: all and well clear, then less of either."""
+    clear_m = _ends_m(site)
+    single = [[number] for number in helpers] if len(helpers) > 1 else []
+    return [(clear_m, helpers), (0.0, helpers), *((clear_m, who) for who in single[:MOST_SINGLE])]
+
+
+def _attempt(rest: Rest, site: Site, blocked: shapely.Geometry, helpers: Sequence[int]) -> Proposal:
+    plan, job = rest.plan, _job(site, blocked)
+    wide = shapely.buffer(blocked, 0.5)
+    ends = [_own_end(rest, number, wide, number in helpers) for number in range(plan.tractors)]
+    pieces = [piece for number, end in enumerate(ends) for piece in _pieces(rest, number, end, job, wide)]
+    hands = [_hand(rest, number, ends[number]) for number in helpers]
     unreached = hand_over(pieces, hands, job)
-    missions, kept = _missions(rest, job, hands)
+    missions = _missions(rest, job, hands, ends)
     run = _without_meetings(site, _from_here(rest, missions))
     moved = sum(piece.work_m for piece in pieces) - sum(piece.work_m for piece in unreached)
     left = sum(piece.work_m for piece in unreached)
     told = f"{left:.0f} m of track cannot be reached and stay open." if unreached else None
-    made = _whole_plan(rest, missions, run)
     others = [n for n in range(plan.tractors) if n not in rest.without]
     eta_s = float(max(run.finish_s[n] for n in others)) / rest.times
-    return Proposal(made, tuple(kept), eta_s, moved, left, told)
+    return Proposal(_whole_plan(rest, missions, run), tuple(ends), eta_s, moved, left, told)
 
 
-def _blocked(rest: Rest, site: Site) -> shapely.Geometry:
-    """Where the guided point of nobody may be: round tractors that have failed, and obstacles."""
+def _blocked(rest: Rest, site: Site, keep_m: float) -> shapely.Geometry:
+    """Where the guided point of nobody may be: round tractors that have failed, and obstacles, and `keep_m` more."""
     half_m = 0.5 * max(site.implement.contact_width_m, site.tractor.width_m)
     reach_m = half_m + site.scenario.clearance_m
     shapes = [shapely.buffer(shape, half_m + OBSTACLE_M) for shape in rest.obstacles]
@@ -120,7 +140,7 @@ def _blocked(rest: Rest, site: Site) -> shapely.Geometry:
             long_m = site.tractor.length_m
             line = shapely.LineString([place - (long_m + site.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead])
             shapes.append(shapely.buffer(line, half_m + reach_m))
-    return shapely.union_all(shapes)
+    return shapely.buffer(shapely.union_all(shapes), keep_m)
 
 
 def _job(site: Site, blocked: shapely.Geometry) -> Job:
@@ -133,43 +153,72 @@ def _job(site: Site, blocked: shapely.Geometry) -> Job:
     return replace(site.job(1), connector=finder(site.free), headland=headland, careful=(), ways={}, tables={})
 
 
+def _ends_m(site: Site) -> float:
+    """How far a machine reaches ahead of or behind the guided point."""
+    boxes = site.manner.boxes
+    return max(max(abs(rear), abs(front)) for rear, front, _ in boxes)
+
+
 def _can_help(rest: Rest, number: int) -> bool:
+    """Whether a tractor drives on, and is not on its way home already."""
     state, legs = rest.states[number], rest.plan.courses[number].legs
-    home = legs[min(state.leg, len(legs) - 1)].task.kind == LEAVE or _own_end(legs) < state.released
-    return number not in rest.without and not (home and legs[-1].task.kind == LEAVE)
+    if number in rest.without:
+        return False
+    return not any(leg.task.kind == LEAVE for leg in legs[: max(state.released, state.leg + 1)])
 
 
-def _own_end(legs: Sequence[Leg]) -> int:
-    """How many legs there are before a tractor goes home."""
-    return next((k for k, leg in enumerate(legs) if leg.task.kind == LEAVE), len(legs))
+def _own_end(rest: Rest, number: int, wide: shapely.Geometry, helps: bool) -> int:
+    """How many legs of a tractor stay as they are: up to what leads home, or to what is blocked now."""
+    state, legs = rest.states[number], rest.plan.courses[number].legs
+    if number in rest.without:
+        return min(state.leg + 1, len(legs))
+    fixed = max(state.released, state.leg + 1)
+    for k in range(fixed, len(legs)):
+        if legs[k].task.kind == LEAVE and helps:
+            return k
+        if helps and shapely.intersects(shapely.LineString(legs[k].points), wide):
+            return k
+    return len(legs)
 
 
-def _hand(rest: Rest, number: int) -> Hand:
+def _pieces(rest: Rest, number: int, end: int, job: Job, wide: shapely.Geometry) -> list[Piece]:
+    """What a tractor will not work: all that is left of one that is gone, what is blocked of another."""
+    state, course = rest.states[number], rest.plan.courses[number]
+    if number in rest.without:
+        return pieces_left(course, state.leg, state.leg_m, job, wide)
+    return pieces_left(course, end, 0.0, job, wide)
+
+
+def _hand(rest: Rest, number: int, end: int) -> Hand:
     course, state = rest.plan.courses[number], rest.states[number]
-    end = _own_end(course.legs)
     left_s = 0.0 if state.done else course.before_s[end] - course.driven_s(state.leg, state.leg_m)
     return Hand(number, left_s, pose_at(course.legs[end - 1], -1), [])
 
 
-def _missions(rest: Rest, job: Job, hands: Sequence[Hand]) -> tuple[list[tuple[Leg, ...]], list[int]]:
-    """All legs of every tractor, gates of the gone left out, and how many of them are as before."""
+def _missions(rest: Rest, job: Job, hands: Sequence[Hand], ends: Sequence[int]) -> list[tuple[Leg, ...]]:
+    """All legs of every tractor, gates of the gone left out; those before `ends` are as they were."""
     taken = {hand.number: hand.legs for hand in hands}
-    missions, kept = [], []
+    missions = []
     for number, course in enumerate(rest.plan.courses):
-        state, legs = rest.states[number], [_heeding(leg, rest) for leg in course.legs]
-        own = len(legs)
-        if number in rest.without:
-            own = min(state.leg + 1, len(legs))
-            legs = legs[:own]
-        elif taken.get(number):
-            own = _own_end(course.legs)
-            goes = own < len(legs)
-            legs = [*legs[:own], *taken[number]]
-            if goes and job.gate is not None:
+        end = ends[number]
+        legs = [_heeding(leg, rest) for leg in course.legs[:end]]
+        if (number not in rest.without and end < len(course.legs)) or taken.get(number):
+            legs += taken[number]
+            if course.legs[-1].task.kind == LEAVE and job.gate is not None:
                 legs += way_out(job, job.gate, Mission(tuple(legs)))
         missions.append(tuple(legs))
-        kept.append(own)
-    return missions, kept
+    return _existing(missions, ends)
+
+
+def _existing(missions: Sequence[tuple[Leg, ...]], ends: Sequence[int]) -> list[tuple[Leg, ...]]:
+    """Legs without gates on, or following, legs that are gone: what was waited for there is driven otherwise now."""
+
+    def kept(leg: Leg) -> Leg:
+        gates = tuple(gate for gate in leg.gates if gate.leg < ends[gate.tractor])
+        follow = leg.follow if leg.follow and leg.follow.leg < ends[leg.follow.tractor] else None
+        return replace(leg, gates=gates, follow=follow)
+
+    return [tuple(kept(leg) for leg in legs) for legs in missions]
 
 
 def _heeding(leg: Leg, rest: Rest) -> Leg:

@@ -52,6 +52,7 @@ class LiveFleet:
         self.tractors: dict[int, Client] = {}
         self.events: list[tuple[str, Event]] = []
         self.again: set[int] = set()
+        self.diagnoses: dict[int, str] = {}
         self._links = 0
         self._times: list[str | None] = [None] * plan.tractors
         self._changed = set(range(plan.tractors))
