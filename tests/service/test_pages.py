@@ -362,3 +362,28 @@ def test_modules_by_their_closed_forms(watched: Watched) -> None:
       return [one.pixel(one.see(20, 0, 0)), one.pixel(one.see(20, -3, 0)), one.pixel(one.see(40, 0, 0))]; })()""",
     )
     assert seen[0][0] == pytest.approx(300) and seen[1][0] > 300 and seen[2][1] < seen[0][1], "ahead, right, farther"
+
+
+def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_there_is(watched: Watched) -> None:
+    page = watched.open("/access")
+    told = told_by(
+        page,
+        """(() => { const box = document.createElement("div");
+          const pad = { connected: true, axes: [0.5, 0.04], buttons: [] }, limits = { limit_mps: 2, steering_deg: 30 };
+          for (let k = 0; k < 8; k++) pad.buttons.push({ pressed: false, value: 0 });
+          navigator.getGamepads = () => [null, pad];
+          const hands = new m.Hands({ surface: box, pad: box, ready: () => true });
+          const said = [m.commandOf(hands.read(), limits)];
+          pad.buttons[5].pressed = true;
+          said.push(m.commandOf(hands.read(), limits));
+          pad.buttons[6].value = 0.5;
+          said.push(m.commandOf(hands.read(), limits));
+          pad.connected = false;
+          said.push(m.commandOf(hands.read(), limits));
+          hands.close();
+          return said; })()""",
+    )
+    still = {"steering_command_deg": 0, "speed_command_mps": 0, "shuttle": 0, "start": 0}
+    assert told[0] == told[3] == still, "no button held, and no gamepad any more"
+    assert told[1] == {"steering_command_deg": 15, "speed_command_mps": 0, "shuttle": 0, "start": 0}
+    assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}

@@ -22,6 +22,7 @@ from vehicle.twin.twin import Fix, Twin
 Array = npt.NDArray[np.float64]
 # Fig. 5.4 has no scale. Of these lengths only the time of the corner is told, 60 to 80 s at 4 km/h (Fig. 5.7).
 FIRST_M, RADIUS_M, SECOND_M = 67.0, 10.0, 50.0
+BEYOND_M = 5.0
 MASTER_HZ = 30  # divides the rates of the links below and their ages
 
 
@@ -35,35 +36,33 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """Twin less master, ten times a second: time (t,), distance (m), heading (rad), and across the master's path (m).
+    """Twin less master at even times (t,): distance (m), heading (rad), and across the master's path (m).
 
-    `at_corrections` (k, 2) are distance (m) and heading (rad) between the twin and each fix as it came in: what the
-    thesis could record. `track` (t, 2) is where the twin was.
+    `track` (t, 2) is where the twin was.
     """
 
     time_s: Array
     distance_m: Array
     heading_rad: Array
     across_m: Array
-    at_corrections: Array
     track: Array
 
 
-def corner(speed_mps: float, ground: str = "soil") -> Mission:
-    """The path of Fig. 5.4: long straight, corner to the left, long straight."""
+def corner(speed_mps: float, ground: str = "soil", share: float = 1.0) -> Mission:
+    """The path of Fig. 5.4: long straight, corner to the left, long straight; `share` shortens the straights."""
     angles = np.linspace(0.0, 0.5 * math.pi, 31)
-    arc = np.stack([RADIUS_M * (np.cos(angles) - 1.0), FIRST_M + RADIUS_M * np.sin(angles)], axis=1)
-    end = arc[-1] - [SECOND_M, 0.0]
+    arc = np.stack([RADIUS_M * (np.cos(angles) - 1.0), share * FIRST_M + RADIUS_M * np.sin(angles)], axis=1)
+    end = arc[-1] - [share * SECOND_M, 0.0]
     points = np.concatenate([[[0.0, 0.0]], arc, [end]])
     return Mission((Leg(points, speed_mps, ground=ground, task=Task(TRACK)),))
 
 
 def drive_master(
     tractor: Tractor, speed_mps: float, *, hidden: Mapping[str, float] | None = None, noise: Noise | None = None,
-    seed: int = 1,
+    seed: int = 1, share: float = 1.0,
 ) -> Drive:  # fmt: skip
-    """Drive the path from a stand to its end; what it shows has the noise."""
-    master = Stepper(corner(speed_mps), tractor, Implement(), hidden=hidden, noise=noise, seed=seed)
+    """Drive the path from a stand to its end; what it shows has the noise, `share` is that of `corner`."""
+    master = Stepper(corner(speed_mps, share=share), tractor, Implement(), hidden=hidden, noise=noise, seed=seed)
     master.released = 1
     truth, shown = [], []
     step = 0
@@ -77,43 +76,50 @@ def drive_master(
 
 
 def couple(
-    drive: Drive, tractor: Tractor, way: str, *, rate_hz: float, age_s: float, noise: Noise | None = None
-) -> tuple[Apart, Twin]:
-    """Let a twin of a tractor follow a drive by frames of a rate that come in so late; the twin is handed back too."""
+    drive: Drive, tractor: Tractor, way: str, *, rate_hz: float, age_s: float, noise: Noise | None = None,
+    look_hz: int = 10, poses: bool = True,
+) -> tuple[Apart, Twin]:  # fmt: skip
+    """Let a twin of a tractor follow a drive by frames of a rate that come in so late; the twin is handed back too.
+
+    The two are compared `look_hz` times a second. Without `poses` the twin is told commands alone.
+    """
     first = drive.shown[0]
     twin = Twin(tractor, Implement(), _fix(first, 0.0), way=way, noise=noise)
     frames = list(drive.shown[:: round(MASTER_HZ / rate_hz)])
-    rows, corrections = [], []
-    for real in drive.truth[:: MASTER_HZ // 10]:
+    rows = []
+    looks = drive.truth[:: MASTER_HZ // look_hz]
+    for real in looks:
         while frames and frames[0].time_s + age_s <= real[0] + 1e-9:
-            frame = frames.pop(0)
-            corrections.append(_come_in(twin, frame, age_s))
+            _come_in(twin, frames.pop(0), age_s, poses)
         now = twin.advance(float(real[0]))
         rows.append((now.x_m, now.y_m, now.heading_rad))
-    return _apart(drive, np.array(rows), np.array(corrections)), twin
+    return _apart(drive, looks, np.array(rows)), twin
 
 
 def _fix(shown: StepperState, age_s: float) -> Fix:
     return Fix(shown.time_s, shown.x_m, shown.y_m, shown.heading_rad, shown.speed_mps, shown.time_s + age_s)
 
 
-def _come_in(twin: Twin, frame: StepperState, age_s: float) -> tuple[float, float]:
-    """Hand a frame to the twin; how far the twin was from it when it came in (m, rad)."""
+def _come_in(twin: Twin, frame: StepperState, age_s: float, poses: bool) -> None:
     fix = _fix(frame, age_s)
-    before = twin.advance(fix.arrived_s)
+    twin.advance(fix.arrived_s)
     twin.command(frame.time_s, frame.steering_command_rad, frame.speed_command_mps, frame.implement)
-    twin.measured(fix)
-    turned = math.remainder(before.heading_rad - fix.heading_rad, 2.0 * math.pi)
-    return math.hypot(before.x_m - fix.x_m, before.y_m - fix.y_m), turned
+    if poses:
+        twin.measured(fix)
 
 
-def _apart(drive: Drive, twin: Array, corrections: Array) -> Apart:
+def _apart(drive: Drive, real: Array, twin: Array) -> Apart:
     from shapely import LineString, distance, points
 
-    real = drive.truth[:: MASTER_HZ // 10]
+    line = np.concatenate([drive.truth[:: MASTER_HZ // 10, 1:3], _beyond(drive.truth)])
     turned = twin[:, 2] - real[:, 3]
-    across = np.asarray(distance(points(twin[:, :2]), LineString(drive.truth[:: MASTER_HZ // 10, 1:3])))
     return Apart(
-        real[:, 0], np.hypot(*(twin[:, :2] - real[:, 1:3]).T), np.arctan2(np.sin(turned), np.cos(turned)), across,
-        corrections, twin[:, :2],
+        real[:, 0], np.hypot(*(twin[:, :2] - real[:, 1:3]).T), np.arctan2(np.sin(turned), np.cos(turned)),
+        np.asarray(distance(points(twin[:, :2]), LineString(line))), twin[:, :2],
     )  # fmt: skip
+
+
+def _beyond(truth: Array) -> Array:
+    """A point (1, 2) straight on from the end: a twin that stops later than its master is not beside its path."""
+    _, x, y, angle = truth[-1]
+    return np.array([[x + BEYOND_M * math.cos(angle), y + BEYOND_M * math.sin(angle)]])

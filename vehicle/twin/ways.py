@@ -55,8 +55,12 @@ class Anchor:
         rolled.step = step
         one.estimate[:3] = rolled.body[:3]
 
-    def take(self, fix: Array, time_s: float) -> Array:
-        """Correct by a fix (4,) of this very step; hands back measured less foretold (3,): ahead, right, turned."""
+    def take(self, fix: Array, time_s: float, telling: bool = True) -> Array:
+        """Correct by a fix (4,) of this very step; hands back measured less foretold (3,): ahead, right, turned.
+
+        One that is not `telling`, because too little is known of what was commanded before it, says nothing for or
+        against the tractor's file: the witness begins anew at the place.
+        """
         rolled, tracker, machine = self.rolled, self.tracker, self.rolled.machine
         off = self._apart(fix)
         pose, forward, spin = rolled.body[:3].copy(), rolled.forward_mps, float(rolled.body[5])
@@ -75,6 +79,10 @@ class Anchor:
         moved = tracker.estimate[:3] - pose
         rolled.shift(float(moved[0]), float(moved[1]), float(moved[2]))
         test = self.test
+        if not telling:
+            self.witness.start(tracker.estimate[:3], LOST_M, LOST_RAD)
+            test.shifts[:] = 0.0
+            return off
         measure(
             self.witness.estimate, self.witness.cov, self.witness.spec, fix, *lever, forward, spin, -1.0,
             test.shifts, test.sizes, math.inf, test.whitened, test.means,

@@ -6,16 +6,17 @@ const LARGEST_PX = 2048, FINEST_PX = 8;
 export class Coverage {
   constructor() {
     this.canvas = document.createElement("canvas");
-    this.strokes = [];
-    this.ends = new Map();
+    this.lines = [];
+    this.open = new Map();
     this.counts = new Map();
     this.box = null;
   }
 
   /** Make room for a box (west, south, east, north); what is painted already is painted anew in it. */
   room(box) {
-    if (this.box && box.every((value, k) => Math.abs(value - this.box[k]) < 0.5)) return;
-    this.box = [box[0] - 5, box[1] - 5, box[2] + 5, box[3] + 5];
+    const wanted = [box[0] - 5, box[1] - 5, box[2] + 5, box[3] + 5];
+    if (this.box && wanted.every((value, k) => Math.abs(value - this.box[k]) < 0.5)) return;
+    this.box = wanted;
     const [w, h] = [this.box[2] - this.box[0], this.box[3] - this.box[1]];
     this.scale = Math.min(FINEST_PX, LARGEST_PX / Math.max(w, h));
     this.canvas.width = Math.ceil(w * this.scale);
@@ -26,7 +27,7 @@ export class Coverage {
   again() {
     if (!this.box) return;
     this.canvas.getContext("2d").clearRect(0, 0, this.canvas.width, this.canvas.height);
-    this.strokes.forEach((stroke) => this.stroke(stroke));
+    this.lines.forEach((line) => this.stroke(line, 0));
   }
 
   /** Paint on along points (metres; null lifts the brush), `width` metres wide; they follow the first so many. */
@@ -34,47 +35,49 @@ export class Coverage {
     // After a link was lost all is told from the beginning once more.
     if (first < (this.counts.get(tractor) ?? 0)) this.forget(tractor);
     this.counts.set(tractor, first + points.length);
-    let line = this.ends.has(tractor) ? [this.ends.get(tractor)] : [];
-    const flush = () => {
-      if (line.length > 1) {
-        const stroke = { tractor, line, width };
-        this.strokes.push(stroke);
-        this.stroke(stroke);
-      }
-    };
+    let line = this.open.get(tractor), from = line ? line.points.length : 0;
+    const painted = () => line && this.stroke(line, from);
     for (const point of points) {
-      if (point) { line.push(point); continue; }
-      flush();
-      line = [];
+      if (!point) {
+        painted();
+        line = null;
+        continue;
+      }
+      if (!line) {
+        line = { tractor, width, points: [] };
+        from = 0;
+        this.lines.push(line);
+      }
+      line.points.push(point);
     }
-    flush();
-    if (line.length) this.ends.set(tractor, line[line.length - 1]);
-    else this.ends.delete(tractor);
+    painted();
+    if (line) this.open.set(tractor, line); else this.open.delete(tractor);
   }
 
   forget(tractor) {
-    this.strokes = this.strokes.filter((stroke) => stroke.tractor !== tractor);
-    this.ends.delete(tractor);
+    this.lines = this.lines.filter((line) => line.tractor !== tractor);
+    this.open.delete(tractor);
     this.again();
   }
 
-  stroke({ tractor, line, width }) {
-    if (!this.box) return;
+  // What came after the first `from` points of a line, with the bend before it, so that no wedge stays open there.
+  stroke({ tractor, points, width }, from) {
+    if (!this.box || points.length < 2) return;
     const ctx = this.canvas.getContext("2d");
     ctx.strokeStyle = colours.tractor(tractor);
     ctx.lineWidth = width * this.scale;
     ctx.lineJoin = "round";
     ctx.beginPath();
-    line.forEach(([x, y], k) => {
+    points.slice(Math.max(0, from - 2)).forEach(([x, y], k) => {
       const at = [(x - this.box[0]) * this.scale, (this.box[3] - y) * this.scale];
       if (k) ctx.lineTo(...at); else ctx.moveTo(...at);
     });
     ctx.stroke();
   }
 
-  draw(ctx, view, shift = [0, 0]) {
+  draw(ctx, view) {
     if (!this.box) return;
-    const [x, y] = view.at(this.box[0] + shift[0], this.box[3] + shift[1]);
+    const [x, y] = view.at(this.box[0], this.box[3]);
     const alpha = ctx.globalAlpha;
     ctx.globalAlpha = 0.42 * alpha;
     ctx.drawImage(this.canvas, x, y, (this.canvas.width / this.scale) * view.scale, (this.canvas.height / this.scale) * view.scale);

@@ -37,7 +37,7 @@ export class FleetLive {
     this.scene = {
       crs: scene.crs ?? null, rings: rings(scene.field), fence: rings(scene.fence), width: scene.width_m ?? 3,
       obstacles: rings([...(scene.field_obstacles ?? []), ...(scene.obstacles ?? [])]), marked: scene.obstacles ?? [],
-      machines: scene.tractors, lanes: scene.tractors.map((one) => one.legs.map((leg) => ({ ...leg, points: local(leg.points_m) }))),
+      machines: scene.tractors, lanes: scene.tractors.map((one) => one.legs.map((leg) => legOf(leg, local(leg.points_m)))),
     };
     this.coverage.room(boxOf(this.scene));
     for (let n = 1; n <= this.scene.lanes.length; n++) if (!this.fixes.has(n)) this.fixes.set(n, { tractor: n, connection: "offline" });
@@ -125,6 +125,12 @@ export class FleetLive {
     return sent;
   }
   close() { this.connection.close(); this.watchers.clear(); }
+}
+
+// A leg with the box around it, by which those out of sight are left out.
+function legOf({ kind, number, gear, implement }, points) {
+  const [xs, ys] = [0, 1].map((k) => points.map((point) => point[k]));
+  return { kind, number, gear, implement, points, box: [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)] };
 }
 
 /** West, south, east and north of what is to be seen of a scene. */

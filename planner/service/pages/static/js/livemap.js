@@ -4,6 +4,8 @@ import { colours, onColours } from "./palette.js";
 import { boxOf } from "./fleetlive.js";
 import { polygon, line, hatch, tractor, word } from "./layers.js";
 
+const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250;
+
 /** Fleets whose metres are of the same grid; local metres are a grid of their own. */
 export const gridOf = (live) => live.scene?.crs ?? `local ${live.id}`;
 
@@ -12,8 +14,17 @@ export class LiveMap {
     this.view = new MapView(label, { short });
     Object.assign(this, { lives, chosen, follow, node: this.view.node, grid: null, extra: null });
     this.view.layers = [(ctx) => this.draw(ctx)];
-    this.forget = onColours(() => { for (const live of this.lives()) live.coverage.again(); });
-    const beat = () => { this.frame = requestAnimationFrame(beat); this.step(); };
+    this.base = document.createElement("canvas");
+    this.forget = onColours(() => { this.key = ""; for (const live of this.lives()) live.coverage.again(); });
+    // Who asked the system for little motion gets steps instead of gliding.
+    const calm = matchMedia("(prefers-reduced-motion: reduce)");
+    let last = 0;
+    const beat = (stamp = 0) => {
+      this.frame = requestAnimationFrame(beat);
+      if (stamp - last < (calm.matches ? CALM_MS : FRAME_MS)) return;
+      last = stamp;
+      this.step();
+    };
     beat();
   }
 
@@ -51,16 +62,44 @@ export class LiveMap {
     this.view.fit([0, 1, 2, 3].map((k) => (k < 2 ? Math.min : Math.max)(...boxes.map((box) => box[k]))));
   }
 
+  // The view as a fleet has it, whose metres are counted from an origin of its own.
+  viewOf(live) {
+    const [dx, dy] = this.shift(live), place = (px, py) => { const [x, y] = this.view.place(px, py); return [x - dx, y - dy]; };
+    return Object.create(this.view, { at: { value: (x, y) => this.view.at(x + dx, y + dy) }, place: { value: place } });
+  }
+
+  // Ground and plans are drawn when the view changes and a few times a second; what moves is drawn over them.
   draw(ctx) {
-    for (const live of this.shown()) {
-      const [dx, dy] = this.shift(live);
-      const view = Object.create(this.view, { at: { value: (x, y) => this.view.at(x + dx, y + dy) } });
-      drawGround(ctx, view, live.scene, (inner) => live.coverage.draw(inner, view));
-      const chosen = this.chosen();
-      for (const number of live.numbers()) drawPlan(ctx, view, live, number, chosen?.live === live && chosen.number === number);
-      this.extra?.(ctx, view, live);
-      for (const number of live.numbers()) drawTractor(ctx, view, live, number, chosen?.live === live && chosen.number === number);
+    const { x, y, scale, width, height } = this.view, key = `${x} ${y} ${scale} ${width} ${height} ${this.grid}`, now = performance.now();
+    if (key !== this.key || now - this.made > REMADE_MS) {
+      this.key = key;
+      this.made = now;
+      this.drawBase();
     }
+    ctx.drawImage(this.base, 0, 0, width, height);
+    for (const live of this.shown()) {
+      const view = this.viewOf(live);
+      this.extra?.(ctx, view, live);
+      for (const number of live.numbers()) drawTractor(ctx, view, live, number, this.isChosen(live, number));
+    }
+  }
+
+  drawBase() {
+    const ratio = window.devicePixelRatio || 1, { width, height } = this.view;
+    this.base.width = Math.round(width * ratio);
+    this.base.height = Math.round(height * ratio);
+    const ctx = this.base.getContext("2d");
+    ctx.scale(ratio, ratio);
+    for (const live of this.shown()) {
+      const view = this.viewOf(live);
+      drawGround(ctx, view, live.scene, (inner) => live.coverage.draw(inner, view));
+      for (const number of live.numbers()) drawPlan(ctx, view, live, number, this.isChosen(live, number));
+    }
+  }
+
+  isChosen(live, number) {
+    const chosen = this.chosen();
+    return chosen?.live === live && chosen.number === number;
   }
 
   /** The tractor nearest to a place of the map, within a finger's width. */
@@ -96,9 +135,11 @@ export function drawGround(ctx, view, scene, between = null) {
 function drawPlan(ctx, view, live, number, chosen) {
   const legs = live.scene.lanes[number - 1] ?? [], fix = live.fixes.get(number);
   const colour = colours.tractor(number), at = fix?.leg ?? 0, released = fix?.released ?? 0;
+  const [west, north] = view.place(0, 0), [east, south] = view.place(view.width, view.height);
+  const seen = ({ box }) => box[0] < east && box[2] > west && box[1] < north && box[3] > south;
   ctx.globalAlpha = chosen ? 0.8 : 0.42;
   legs.forEach((leg, k) => {
-    if (k >= Math.max(released, at)) line(ctx, view, leg.points, colour, leg.implement ? 1.3 : 0.8, leg.implement ? [] : [3, 3]);
+    if (k >= Math.max(released, at) && seen(leg)) line(ctx, view, leg.points, colour, leg.implement ? 1.3 : 0.8, leg.implement ? [] : [3, 3]);
   });
   ctx.globalAlpha = 1;
   legs.slice(at, released).forEach((leg) => line(ctx, view, leg.points, colour, leg.implement ? 4 : 2.5));

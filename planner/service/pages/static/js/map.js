@@ -93,9 +93,9 @@ export class MapView {
     this.fitted = true;
     if (!this.width) return;
     const [w, h] = [Math.max(box[2] - box[0], 5), Math.max(box[3] - box[1], 5)];
-    this.scale = Math.min((this.width - 40) / w, (this.height - 56) / h, NEAREST_PX);
+    this.scale = Math.min((this.width - 40) / w, (this.height - 96) / h, NEAREST_PX);
     this.x = (box[0] + box[2]) / 2;
-    this.y = (box[1] + box[3]) / 2 - 8 / this.scale;
+    this.y = (box[1] + box[3]) / 2 + 12 / this.scale;
     this.redraw();
   }
 

@@ -10,7 +10,7 @@ import { alarmList, stopAll, refusals, connectionOf, waitsWords } from "../board
 import { colours } from "../palette.js";
 import { age, capital, kmh, legWords, number as figure, span, timeOfDay, DASH } from "../words.js";
 
-const TELL_MS = 200, TWIN_MS = 2000, CAMERA_MS = 66;
+const TELL_MS = 200, TWIN_MS = 2000, CAMERA_MS = 100;
 
 export async function open(main, shell, [id, text]) {
   const number = Number(text), about = await get(`fleets/${part(id)}`);
@@ -70,7 +70,7 @@ export async function open(main, shell, [id, text]) {
 // The worked strips near by, the released legs of this tractor, and where they lead next.
 function linesOf(live, number) {
   const fix = live.fixes.get(number) ?? {}, legs = live.scene.lanes[number - 1] ?? [];
-  const painted = live.coverage.strokes.map(({ tractor, line, width }) => ({ points: line, colour: colours.tractor(tractor), alpha: 0.35, strip_m: width }));
+  const painted = live.coverage.lines.map(({ tractor, points, width }) => ({ points, colour: colours.tractor(tractor), alpha: 0.35, strip_m: width }));
   const ahead = legs.slice(fix.leg ?? 0, (fix.leg ?? 0) + 6).map((leg, k) => ({ points: leg.points, colour: colours.tractor(number), width: k + (fix.leg ?? 0) < (fix.released ?? 0) ? 4 : 1.5 }));
   return [...painted, ...ahead];
 }
