@@ -18,7 +18,7 @@ export async function open(main, shell, [id]) {
   live.watch((kind) => { if (kind === "scene") { map.fit(); failing(); obstacles(); } if (kind === "proposal") proposed(); });
   const tiles = tractorTiles(one), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
   if (about.error) said.append(note(about.error, "error"));
-  const state = el("span", { class: "badge" }), figures = el("div"), log = el("ul", { class: "cards small" });
+  const state = el("span", { class: "badge" }), figures = el("div"), log = el("ul", { class: "cards alarms small" });
   const start = button("Start", () => live.send({ kind: "start" }), "main"), pause = button("Pause all", () => live.send({ kind: "pause", tractor: null })),
     resume = button("Resume", () => live.send({ kind: "resume", tractor: null }), "main");
   const drawer = obstacleDrawer(live, map), proposal = el("div"), which = el("select", { "aria-label": "Tractor that failed" });
@@ -65,12 +65,12 @@ export async function open(main, shell, [id]) {
 }
 
 const eventWords = ({ time, who, what, data = {} }) =>
-  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).map(([key, value]) => `${key} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
+  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).filter(([, value]) => value !== null).map(([key, value]) => `${key.replaceAll("_", " ")} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
 
 export const legend = () => el("ul", { class: "legend", "aria-label": "What is drawn" },
   el("li", {}, el("i", { class: "area", style: { "--colour": "var(--t0)" } }), "worked"),
   el("li", {}, el("i"), "released"), el("li", {}, el("i", { class: "thin" }), "announced"),
-  el("li", {}, el("i", { class: "dashed", style: { color: "var(--warn)" } }), "waits for"), el("li", {}, el("i", { class: "ring" }), "hollow: last known place"));
+  el("li", {}, el("i", { class: "dashed", style: { color: "var(--warn)" } }), "waits for"), el("li", {}, el("i", { class: "ring" }), "hollow: last known place"), el("li", {}, el("i", { class: "dotted" }), "geofence"));
 
 function proposalNote(live) {
   const one = live.proposal, gone = `tractor ${one.without.join(" and ")}`;
