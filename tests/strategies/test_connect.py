@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon, box
 
-from strategies.ways.chains import layered, quickest_chain
+from strategies.ways.chains import UNKNOWN, layered, quickest_chain
 from strategies.ways.connect import Connector, TurnCosts
 from strategies.ways.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
 from strategies.ways.routes import Corners, corner_poses, ring_poses
@@ -311,7 +311,8 @@ def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = mat
     graph = np.arange(0, count * count + 1, count), np.tile(np.arange(count), count), np.array(steps)
     none = np.zeros(count + 1, np.int64), np.empty(0, np.int64), np.empty(0)
     speeds, no_edges, nothing = np.array([2.0, 2.0, 0.0, 0.0]), np.empty((0, 4)), np.zeros(1)
-    found = quickest_chain(np.array(poses), nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
+    rooms = np.full((count, 4), UNKNOWN)
+    found = quickest_chain(np.array(poses), rooms, nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
     return [int(place) for place in found]
 
 
