@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from strategies.job import Job
-from strategies.legs import mission_of
 from strategies.orders.sequence import patterned
 from strategies.record import Strategy
-from strategies.separate import lines_of, plan_of
+from strategies.separate import lines_of, mission_in, plan_of
 from vehicle.missions import Gate, Mission, Plan
 
 NAME = "interleaved"
@@ -18,7 +17,7 @@ def interleaved(job: Job) -> Plan:
     """Tractors take every n-th line; each starts when the one before it is well under way."""
     lines = lines_of(job)
     shares = [[track for line in lines[i :: job.tractors] for track in line] for i in range(job.tractors)]
-    missions = [mission_of(job, order) for order in patterned(shares, job, jump=1)]
+    missions = [mission_in(job, number, order) for number, order in enumerate(patterned(shares, job, jump=1))]
     return plan_of(job, NAME, _staggered(missions, job.manner.stagger_m))
 
 

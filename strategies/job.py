@@ -64,7 +64,8 @@ class Job:
 
     `connector` finds ways anywhere in the field, `headland` only beside the tracks. `corner` is where to begin
     (from the last line?, first direction), None where any will do, as it does where the ways from a gate count; `jump`
-    fixes the pattern of tracks, None leaves it to the strategy. `rounds` are those of the headland, `rim` finds ways in
+    fixes the pattern of tracks, None leaves it to the strategy; `turned` tractors drive their orders from the end to
+    the beginning, where each has tracks of its own. `rounds` are those of the headland, `rim` finds ways in
     their corners, where the guided point may be anywhere on the field, and `square` tells whether corners are worked
     whole. With `spare_tracks` no way crosses tracks that can keep to the headland, however longer it is. With
     `standing` what is not worked yet is not driven through on the way in, where the headland leads round it. `around`
@@ -84,6 +85,7 @@ class Job:
     headland: Connector | None = None
     corner: tuple[bool, int] | None = None
     jump: int | None = None
+    turned: tuple[int, ...] = ()
     rounds: tuple[Round, ...] = ()
     rim: Connector | None = None
     square: bool = True

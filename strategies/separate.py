@@ -7,7 +7,8 @@ from typing import Any
 
 from fields.layout import Track
 from strategies.errors import StrategyError
-from strategies.job import Job
+from strategies.job import Job, Pass
+from strategies.legs import mission_of
 from vehicle.missions import Mission, Plan
 
 
@@ -22,6 +23,13 @@ def lines_of(job: Job) -> list[list[Track]]:
             f"{job.tractors} tractors are more than the {len(lines)} tracks of the field; use {len(lines)} or fewer."
         )
     return lines
+
+
+def mission_in(job: Job, tractor: int, order: list[Pass]) -> Mission:
+    """The mission of a tractor with tracks of its own; from the end to the beginning where the job has it turned."""
+    if tractor in job.turned:
+        order = [Pass(one.track, -one.direction) for one in order[::-1]]
+    return mission_of(job, order)
 
 
 def plan_of(job: Job, name: str, missions: Iterable[Mission], **notes: Any) -> Plan:

@@ -12,7 +12,7 @@ from strategies.orders.shares import balanced, cut
 from strategies.orders.table import TurnTable
 from strategies.record import Strategy
 from strategies.refilling.tracks import searched_in_loads
-from strategies.separate import lines_of, plan_of
+from strategies.separate import lines_of, mission_in, plan_of
 from vehicle.missions import Plan
 
 NAME = "split-field"
@@ -40,8 +40,11 @@ def split_field(job: Job) -> Plan:
 
     borders = balanced(borders, lambda first, last: block(first, last).seconds)
     shares = [block(first, last) for first, last in pairwise(borders)]
+    missions = (mission_in(job, number, share.order) for number, share in enumerate(shares))
+    if job.turned:  # the other way round an order takes a little more or less, and how good it is is not known
+        return plan_of(job, NAME, missions)
     gap = max(share.gap_pct for share in shares)
-    return plan_of(job, NAME, (mission_of(job, share.order) for share in shares), order_gap_pct=round(gap, 3))
+    return plan_of(job, NAME, missions, order_gap_pct=round(gap, 3))
 
 
 def _weight(job: Job, line: list[Track]) -> float:

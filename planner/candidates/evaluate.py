@@ -13,6 +13,7 @@ from planner.candidates.beaten import Beaten, Rival, beaten, from_any_corner, re
 from planner.candidates.bounds import pace_of
 from planner.candidates.choosing import Limits, promising
 from planner.candidates.headland import headland_s, with_headland
+from planner.candidates.other_orders import TOLD, other_orders
 from planner.candidates.refills import check_leave, crowded, refilled
 from planner.candidates.slowing import cures, left_m, mended
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
@@ -111,7 +112,7 @@ def _tried(site: Site, candidate: Candidate, rival: Rival | None) -> CandidateRu
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(site.job(candidate.tractors), jump=candidate.jump)
-    return (_from_some_corner if strategy.abreast else _run_job)(site, strategy, job, rival)
+    return (_from_some_corner if strategy.abreast else _in_some_order)(site, strategy, job, rival)
 
 
 def _from_some_corner(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
@@ -129,6 +130,29 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job, rival: Rival | N
         first = first or latest
     if first is None:
         raise refusal or StrategyError("No corner to begin at; the field has no tracks.")
+    return first
+
+
+def _in_some_order(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
+    """Tractors with tracks of their own in the order found first, or else in another that can be driven."""
+    first: CandidateRun | None = None
+    refusal: StrategyError | None = None
+    for number, other in enumerate((job, *other_orders(strategy, job))):
+        try:
+            latest = _run_job(site, strategy, other, rival)
+        except StrategyError as error:
+            refusal = refusal or error
+            continue
+        if isinstance(latest, CandidateRun) and latest.reason is None:
+            return replace(latest, remark=_joined(latest.remark, TOLD)) if number else latest
+        if isinstance(latest, Beaten):
+            if not number:
+                return latest
+            continue
+        first = first or latest
+    if first is None:
+        assert refusal is not None  # an order is driven, beaten or refused
+        raise refusal
     return first
 
 

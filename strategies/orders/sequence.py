@@ -188,7 +188,7 @@ def searched(
 
     `table` is that of all tracks of the layout. The search begins with the patterns in use and improves them
     (strategies.orders.tours). `roughly` is for comparing layouts: long ways are estimated, and the search ends early.
-    Without `proven` no circuit model says how good it is.
+    Without `proven` the best of few tracks is not worked out.
     """
     place = {track: index for index, track in enumerate(job.layout.tracks)}
     starts = [

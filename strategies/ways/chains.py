@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from strategies.ways.search import fitting_forward
+from strategies.ways.search import fitting_in_room, room_m
 from strategies.ways.words import MOST_PIECES, driven_s
 from vehicle.jit import compiled
 
@@ -26,9 +26,17 @@ UNKNOWN, NOWHERE = -1.0, -2
 
 
 @compiled
-def link_s(p, q, radius, speeds, edges, row) -> float:  # type: ignore[no-untyped-def]
-    """Seconds of the shortest fitting of the three shortest forward words from p, inside, to q; infinite for none."""
-    if fitting_forward(p, q, radius, edges, 3, row) < 0:
+def link_s(poses, p, q, rooms, radius, speeds, edges, row) -> float:  # type: ignore[no-untyped-def]
+    """Seconds of the shortest fitting of the three shortest forward words from pose p, inside, to pose q.
+
+    Infinite for none. Most words fail in one of their arcs at the ends, which is told from `rooms` (n, 4): how far arcs
+    lead from every pose, to the left and to the right, ahead and back; UNKNOWN until it is asked for.
+    """
+    if rooms[p, 0] == UNKNOWN:
+        room_m(poses[p], 1.0, radius, edges, rooms[p, :2])
+    if rooms[q, 2] == UNKNOWN:
+        room_m(poses[q], -1.0, radius, edges, rooms[q, 2:])
+    if fitting_in_room(poses[p], poses[q], rooms[p, :2], rooms[q, 2:], radius, edges, 3, row) < 0:
         return np.inf
     return driven_s(row, speeds)
 
@@ -48,13 +56,13 @@ def _left(poses, first_goal, after_s, speed):  # type: ignore[no-untyped-def]
 
 @compiled
 def quickest_chain(  # type: ignore[no-untyped-def]
-    poses, before_s, after_s, graph, kept, radius, speeds, edges, limit_s
+    poses, rooms, before_s, after_s, graph, kept, radius, speeds, edges, limit_s
 ):  # fmt: skip
     """Numbers of the poses of the quickest chain from a start to a goal; empty where there is none within `limit_s`.
 
     `poses` (n, 3) begin with the starts and end with the goals, with `before_s` and `after_s` seconds spent before and
     after them. `graph` is (indptr, after, links) of all poses, `kept` that of those between starts and goals, counted
-    from the first of these. It gives up after MOST_LINKS links.
+    from the first of these; `rooms` is as of `link_s`. It gives up after MOST_LINKS links.
     """
     count, speed, row = len(poses), speeds[0], np.zeros((MOST_PIECES, 3))
     starts, first_goal = len(before_s), count - len(after_s)
@@ -73,7 +81,7 @@ def quickest_chain(  # type: ignore[no-untyped-def]
             tried += 1
             links, at = (graph[2], place) if place >= 0 else (kept[2], -1 - place)
             if links[at] == UNKNOWN:
-                links[at] = link_s(poses[parent], poses[node], radius, speeds, edges, row)
+                links[at] = link_s(poses, parent, node, rooms, radius, speeds, edges, row)
             if links[at] < np.inf:
                 cost += links[at]
                 heapq.heappush(heap, (cost + left[node], node, parent, cost, True, place))

@@ -7,6 +7,7 @@ is joined by a Dubins word; where that does not fit, it follows rings laid insid
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -41,7 +42,7 @@ _ROUTE_AHEAD = (0.0, 0.25, 0.5, 1.0, 1.5)  # radii straight on at the ends of a 
 _ROUTE_BACK = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0)  # radii straight back
 _ROUNDS = tuple((arcs, hand) for arcs in (3, 5, 9) for hand in (1, -1))  # ways to turn round on the spot
 _RING_REACH = 6.0  # radii to the ring poses joined to a pose
-_MOST_REMEMBERED = 20000
+_MOST_REMEMBERED, _MOST_MOVES = 20000, 2000
 _FULL_ARC = 1.1  # radii of arc that a tractor needs to be where planned at the end of it
 _SHORT_ARC_S = 30.0  # what a shorter arc is charged for the swath begun out of place
 _CURVED_REVERSE_S = 20.0  # and an arc driven in reverse: the rear axle leads there, and the heading comes out short
@@ -113,6 +114,7 @@ class Connector:
         self._parts = shapely.get_parts(self._guard)
         shapely.prepare(self._parts)
         self._links: dict[tuple[Pose, Pose], Path | None] = {}
+        self._moves: dict[tuple[Pose, int, bool], list[Path]] = {}
         self._edges = _boundary(self._guard)
         self._rules = self._make_rules()
         self._row = np.zeros((MOST_PIECES, 3))
@@ -186,15 +188,28 @@ class Connector:
 
     def _route(self, a: Pose, b: Pose) -> Path | None:
         """A route by corners, else by rings; first without reversing, then with ever more of it at the ends."""
-        ends = [(self._starts(a, effort), self._goals(b, effort)) for effort in ((0, 1) if self.reversing else (0,))]
+        bends = list(self._bends(a, b))
+        ends = [self._ends(a, b, effort) for effort in ((0, 1) if self.reversing else (0,))]
         for starts, goals in ends:
-            way = self._by_corners(a, b, starts, goals)
+            way = self._by_corners(bends, starts, goals)
             if way is not None:
                 return way
         if self.reversing:
-            ends.append((self._starts(a, 2), self._goals(b, 2)))
-            way = self._by_corners(a, b, *ends[-1])
+            ends.append(self._ends(a, b, 2))
+            way = self._by_corners(bends, *ends[-1])
         return way or next((path for pair in ends if (path := self._by_rings(*pair))), None)
+
+    def _ends(self, a: Pose, b: Pose, effort: int) -> tuple[list[Path], list[Path]]:
+        """What may be driven before the first word of a route and after its last, remembered for the next route."""
+        found = []
+        for pose, moves, before in ((a, self._starts, True), (b, self._goals, False)):
+            key = pose, effort, before
+            if key not in self._moves:
+                if len(self._moves) >= _MOST_MOVES:
+                    self._moves.clear()
+                self._moves[key] = moves(pose, effort)
+            found.append(self._moves[key])
+        return found[0], found[1]
 
     def _starts(self, a: Pose, effort: int) -> list[Path]:
         """What may be driven before the first word of a route.
@@ -218,12 +233,16 @@ class Connector:
         x, y, heading = b
         return [_driven_back(move) for move in self._starts((x, y, heading + math.pi), effort)]
 
-    def _by_corners(self, a: Pose, b: Pose, starts: list[Path], goals: list[Path]) -> Path | None:
-        """The quickest route along the few shortest ways through the visibility graph."""
-        best: Path | None = None
+    def _bends(self, a: Pose, b: Pose) -> Iterator[list[list[Pose]]]:
+        """For each of the few shortest ways through the visibility graph the poses in which its corners are passed."""
         for way in self._corners.ways(a, b):
             bends = zip(way, way[1:], way[2:], strict=False)
-            layers = [self._inside(corner_poses(p, q, r, self.radius_m)) for p, q, r in bends]
+            yield [self._inside(corner_poses(p, q, r, self.radius_m)) for p, q, r in bends]
+
+    def _by_corners(self, bends: list[list[list[Pose]]], starts: list[Path], goals: list[Path]) -> Path | None:
+        """The quickest route along the few shortest ways through the visibility graph."""
+        best: Path | None = None
+        for layers in bends:
             limit = self.costs.time_s(best) if best else math.inf
             best = self._by_layers(starts, layers, goals, limit) or best
         return best
@@ -235,21 +254,27 @@ class Connector:
         poses = [s.end for s in starts] + [pose for layer in layers for pose in layer] + [g.start for g in goals]
         sizes = np.array([len(starts), *(len(layer) for layer in layers), len(goals)])
         none = np.zeros(len(poses) + 1, np.int64), np.empty(0, np.int64), np.empty(0)
-        return self._chain(poses, starts, goals, layered(sizes), none, limit_s)
+        rooms = np.full((len(poses), 4), UNKNOWN)
+        return self._chain(poses, rooms, starts, goals, layered(sizes), none, limit_s)
 
     def _by_rings(self, starts: list[Path], goals: list[Path]) -> Path | None:
         """Quickest chain from a start along ring poses to a goal, then made shorter where links can be left out."""
         if not starts or not goals:
             return None
-        ring, kept = self._ring
+        ring, kept, known = self._ring
         poses = [s.end for s in starts] + ring + [g.start for g in goals]
-        near = _RING_REACH * self.radius_m
-        graph = round_rings(np.array(poses), len(starts), len(starts) + len(ring), near, self.radius_m)
-        return self._chain(poses, starts, goals, graph, kept)
+        first_goal = len(starts) + len(ring)
+        graph = round_rings(np.array(poses), len(starts), first_goal, _RING_REACH * self.radius_m, self.radius_m)
+        rooms = np.full((len(poses), 4), UNKNOWN)
+        rooms[len(starts) : first_goal] = known
+        found = self._chain(poses, rooms, starts, goals, graph, kept)
+        known[:] = rooms[len(starts) : first_goal]
+        return found
 
     def _chain(
         self,
         poses: list[Pose],
+        rooms: Floats,
         starts: list[Path],
         goals: list[Path],
         graph: tuple[Ints, Ints],
@@ -262,8 +287,8 @@ class Connector:
         before, after = (np.array([self.costs.time_s(move) for move in moves]) for moves in (starts, goals))
         links = np.full(len(graph[1]), UNKNOWN)
         chain = quickest_chain(
-            np.array(poses), before, after, (*graph, links), kept, self.radius_m, self.costs.speeds, self._edges,
-            limit_s,
+            np.array(poses), rooms, before, after, (*graph, links), kept, self.radius_m, self.costs.speeds,
+            self._edges, limit_s,
         ).tolist()  # fmt: skip
         if not chain:
             return None
@@ -307,11 +332,11 @@ class Connector:
         return Corners(self.free, self._guard)
 
     @cached_property
-    def _ring(self) -> tuple[list[Pose], tuple[Ints, Ints, Floats]]:
-        """Ring poses, and which may follow which, with what is known of their links."""
+    def _ring(self) -> tuple[list[Pose], tuple[Ints, Ints, Floats], Floats]:
+        """Ring poses, and which may follow which, with what is known of their links and of the room they have."""
         poses = ring_poses(self.free, self.radius_m)
         near = all_close_by(np.array(poses).reshape(-1, 3), _RING_REACH * self.radius_m, self.radius_m)
-        return poses, (*near, np.full(len(near[1]), UNKNOWN))
+        return poses, (*near, np.full(len(near[1]), UNKNOWN)), np.full((len(poses), 4), UNKNOWN)
 
 
 def _boundary(region: BaseGeometry) -> NDArray[np.float64]:

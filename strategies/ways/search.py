@@ -13,7 +13,9 @@ import numpy.typing as npt
 from strategies.ways.words import (
     MOST_PIECES,
     MOST_WORDS,
+    SNAP,
     TAU,
+    arc_room_m,
     awkward_s,
     backing_words,
     cusped_words,
@@ -40,6 +42,8 @@ RULES = np.dtype(
         ("steps", "f8", (3,)),  # their lengths, m
     ]
 )
+CLEARLY_M = 1e-6  # more than an arc driven the other way round differs by rounding
+NO_END = np.full(2, np.inf)
 REACH = 6.0  # radii: no word leads farther from the box of its ends, straights at the ends apart
 
 
@@ -238,11 +242,38 @@ def shortest_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no
 @compiled
 def fitting_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
     """As `shortest_forward` from a pose that is known to lie inside."""
+    return fitting_in_room(a, b, NO_END, NO_END, radius, edges, most, best)
+
+
+@compiled
+def fitting_in_room(a, b, ahead, behind, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
+    """As `fitting_forward` where it is known how far arcs to the left and to the right lead before they meet an edge.
+
+    `ahead` (2,) is that from a, `behind` (2,) that driven back from b (m).
+    """
     out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
     count = min(forward_words(a, b, radius, out, kinds, 0), most)
-    near = edges_near(a, b, math.hypot(b[0] - a[0], b[1] - a[1]) + REACH * radius, edges)
+    near = edges[:0]
     for k in range(count):
+        if _leaves(out[k, 0], ahead) or _leaves(out[k, 2], behind):
+            continue
+        if not len(near):
+            near = edges_near(a, b, math.hypot(b[0] - a[0], b[1] - a[1]) + REACH * radius, edges)
         if word_fits(a, out[k], near):
             best[:] = out[k]
             return kinds[k]  # type: ignore[no-any-return]
     return -1
+
+
+@compiled
+def _leaves(arc, room) -> bool:  # type: ignore[no-untyped-def]
+    """Whether an arc at one end of a word is clearly longer than there is room for."""
+    return arc[0] > SNAP and arc[0] > room[0 if arc[1] > 0.0 else 1] + CLEARLY_M  # type: ignore[no-any-return]
+
+
+@compiled
+def room_m(pose, gear, radius, edges, out) -> None:  # type: ignore[no-untyped-def]
+    """Put into `out` (2,) how far arcs to the left and to the right lead from a pose before they meet an edge (m)."""
+    near = edges_near(pose, pose, 2.0 * radius, edges)
+    for side in range(2):
+        out[side] = arc_room_m(pose[0], pose[1], pose[2], (1.0 - 2.0 * side) / radius, gear, near)

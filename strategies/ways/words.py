@@ -255,6 +255,33 @@ def _arc_crosses(x, y, heading, length, curvature, gear, edges) -> bool:  # type
 
 
 @compiled
+def arc_room_m(x, y, heading, curvature, gear, edges) -> float:  # type: ignore[no-untyped-def]
+    """How far an arc leads before it meets an edge (m); infinite where a full circle meets none."""
+    radius = abs(1.0 / curvature)
+    hand = 1.0 if curvature > 0.0 else -1.0
+    cx, cy = x - hand * radius * math.sin(heading), y + hand * radius * math.cos(heading)
+    begin, way, least = math.atan2(y - cy, x - cx), hand * gear, np.inf
+    for k in range(len(edges)):
+        p, q, r, s = edges[k, 0] - cx, edges[k, 1] - cy, edges[k, 2] - cx, edges[k, 3] - cy
+        if min(p, r) > radius or max(p, r) < -radius or min(q, s) > radius or max(q, s) < -radius:
+            continue
+        dx, dy = r - p, s - q
+        a = dx * dx + dy * dy
+        if a == 0.0:
+            continue
+        b = p * dx + q * dy
+        root = b * b - a * (p * p + q * q - radius * radius)
+        if root < 0.0:
+            continue
+        root = math.sqrt(root)
+        for t in ((-b - root) / a, (-b + root) / a):
+            if 0.0 <= t <= 1.0:
+                angle = way * (math.atan2(q + t * dy, p + t * dx) - begin) % TAU
+                least = min(least, 0.0 if angle >= TAU - 1e-12 else angle)
+    return least * radius  # type: ignore[no-any-return]
+
+
+@compiled
 def inside(x, y, edges) -> bool:  # type: ignore[no-untyped-def]
     """Whether a point lies in the region whose boundary the edges are (even and odd crossings)."""
     odd = False

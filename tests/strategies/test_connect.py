@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon, box
 
-from strategies.ways.chains import layered, quickest_chain
-from strategies.ways.connect import Connector, TurnCosts
+from strategies.ways.chains import UNKNOWN, layered, quickest_chain
+from strategies.ways.connect import Connector, TurnCosts, _boundary
 from strategies.ways.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
 from strategies.ways.routes import Corners, corner_poses, ring_poses
+from strategies.ways.search import fitting_forward, fitting_in_room, room_m
 from strategies.ways.turns import fishtail, omega_turn, switch_back, u_turn
 
 R = 4.0
@@ -303,6 +304,32 @@ def test_ring_poses_lie_inside_and_come_in_both_headings() -> None:
         assert abs(math.remainder(forth - back, 2 * math.pi)) == pytest.approx(math.pi)
 
 
+@given(
+    st.lists(st.floats(-14.0, 14.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2)
+)
+def test_room_tells_only_words_that_do_not_fit(places: list[float], headings: list[float]) -> None:
+    """As many words fit, and the same, whether the room of their arcs is known or not."""
+    edges = _boundary(Polygon([(-15, -15), (15, -15), (15, 15), (4, 15), (4, 2), (-4, 2), (-4, 15), (-15, 15)]))
+    a, b = np.array([*places[:2], headings[0]]), np.array([*places[2:], headings[1]])
+    ahead, behind, plain, told = np.empty(2), np.empty(2), np.zeros((5, 3)), np.zeros((5, 3))
+    room_m(a, 1.0, R, edges, ahead)
+    room_m(b, -1.0, R, edges, behind)
+    kind = fitting_forward(a, b, R, edges, 3, plain)
+    assert fitting_in_room(a, b, ahead, behind, R, edges, 3, told) == kind
+    assert plain.tobytes() == told.tobytes()
+
+
+def test_room_of_arcs_before_a_wall() -> None:
+    wall = np.array([[3.0, -50.0, 3.0, 50.0]])
+    room = np.empty(2)
+    room_m(np.array([0.0, 0.0, 0.0]), 1.0, 6.0, wall, room)
+    assert room == pytest.approx([6.0 * math.pi / 6.0] * 2)  # 6 sin(angle) = 3
+    room_m(np.array([0.0, 0.0, math.pi]), -1.0, 6.0, wall, room)
+    assert room == pytest.approx([6.0 * math.pi / 6.0] * 2)
+    room_m(np.array([-20.0, 0.0, 0.0]), 1.0, 6.0, wall, room)
+    assert np.isinf(room).all()
+
+
 def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = math.inf) -> list[int]:
     """The quickest chain over straight links at 2 m/s between all poses, from the first to the last."""
     count = len(poses)
@@ -311,7 +338,8 @@ def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = mat
     graph = np.arange(0, count * count + 1, count), np.tile(np.arange(count), count), np.array(steps)
     none = np.zeros(count + 1, np.int64), np.empty(0, np.int64), np.empty(0)
     speeds, no_edges, nothing = np.array([2.0, 2.0, 0.0, 0.0]), np.empty((0, 4)), np.zeros(1)
-    found = quickest_chain(np.array(poses), nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
+    rooms = np.full((count, 4), UNKNOWN)
+    found = quickest_chain(np.array(poses), rooms, nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
     return [int(place) for place in found]
 
 

@@ -70,6 +70,16 @@ class TestPlans:
         who = [stretches[0][2] for _, stretches in sorted(worked.items(), key=lambda item: item[0].line)]
         assert who == [0] * 4 + [1] * 4 + [2] * 4
 
+    @pytest.mark.parametrize("name", ["split-field", "interleaved"])
+    def test_turned_tractors_drive_from_the_end_to_the_beginning(self, jobs: Any, name: str) -> None:
+        job = jobs.rectangle(9, tractors=2)
+        plain, turned = (STRATEGIES[name].build(each) for each in (job, replace(job, turned=(1,))))
+        check_plan(turned)
+        jobs.assert_all_once(job, turned)
+        lines = [[leg.task.number for leg in mission.legs if leg.implement] for mission in plain.missions]
+        other = [[leg.task.number for leg in mission.legs if leg.implement] for mission in turned.missions]
+        assert other == [lines[0], lines[1][::-1]]
+
     def test_a_fixed_pattern_is_kept(self, jobs: Any) -> None:
         job = jobs.rectangle(8, turn_s=(0.0, 90.0, 80.0, 10.0, 10.0))
         steps = []

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from strategies.orders.bounds import held_karp, least_between
-from strategies.orders.circuit import circuit
+from strategies.orders.exact import best_order
 from strategies.orders.sequence import skip_pattern
 from strategies.orders.tours import FAR_S, FARTHEST, run_tables, seconds_of, tour
+from tests.benchmarks.circuit import circuit
 from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for, turn_m
 
 
@@ -49,6 +50,10 @@ def test_bounds_hold_and_small_orders_are_the_best(drawn: tuple[list[int], list[
     if n >= 4:
         assert best.seconds <= exact * 1.0005 + 1e-3
     assert held_karp(least_between(turns, first, last), math.inf) <= exact + 1e-6
+    passes = best_order(turns, first, last, math.inf)
+    assert sorted(passes // 2) == list(range(n))
+    assert first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]] == pytest.approx(exact)
+    assert len(best_order(turns, first, last, exact)) == 0  # nothing takes less than the best
 
 
 def test_a_turn_in_closed_form() -> None:
@@ -73,7 +78,7 @@ def test_the_same_bytes_twice() -> None:
     assert one.passes.tobytes() == two.passes.tobytes() and one.seconds == two.seconds
 
 
-def test_the_circuit_model_proves_what_the_bound_does_not() -> None:
+def test_few_tracks_are_proven_where_the_bound_is_weak_as_by_a_circuit_model() -> None:
     turns, free = parallel(12, 3.0, 4.0), np.zeros(24)
     assert held_karp(least_between(turns, free, free), math.inf) < 0.995 * 165.32
     best = tour(turns, free, free, [list(range(12))])

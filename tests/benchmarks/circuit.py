@@ -1,8 +1,8 @@
-"""Few tracks in the best order, proven: a circuit model solved by constraint programming (OR-Tools CP-SAT).
+"""Tracks in the best order, proven: a circuit model solved by constraint programming (OR-Tools CP-SAT).
 
-For the rare case in which the bound of `orders.bounds` stays below the order that was found. A node is a pass, one
-of the two of every track is visited, and a node for start and end closes the circuit. The effort is limited in the
-solver's deterministic time, never by the clock, so that the same input gives the same bytes.
+The oracle beside `strategies.orders`. A node is a pass, one of the two of every track is visited, and a node for start
+and end closes the circuit. The effort is limited in the solver's deterministic time, never by the clock, so that the
+same input gives the same bytes.
 """
 
 from __future__ import annotations
