@@ -26,6 +26,7 @@ asked          a farm in place of what a scenario leaves open
 workday, transport  the clock round field work: the road from the yard, un- and folding, breaks, shifts
 workday_words  the same in sentences
 farm           the farm file: tractors, implements, prices, times, what is left to chance
+content        what an answer depends on, in a few letters
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals
 commands, main  the command line; known by nothing else

@@ -8,7 +8,6 @@ places      where fields and yard are, and how far apart
 cache       simulated field times kept by content
 times       how long every fleet takes for every field: simulated plans
 light       when the sun is up
-clock       time of the day without breaks
 problem     the day as numbers; what an order of fields costs a fleet
 insertion   a field put where it costs least
 search      large neighbourhood search, for many fields

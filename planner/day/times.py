@@ -16,7 +16,8 @@ from fields.field import Field
 from planner.asked import asked
 from planner.chance.graph import Graph, Link, graph_of
 from planner.chance.planned_order import in_planned_order
-from planner.day.cache import Cache, digest
+from planner.content import digest
+from planner.day.cache import Cache
 from planner.day.file import DayFile, machines_of, suits
 from planner.errors import WorkerError
 from planner.farm.file import FarmFile
