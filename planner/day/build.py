@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import date
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
 
 from fields.field import Field
 from planner.chance.draws import Sample, draw
+from planner.chance.events import lognormal
 from planner.chance.rain import Rain as Onset
 from planner.chance.rain import parse_rain
 from planner.chance.settings import Chances, like
@@ -116,13 +118,31 @@ def job_seed(seed: int, field: str, fleet: str) -> int:
 
 
 def means(
-    found: FieldTime, terms: Terms, chances: Chances, seed: int
+    found: FieldTime, terms: Terms, chances: Chances, seed: int, certainty_pct: float | None = None
 ) -> tuple[int, float] | None:
-    """Seconds and price of a field in the mean of draws; None where no plan can be driven."""
+    """Seconds and price of a field in the mean of draws; None where no plan can be driven.
+
+    With `certainty_pct` the seconds are those that so many of the draws keep.
+    """
     if found.graph is None:
         return None
     sample: Sample = draw(found.graph, chances, draws=FEW_DRAWS, seed=seed)
-    return math.ceil(float(sample.finish_s.mean())), float(paid_per_draw(sample, terms).mean())
+    seconds = float(_expected(sample.finish_s, certainty_pct))
+    return math.ceil(seconds), float(paid_per_draw(sample, terms).mean())
+
+
+def _expected(seconds: Array, certainty_pct: float | None) -> float:
+    """The mean of draws, or what so many percent of them keep."""
+    return float(seconds.mean() if certainty_pct is None else np.quantile(seconds, 0.01 * certainty_pct))
+
+
+def _late_s(day: DayFile, farm: FarmFile) -> float:
+    """By how much the day is planned to begin late: not at all, or so that the late starts of draws keep it."""
+    if day.certainty_pct is None:
+        return 0.0
+    late = chances_of(farm, late=True)
+    normal = NormalDist().inv_cdf(0.01 * day.certainty_pct)
+    return float(lognormal(late.start_delay_s, late.start_delay_cv, np.array(normal)))
 
 
 def terms_of(day: DayFile, farm: FarmFile, fleet: int) -> Terms:
@@ -147,7 +167,8 @@ def problem_of(
     chances = chances_of(farm)
     mean = [
         [None if found is None else
-         means(found, terms_of(day, farm, k), chances, job_seed(seed, field.name, day.fleets[k].name))
+         means(found, terms_of(day, farm, k), chances, job_seed(seed, field.name, day.fleets[k].name),
+               day.certainty_pct)
          for field, found in zip(fields, row, strict=True)]
         for k, row in enumerate(table)
     ]  # fmt: skip
@@ -162,7 +183,7 @@ def problem_of(
         windows=tuple(frame.windows(said.windows) for said in day.fields),
         move_s=_moves(km, farm),
         move_cost=tuple(_move_costs(day, farm, k, km) for k in range(len(day.fleets))),
-        begin_s=frame.start_s,
+        begin_s=frame.start_s + math.ceil(_late_s(day, farm)),
         home_by_s=math.floor(frame.working(frame.end_s)),
         rain=Rain(tuple(_onsets(frame))),
     )  # fmt: skip

@@ -111,7 +111,7 @@ def _chains(
     rain = dry if onset is None else rain_draws(onset.draw(draws, seed), frame.start_s, frame.clock)
     return tuple(
         chained(
-            _stops(ready, table, problem, fleet, route, seed), chances_of(ready.farm, late=True), problem.begin_s, rain,
+            _stops(ready, table, problem, fleet, route, seed), chances_of(ready.farm, late=True), frame.start_s, rain,
             seed=seed, fleet=ready.day.fleets[fleet].name,
         )
         for fleet, route in enumerate(routes)
@@ -159,7 +159,7 @@ def _result(found: _Found, kept: bool) -> DayResult:
         windows=tuple(_shown(frame, windows) for windows in problem.windows),
         breaks=frame.breaks(),
         rain=tuple((frame.start_s + seconds, share) for seconds, share in times),
-        places=_map(ready), closest="" if jobs else _closest(not_done, whys),
+        certainty_pct=ready.day.certainty_pct, places=_map(ready), closest="" if jobs else _closest(not_done, whys),
     )  # fmt: skip
 
 
@@ -179,6 +179,7 @@ def _job(found: _Found, fleet: int, place: int) -> DayJob:
         start_s=frame.begin(starts[place]), end_s=frame.end(starts[place] + work), time_s=plan.time_s,
         finish_probability=probability, finish_probability_interval=interval, p50_end_s=p50, p95_end_s=p95,
         cost=float(chain.paid[place]), lost_cost=float(chain.lost[place]), worked_pct=plan.worked_pct,
+        refills=plan.refills,
     )  # fmt: skip
 
 
