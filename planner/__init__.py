@@ -31,6 +31,7 @@ workday_words  the same in sentences
 farm           the farm file: tractors, implements, prices, times, what is left to chance
 parameters     what parameters of the library are called in requests
 service        all of this over HTTP, and fleets that are driven; known by its commands alone
+content        what an answer depends on, in a few letters
 warmup         every compiled function in memory before it is needed
 errors         the base of all refusals
 commands, main  the command line; known by nothing else

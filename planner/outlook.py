@@ -12,11 +12,11 @@ from planner.chance.rain import Rain, parse_rain
 from planner.chance.settings import Chances
 from planner.price.advice import advice, percent
 from planner.price.choice import Figures, best
-from planner.price.cost import Terms, cost, hired
+from planner.price.cost import Terms, account, cost, hired
 from planner.scenario import CHEAPEST, FASTEST, Scenario
 from planner.workday import Workday
 from reports.results import PlanResult, Ranking, done_s
-from reports.wording import duration
+from reports.wording import duration, late_counts, price
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
 
@@ -103,30 +103,50 @@ def advised(ranking: Ranking, stakes: Stakes | None) -> Ranking:
     plans = [plan for plan in ranking.plans if plan.expected_cost is not None]
     in_time = [plan for plan in plans if plan.meets_deadline is not False]
     chosen = unmet = None
+    prefer = FASTEST  # where nothing decides, and where none is in time
     if in_time and stakes.decides:
-        kept, unmet, prefer = _within(in_time, stakes)
+        kept, unmet, prefer = _within(in_time, plans, stakes)
         found = best(_figures(kept, stakes), prefer)
         chosen = found.strategy, found.tractors
     currency, draws = stakes.terms.prices.currency, stakes.question.draws
     told = replace(ranking, currency=currency, draws=draws, chosen=chosen, unmet=unmet)
     best_of_all = told.best
     taken = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
-    prefer = stakes.prefer if stakes.decides else FASTEST  # what the best plan was chosen by
-    return replace(told, advice=advice(_figures(plans, stakes), stakes.limit, prefer, taken) or None)
+    figures = _figures(plans, stakes)
+    if unmet is not None and prefer == CHEAPEST:  # a budget is of what is paid
+        figures = [replace(one, expected=one.paid) for one in figures]
+    words = advice(figures, stakes.limit, prefer, taken, stakes.budget)
+    return replace(told, advice=words or None, money=(_money_words(stakes, late_counts(told)),))
 
 
-def _within(plans: list[PlanResult], stakes: Stakes) -> tuple[list[PlanResult], str | None, str]:
-    """The plans that may be taken, what none of them meets in a sentence, and what to choose them by."""
+def _money_words(stakes: Stakes, late: bool) -> str:
+    """What the money of the advice is, a sentence."""
+    prices, draws = stakes.terms.prices, f"the mean of {stakes.question.draws:,} draws"
+    paid = f"Money is in {prices.currency}, in {draws}: {'paid is ' if late else ''}{account(prices)}"
+    per_ha = price(prices.late_per_ha + prices.seed_per_ha)
+    return f"{paid}; expected adds {per_ha} for each hectare not done {stakes.limit}." if late else f"{paid}."
+
+
+def _within(
+    plans: list[PlanResult], every: list[PlanResult], stakes: Stakes
+) -> tuple[list[PlanResult], str | None, str]:
+    """The plans in time that may be taken, what none of them meets in a sentence, and what to choose them by."""
     dry, told = _before_rain(plans, stakes.question.rain)
     if told is not None:
         return plans, told, FASTEST
     budget = stakes.budget
-    paid = [plan for plan in dry if budget is None or (plan.paid_cost or 0.0) <= budget]
+    paid, all_paid = ([one for one in plans if _paid(one, budget)] for plans in (dry, every))
     if paid or budget is None:
         return paid, None, stakes.prefer
-    least = min(plan.paid_cost or 0.0 for plan in dry)
+    least, unit = min(plan.paid_cost or 0.0 for plan in dry), stakes.terms.prices.currency
     cheapest = [plan for plan in dry if plan.paid_cost == least]
-    return cheapest, f"No plan is paid with {budget:.2f}; the closest comes to {least:.2f}.", stakes.prefer
+    which = "No plan that is done in time" if all_paid else "No plan"
+    told = f"{which} can be paid with {price(budget)} {unit}; the closest comes to {price(least)} {unit}."
+    return cheapest, told, CHEAPEST
+
+
+def _paid(plan: PlanResult, budget: float | None) -> bool:
+    return budget is None or (plan.paid_cost or 0.0) <= budget
 
 
 def _before_rain(plans: list[PlanResult], rain: Rain | None) -> tuple[list[PlanResult], str | None]:
@@ -140,7 +160,7 @@ def _before_rain(plans: list[PlanResult], rain: Rain | None) -> tuple[list[PlanR
     surest = max(plan.finish_probability or 0.0 for plan in plans)
     if surest >= LEAST_CHANCE:
         return plans, None
-    return [], f"No plan is done before the rain: {percent(surest)} of the draws of the surest one are."
+    return [], f"No plan is done before the rain: the surest one is in {percent(surest)} of the draws."
 
 
 def _figures(plans: Iterable[PlanResult], stakes: Stakes) -> list[Figures]:
@@ -148,6 +168,7 @@ def _figures(plans: Iterable[PlanResult], stakes: Stakes) -> list[Figures]:
         Figures(
             plan.strategy, plan.tractors, plan.paid_cost or 0.0, plan.expected_cost or 0.0, plan.p50_s or 0.0,
             plan.p95_s or 0.0, plan.finish_probability, stakes.question.draws, plan.expected_cost_error or 0.0,
+            plan.finish_probability_interval,
         )
         for plan in plans
     ]  # fmt: skip
@@ -166,10 +187,11 @@ def check_words(found: Check, drivers: dict[str, float]) -> tuple[str, ...]:
     count = len(found.driven_s)
     told = f"{count - found.meetings - found.stalls} of {count} draws driven in full physics"
     if found.error == found.error:
-        told += f" end {100.0 * found.error:.1f} % from their drawn times in the mean"
+        told += f" end {100.0 * found.error:.1f} % from their drawn times on average"
     else:
         told += " could be compared"
     for number, words in ((found.meetings, "tractors meet"), (found.stalls, "somebody does not get on")):
         told += f"; in {number} {words}" if number else ""
-    spread = [f"{name} {100.0 * share:.0f} %" for name, share in drivers.items() if share >= 0.01][:3]
-    return (f"{told}.", *([f"What spreads the time: {', '.join(spread)} of its variance."] if spread else []))
+    spread = [f"{name} ({100.0 * share:.0f} %)" for name, share in drivers.items() if share >= 0.01][:3]
+    words = f"What makes the time uncertain, by its share of the variance: {', '.join(spread)}."
+    return f"{told}.", *([words] if spread else [])

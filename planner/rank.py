@@ -14,6 +14,7 @@ from planner.describe import cells
 from planner.errors import ScenarioError, named
 from planner.ground.trampled import TYRE_M
 from planner.outlook import advised
+from planner.price.cost import account
 from planner.refill import carried, supply_words
 from planner.scenario import KMH, Scenario, clock
 from planner.site import Site
@@ -69,9 +70,18 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
         assumptions=assumptions(site),
         tractor_effects=tractor_effects(site.tractor),
         scenario=asked(site),
+        **_money(site),
         cut_off_m2=field.cut_off_m2,
     )
     return by_the_clock(advised(ranking, site.stakes), site)
+
+
+def _money(site: Site) -> dict[str, Any]:
+    """The currency of a farm, and what its cost is made of."""
+    if site.terms is None:
+        return {}
+    prices = site.terms.prices
+    return {"currency": prices.currency, "money": (f"Cost is {account(prices)}.",)}
 
 
 def by_the_clock(ranking: Ranking, site: Site) -> Ranking:
@@ -215,6 +225,18 @@ def _bearings(layout: Layout) -> str:
     return f"bearings {', '.join(bearings[:-1])} and {bearings[-1]} degrees in {len(bearings)} cells"
 
 
+def _paid(site: Site) -> str:
+    """What is paid for, and until when."""
+    scenario = site.scenario
+    if site.terms is None:
+        hiring = f" and {scenario.price_per_tractor:g} a tractor." if scenario.price_per_tractor else "."
+        return f"Every tractor is paid for until the last one is done: {scenario.price_per_hour:g} an hour{hiring}"
+    prices = site.terms.prices
+    alone = prices.per_hour is None
+    until = "until it is done, people until the last is" if alone else "until the last one is done"
+    return f"The cost is {account(prices)}; every tractor is paid for {until}."
+
+
 def assumptions(site: Site) -> tuple[str, ...]:
     """What every plan of a ranking takes for granted, in sentences."""
     manner, layout, tractor = site.manner, site.layout, site.tractor
@@ -234,8 +256,7 @@ def assumptions(site: Site) -> tuple[str, ...]:
         _headland(site),
         *_entrance(site),
         *_day(site),
-        f"Every tractor is paid for until the last one is done: {site.scenario.price_per_hour:g} an hour"
-        + (f" and {site.scenario.price_per_tractor:g} a tractor." if site.scenario.price_per_tractor else "."),
+        _paid(site),
         *(() if site.supply is None else supply_words(site.supply)),
         *(("Positions err as those of an RTK receiver do, a few millimetres.",) if site.scenario.gnss else ()),
         *layout.field.remarks,

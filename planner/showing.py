@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from reports.results import Step
 from vehicle.errors import MissionError
 from vehicle.plan_file import SavedPlan, saved_from_json
 from vehicle.run import DONE, Run
-from vehicle.tractor import Implement, Tractor, as_tractor
+from vehicle.tractor import Implement, Tractor, as_tractor, tractor_names
 from vehicle.world import World
 
 MACHINES = "machines"  # beside the scenario of a plan for a farm: its tractor and implement, value by value
@@ -45,7 +46,7 @@ def show(path: str | Path) -> Shown:
     if run.outcome != DONE:
         raise MissionError(
             f"The plan is not driven to its end ({run.outcome}): it or the tractor {scenario.tractor!r} was changed "
-            "since; plan anew."
+            f"since{_old_farm(saved)}; plan anew."
         )
     return Shown(saved, scenario, run, steps_of(run, scenario.width_m))
 
@@ -78,10 +79,22 @@ def machines_of(site: Site) -> dict[str, Any]:
     return {MACHINES: {"tractor": site.tractor.model_dump(mode="json"), "implement": site.implement.model_dump()}}
 
 
+def _old_farm(saved: SavedPlan) -> str:
+    """What may be wrong with a plan that was saved without machines."""
+    return "" if MACHINES in saved.scenario else ", or the plan is of a farm and an older Headland saved no machines"
+
+
 def machines_with(saved: SavedPlan, scenario: Scenario) -> tuple[Tractor, Implement]:
     """Those saved with the plan, else the tractor that its scenario names and a usual implement of its width."""
     own = saved.scenario.get(MACHINES)
     if own is None:
+        name = scenario.tractor
+        if name not in tractor_names() and not os.path.lexists(name):
+            raise ScenarioError(
+                f"The tractor {name!r} of the plan is neither known nor a file that is there{_old_farm(saved)}; plan "
+                "anew, or put the tractor's file back.",
+                parameter="tractor",
+            )
         with about("tractor"):
             return as_tractor(scenario.tractor), Implement(width_m=scenario.width_m)
     try:

@@ -13,7 +13,7 @@ from reports.plain import finite
 JOB_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
     "finish_probability_interval", "p50_end_s", "p95_end_s", "leaves_s", "km", "time_s", "cost", "lost_cost",
-    "area_ha", "worked_pct",
+    "area_ha", "worked_pct", "refills",
 )  # fmt: skip
 NOT_DONE_KEYS = ("field", "area_ha", "cost", "reason")
 FLEET_KEYS = ("name", "words", "leaves_s", "home_s", "km", "ways_cost")
@@ -30,8 +30,8 @@ def day_json(result: DayResult) -> str:
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
     ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
     ``ways_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
-    ``currency``, ``draws``, ``seed``, ``start_s``, ``end_s``, ``remarks``. Times are seconds of the day that begins the
-    work, above 86,400 past midnight.
+    ``currency``, ``draws``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``certainty_pct`` (null: mean times).
+    Times are seconds of the day that begins the work, above 86,400 past midnight.
     """
     content = {
         "jobs": [_job(job) for job in result.jobs],
@@ -47,6 +47,7 @@ def day_json(result: DayResult) -> str:
         "start_s": result.start_s,
         "end_s": result.end_s,
         "remarks": result.remarks,
+        "certainty_pct": result.certainty_pct,
     }
     return json.dumps(finite(content, _DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from reports.day_figures import gantt_figure, map_figure
 from reports.day_results import DayResult
-from reports.day_table import FIELD_COLUMNS, LEGEND, at, by_field, field_row, gap_words, machine_rows, money_rows
+from reports.day_table import FIELD_COLUMNS, at, by_field, field_row, gap_words, legend, machine_rows, money_rows
 from reports.figures import to_data
 from reports.template import rendered
 from reports.wording import number, percent, price
@@ -28,7 +28,7 @@ def day_page(result: DayResult) -> str:
         "field_header": [column.heading for column in FIELD_COLUMNS],
         "fields": [field_row(job) for job in by_field(result)],
         "left": [(one.field, number(one.area_ha, 2), price(one.cost), one.reason) for one in result.not_done],
-        "legend": LEGEND,
+        "legend": legend(result),
         "remarks": [*result.remarks, f"{result.draws} draws, seed {result.seed}."],
     }
     return rendered("day.html.j2", content)

@@ -12,13 +12,13 @@ from reports.results import Points
 
 @dataclass(frozen=True)
 class DayJob:
-    """One field worked by one fleet (`machine`) with so many tractors, in the mean from `start_s` to `end_s`.
+    """One field worked by one fleet (`machine`) with so many tractors, as planned from `start_s` to `end_s`.
 
     The fleet leaves the place before at `leaves_s`, for `km` of road. `finish_probability` is that of being done before
     the rain and the end of its window, with its 95 % interval; `p50_end_s` and `p95_end_s` are when it is done as often
     as not and in 95 of 100 draws. `time_s` is what the simulated plan takes without anything that varies, `cost` what
     the work costs, `lost_cost` what is lost in the mean of ground that is not done in time, `worked_pct` the share of
-    the field that the plan works.
+    the field that the plan works. `refills` are its stops to make tanks good, None where nothing is carried.
     """
 
     field: str
@@ -38,6 +38,7 @@ class DayJob:
     cost: float
     lost_cost: float = 0.0
     worked_pct: float | None = None
+    refills: int | None = None
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,8 @@ class DayResult:
 
     `cost` is expected of the whole day, by the draws: the sum of `cost` and `lost_cost` of all jobs, `ways_cost` of all
     fleets and `cost` of the fields that are left.
-    `gap_pct` is by how much less another day could cost at most, by the mean times. `windows` are the hours in which
+    `gap_pct` is by how much less another day could cost at most, by the times it is planned with: means, or those that
+    `certainty_pct` of the draws keep. `windows` are the hours in which
     each field may be worked, in the order of `fields`; `breaks` are those of the people.
     """
 
@@ -101,3 +103,4 @@ class DayResult:
     rain: tuple[tuple[float, float], ...] = ()
     places: tuple[MapPlace, ...] = ()
     closest: str = ""
+    certainty_pct: float | None = None

@@ -12,11 +12,6 @@ from reports.fitting import Column, FittedTable, sentence
 from reports.wording import NOTHING, duration, number, percent, price
 
 DAY_S = 86_400
-LEGEND = (
-    "Times are hh:mm, +1 is the next day. Begins and Ends are planned with mean times of work; P95 is the end in 95 of "
-    "100 draws, late starts included. In time %: done before the rain and the end of the hours in which the field may "
-    "be worked. Lost is what ground that is not done by then costs in the mean."
-)
 
 
 def day_table(result: DayResult) -> RenderableType:
@@ -24,7 +19,7 @@ def day_table(result: DayResult) -> RenderableType:
     parts: list[RenderableType] = [sentence(result.advice), sentence(gap_words(result))]
     if result.jobs:
         parts += [Text(""), _title("By machine"), _by_machine(result)]
-        parts += [Text(""), _title("By field"), _by_field(result), sentence(LEGEND, style="dim")]
+        parts += [Text(""), _title("By field"), _by_field(result), sentence(legend(result), style="dim")]
     if result.not_done:
         parts += [Text(""), _title("Left"), _left(result)]
     parts += [Text(""), _title("Money"), FittedTable(_money_columns(result), tuple(money_rows(result)))]
@@ -32,11 +27,30 @@ def day_table(result: DayResult) -> RenderableType:
     return Group(*parts)
 
 
+def legend(result: DayResult) -> str:
+    """What the columns hold."""
+    words = (
+        f"Times are hh:mm, +1 is the next day. Begins and Ends are planned with {_times(result)}; P95 is the end in 95 "
+        "of 100 draws, late starts included. In time %: done before the rain and the end of the hours in which the "
+        "field may be worked. Lost is what ground that is not done by then costs in the mean."
+    )
+    carried = any(job.refills is not None for job in result.jobs)
+    tanks = " Tanks are made good before each field and as often as its plan says; both count in the times."
+    return words + tanks * carried
+
+
+def _times(result: DayResult) -> str:
+    """The times that a day is planned with, in words."""
+    if result.certainty_pct is None:
+        return "mean times of work"
+    return f"times of work that {result.certainty_pct:g} % of the draws keep"
+
+
 def gap_words(result: DayResult) -> str:
     """How far from the best the day can be."""
     if result.gap_pct == 0.0:
-        return "Proven: no other order of the fields is expected to cost less, by their mean times."
-    return f"No other order of the fields can cost more than {result.gap_pct:.1f} % less, by their mean times."
+        return f"Proven: no other order of the fields is expected to cost less, by {_times(result)}."
+    return f"No other order of the fields can cost more than {result.gap_pct:.1f} % less, by {_times(result)}."
 
 
 def at(seconds: float | None) -> str:

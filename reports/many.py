@@ -59,12 +59,21 @@ def many_table(records: Sequence[Record]) -> RenderableType:
     rows = tuple(_row(record)[:shown] for record in records)
     parts: list[RenderableType] = [FittedTable(_COLUMNS[:shown], rows)]
     legend = "The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."
-    parts.append(sentence(legend, style="dim"))
+    parts += [sentence(text, style="dim") for text in (legend, *_money_words(records))]
     without = [record for record in records if not _best(record)]
     if without:
         parts += [Text(""), Text(f"Without a plan: {len(without)} of {len(records)}", style="bold underline")]
         parts += [sentence(f"{record[ASKED]} at {record['width_m']:g} m: {_why(record)}") for record in without]
     return Group(*parts)
+
+
+def _money_words(records: Sequence[Record]) -> list[str]:
+    """What the costs are, where plans were drawn or a farm has a currency."""
+    best = [plan for record in records if (plan := _best(record))]
+    units = sorted({record["ranking"].get("currency") or "" for record in records if record["ranking"]} - {""})
+    drawn = any(plan.get("expected_cost") is not None for plan in best)
+    what = "expected, in the mean of the draws, with what ground loses that is late" if drawn else "as simulated"
+    return [f"Cost: {what}{f', in {units[0]}' if len(units) == 1 else ''}."] if drawn or units else []
 
 
 _COLUMNS = (
@@ -111,6 +120,6 @@ def _row(record: Record) -> tuple[str, ...]:
         str(plan.get("tractors", NOTHING)),
         duration(plan.get("time_s")),
         number(plan.get("worked_pct"), 1),
-        price(plan.get("cost")),
+        price(plan.get("cost") if plan.get("expected_cost") is None else plan["expected_cost"]),
         percent(plan.get("finish_probability")),
     )

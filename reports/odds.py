@@ -7,7 +7,7 @@ from typing import Any
 
 from reports.paths import Extent
 from reports.results import PlanResult, Ranking
-from reports.wording import feasible, percent, price
+from reports.wording import feasible, in_time, percent, price
 
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _ABOVE, _BELOW, _BETWEEN = 720.0, 420.0, 86.0, 16.0, 18.0, 56.0, 30.0
 _STEPS = (0.1, 0.2, 0.5, 1, 2, 5)
@@ -77,7 +77,7 @@ def of_counts(ranking: Ranking) -> list[PlanResult]:
 
 
 def _point(ranking: Ranking, plan: PlanResult, x: float, y: float) -> dict[str, Any]:
-    sure = "" if plan.finish_probability is None else f"{percent(plan.finish_probability)} % in time, "
+    sure = "" if plan.finish_probability is None else f"{in_time(plan)} % in time, "
     text = f"{plan.tractors} x {plan.strategy}: {sure}expected cost {price(plan.expected_cost)}"
     return {"x": x, "y": y, "best": plan is ranking.best, "text": text}
 

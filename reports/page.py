@@ -28,11 +28,12 @@ from reports.wording import (
     feasible,
     gap_words,
     headline,
+    in_time,
+    late_counts,
     left,
     machines,
     members,
     number,
-    percent,
     price,
     proven_words,
     refusals,
@@ -80,6 +81,7 @@ class _Column:
     title: str = ""
 
 
+_COST = _Column("Cost", lambda p: p.cost, lambda p: price(p.cost))
 _COLUMNS = (
     _Column("Rank", lambda p: p.rank, lambda p: str(p.rank or "")),
     _Column("Tractors", lambda p: p.tractors, lambda p: str(p.tractors)),
@@ -87,7 +89,7 @@ _COLUMNS = (
     _Column("Turn", lambda p: p.turn, lambda p: p.turn, words=True),
     _Column("Time", lambda p: p.time_s, lambda p: duration(p.time_s)),
     _Column("Tractor time", lambda p: p.tractor_time_s, lambda p: duration(p.tractor_time_s)),
-    _Column("Cost", lambda p: p.cost, lambda p: price(p.cost)),
+    _COST,
     _Column("Turning", lambda p: p.turning_s, lambda p: duration(p.turning_s)),
     _Column("Waiting", lambda p: p.waiting_s, lambda p: duration(p.waiting_s)),
     _Column("Reversals", lambda p: p.reversals, lambda p: number(p.reversals, 0)),
@@ -104,11 +106,12 @@ _COLUMNS = (
 )
 _DEADLINE = _Column("In time", lambda p: p.meets_deadline, lambda p: yes_no(p.meets_deadline))
 _DRAWN = (
-    _Column("In time %", lambda p: p.finish_probability, lambda p: percent(p.finish_probability)),
+    _Column("In time %", lambda p: p.finish_probability, in_time),
     _Column("Median time", lambda p: p.p50_s, lambda p: duration(p.p50_s)),
     _Column("At 95 %", lambda p: p.p95_s, lambda p: duration(p.p95_s)),
-    _Column("Expected cost", lambda p: p.expected_cost, lambda p: price(p.expected_cost)),
+    _Column("Paid", lambda p: p.paid_cost, lambda p: price(p.paid_cost)),
 )
+_EXPECTED = _Column("Expected cost", lambda p: p.expected_cost, lambda p: price(p.expected_cost))
 _REFILLED = (
     _Column("Refills", lambda p: p.refills, lambda p: number(p.refills, 0)),
     _Column("Refilling", lambda p: p.refilling_s, lambda p: duration(p.refilling_s)),
@@ -151,7 +154,9 @@ def _key(plan: PlanResult) -> Plan:
 def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, Any]:
     plans, effects = feasible(ranking), effects_words(ranking)
     columns = [*_COLUMNS, _DEADLINE] if any(plan.meets_deadline is not None for plan in plans) else list(_COLUMNS)
-    columns += _DRAWN if any(plan.expected_cost is not None for plan in plans) else ()
+    if any(plan.expected_cost is not None for plan in plans):
+        columns = [column for column in columns if column is not _COST] + [*_DRAWN]
+        columns += [_EXPECTED] if late_counts(ranking) else []
     columns += _REFILLED if any(plan.refills is not None for plan in plans) else ()
     names, states = _names(plans, shown), states_of(shown.values())
     proven = proven_words(plans)
@@ -163,7 +168,7 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
         "machines": machines(ranking),
         "seed": ranking.seed,
         "headline": [bound(text) for text in headline(ranking)],
-        "facts": _facts(ranking.best),
+        "facts": _facts(ranking, ranking.best),
         "map": None if first is None else map_picture(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else bar_rows(first, states),
         "states": states,
@@ -179,6 +184,7 @@ def _content(ranking: Ranking, shown: Mapping[Plan | None, Drive]) -> dict[str, 
             *([LEFT_WORDS] if any(plan.missed_m2 is not None for plan in plans) else []),
             *([proven] if proven else []),
             *remarks(plans),
+            *(() if ranking.draws else ranking.money),
             *ranking.checked,
         ],
         "refused": len(refused(ranking)),
@@ -226,16 +232,17 @@ def _names(plans: Sequence[PlanResult], shown: Mapping[Plan | None, Drive]) -> l
     ]  # fmt: skip
 
 
-def _facts(best: PlanResult | None) -> list[tuple[str, str]]:
+def _facts(ranking: Ranking, best: PlanResult | None) -> list[tuple[str, str]]:
     """What the best plan comes to, label and value; what is not known is left out."""
     if best is None:
         return []
+    drawn, unit = best.expected_cost is not None, f" {ranking.currency}" if ranking.currency else ""
     facts = [
         ("Time", duration(best.time_s)),
         ("Fleet", tractors(best.tractors)),
-        ("Cost", price(best.cost)),
-        ("In time", _percent(best.finish_probability)),
-        ("Expected cost", price(best.expected_cost)),
+        ("Paid" if drawn else "Cost", _with_word(price(best.paid_cost if drawn else best.cost), unit)),
+        ("In time", _with_word(in_time(best), " %")),
+        ("Expected cost", _with_word(price(best.expected_cost if late_counts(ranking) else None), unit)),
         ("Worked", _with_unit(best.worked_pct, 1, "%")),
         ("Left open", bound(left(best) or number(None, 0))),
         ("Overlap", _with_unit(best.overlap_pct, 1, "%")),
@@ -247,13 +254,12 @@ def _facts(best: PlanResult | None) -> list[tuple[str, str]]:
     return [(label, value) for label, value in facts if value != number(None, 0)]
 
 
-def _percent(share: float | None) -> str:
-    return percent(share) if share is None else f"{percent(share)} %"
+def _with_word(text: str, word: str) -> str:
+    return text if text == number(None, 0) else f"{text}{word}"
 
 
 def _with_unit(value: float | None, decimals: int, unit: str) -> str:
-    text = number(value, decimals)
-    return text if text == number(None, 0) else f"{text} {unit}"
+    return _with_word(number(value, decimals), f" {unit}")
 
 
 def _row(plan: PlanResult, columns: list[_Column], best: bool, place: int | None) -> dict[str, Any]:

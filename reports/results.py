@@ -152,7 +152,7 @@ class Ranking:
     draws can be trusted, `day` on the clock of the best plan and the day that times are taken to be of. `unmet` is a
     sentence where no plan meets the rain or the budget: then the best is the closest. `cut_off_m2` is ground that
     obstacles cut off from the field that is worked. On a farm field work can begin at `field_start`, and
-    `field_allowed_s` of it fit before the deadline.
+    `field_allowed_s` of it fit before the deadline. `money` are sentences on what its figures of money are.
     """
 
     field_name: str
@@ -174,6 +174,7 @@ class Ranking:
     cut_off_m2: float = 0.0
     day: tuple[str, ...] = ()
     field_start: str | None = None
+    money: tuple[str, ...] = ()
     field_allowed_s: float | None = None
 
     @property

@@ -14,6 +14,7 @@ from reports.fitting import Column, FittedTable, sentence
 from reports.odds import of_counts
 from reports.results import Claim, PlanResult, Ranking, Study, StudyRow
 from reports.wording import (
+    BY_COUNT_WORDS,
     COLUMN_WORDS,
     LEFT_WORDS,
     NOTHING,
@@ -23,11 +24,12 @@ from reports.wording import (
     effects_words,
     feasible,
     headline,
+    in_time,
+    late_counts,
     machines,
     members,
     minutes,
     number,
-    percent,
     price,
     proven_words,
     refusals,
@@ -48,23 +50,40 @@ class _PlanColumn:
 
 
 @dataclass(frozen=True)
-class _RankingTable:
-    """Strategy and turn have a column each where all headings have room, else they share one.
+class _Told:
+    """What there is anything to say of in columns: a deadline, ground left, how sure plans are, refills, the money of
+    draws, and what is lost with late ground."""
 
-    `deadline`, `left`, `chances` and `refills` tell whether there is anything to say in the columns on them.
-    """
-
-    plans: tuple[PlanResult, ...]
-    best: PlanResult | None
     deadline: bool
     left: bool
     chances: bool
-    refills: bool = False
+    refills: bool
+    drawn: bool
+    late: bool
+
+
+def _told(ranking: Ranking, plans: list[PlanResult]) -> _Told:
+    return _Told(
+        any(plan.meets_deadline is not None for plan in plans),
+        any(plan.missed_m2 is not None for plan in plans),
+        any(plan.finish_probability is not None for plan in plans),
+        any(plan.refills is not None for plan in plans),
+        any(plan.expected_cost is not None for plan in plans),
+        late_counts(ranking),
+    )
+
+
+@dataclass(frozen=True)
+class _RankingTable:
+    """Strategy and turn have a column each where all headings have room, else they share one."""
+
+    plans: tuple[PlanResult, ...]
+    best: PlanResult | None
+    told: _Told
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        told = self.deadline, self.left, self.chances, self.refills
-        wide = self._table(_columns(True, *told))
-        yield wide if wide.fits(options.max_width) else self._table(_columns(False, *told))
+        wide = self._table(_columns(True, self.told))
+        yield wide if wide.fits(options.max_width) else self._table(_columns(False, self.told))
 
     def _table(self, columns: list[_PlanColumn]) -> FittedTable:
         rows = tuple(self._row(plan, columns) for plan in self.plans)
@@ -88,18 +107,17 @@ def ranking_table(ranking: Ranking, most: int | None = 20) -> RenderableType:
     parts: list[RenderableType] = [_title(title)]
     parts += [sentence(text) for text in headline(ranking)]
     if shown:
-        deadline = any(plan.meets_deadline is not None for plan in shown)
-        left = any(plan.missed_m2 is not None for plan in shown)
-        chances = any(plan.finish_probability is not None for plan in shown)
-        refills = any(plan.refills is not None for plan in shown)
-        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, deadline, left, chances, refills)]
+        told = _told(ranking, shown)
+        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, told)]
         more = len(plans) - len(shown)
         hidden = f" {more} slower plan{' is' if more == 1 else 's are'} not shown; --all shows every plan."
         legend = "Times are h:mm:ss. * nobody is faster with as few tractors (Pareto front)."
         legend += " > the best plan." if ranking.best and ranking.best.rank != 1 else ""
-        legend += f" {LEFT_WORDS}" if left else ""
+        legend += f" {LEFT_WORDS}" if told.left else ""
         parts.append(sentence(legend + (hidden if more else ""), style="dim"))
-        parts.append(sentence(_columns_words(deadline, left, chances, refills), style="dim"))
+        parts.append(sentence(_columns_words(told), style="dim"))
+        if not told.drawn:
+            parts += [sentence(f"{text[:-1]}, in {ranking.currency}.", style="dim") for text in ranking.money]
         proven = proven_words(shown)
         parts += [sentence(text, style="dim") for text in (*([proven] if proven else []), *remarks(shown))]
         parts += _by_count(ranking)
@@ -116,7 +134,7 @@ def _shown(ranking: Ranking, plans: list[PlanResult], most: int | None) -> list[
     return [p for index, p in enumerate(plans) if index < most or p.on_pareto_front or p is ranking.best]
 
 
-def _columns(wide: bool, deadline: bool, left: bool, chances: bool, refills: bool) -> list[_PlanColumn]:
+def _columns(wide: bool, told: _Told) -> list[_PlanColumn]:
     """Rank, fleet, names, time, cost and deadline stay longest: they are the answer."""
     names = (
         [
@@ -133,33 +151,41 @@ def _columns(wide: bool, deadline: bool, left: bool, chances: bool, refills: boo
         _PlanColumn(Column("Tractors", "Trac-\ntors", drop=1), lambda p: str(p.tractors)),
         *names,
         _PlanColumn(Column("Time"), lambda p: duration(p.time_s)),
-        _PlanColumn(Column("Cost", drop=2), lambda p: price(p.cost)),
+        *_money_columns(told),
         _PlanColumn(Column("Turning", "Turn-\ning", drop=5), lambda p: duration(p.turning_s)),
         _PlanColumn(Column("Waiting", "Wait-\ning", drop=6), lambda p: duration(p.waiting_s)),
         _PlanColumn(Column("Worked %", "Work\n%", drop=4), lambda p: number(p.worked_pct, 1)),
         _PlanColumn(Column("Overlap %", "Over-\nlap %", drop=8), lambda p: number(p.overlap_pct, 1)),
         _PlanColumn(Column("Clearance m", "Clear\nm", drop=7), lambda p: number(clearance(p), 2)),
     ]
-    if refills:
+    if told.refills:
         place = [column.column.heading for column in columns].index("Turning")
         columns.insert(place, _PlanColumn(Column("Refills", "Re-\nfills", drop=3), lambda p: number(p.refills, 0)))
-    if left:
+    if told.left:
         place = [column.column.heading for column in columns].index("Overlap %")
         columns.insert(place, _PlanColumn(Column("Left", drop=4), lambda p: area_or_dash(p.missed_m2)))
-    if chances:
-        columns.append(_PlanColumn(Column("In time %", "In\ntime %", drop=3), lambda p: percent(p.finish_probability)))
-        columns.append(_PlanColumn(Column("Expected", "Expec-\nted", drop=4), lambda p: price(p.expected_cost)))
-    elif deadline:
+    if told.chances:
+        columns.append(_PlanColumn(Column("In time %", "In\ntime %", drop=3), in_time))
+    elif told.deadline:
         columns.append(_PlanColumn(Column("In time", "In\ntime", drop=3), lambda p: yes_no(p.meets_deadline)))
     return columns
 
 
-def _columns_words(deadline: bool, left: bool, chances: bool, refills: bool) -> str:
+def _money_columns(told: _Told) -> list[_PlanColumn]:
+    """The cost as simulated; with draws what is paid and, where ground may be late, what is expected, in their mean."""
+    if not told.drawn:
+        return [_PlanColumn(Column("Cost", drop=2), lambda p: price(p.cost))]
+    paid = _PlanColumn(Column("Paid", drop=6 if told.late else 2), lambda p: price(p.paid_cost))
+    late = _PlanColumn(Column("Expected", "Expec-\nted", drop=2), lambda p: price(p.expected_cost))
+    return [paid, late] if told.late else [paid]
+
+
+def _columns_words(told: _Told) -> str:
     """What is in the columns of plans, a sentence."""
-    headings = [column.column.heading for column in _columns(True, deadline, left, chances, refills)]
-    told = [f"{heading.removesuffix(' m')}: {COLUMN_WORDS[heading]}" for heading in headings if heading in COLUMN_WORDS]
-    told = ["Cost: of what was simulated", *told] if chances else told
-    return f"{'; '.join(told)}."
+    headings = [column.column.heading for column in _columns(True, told)]
+    known = [heading for heading in headings if heading in COLUMN_WORDS]
+    words = [f"{heading.removesuffix(' m')}: {COLUMN_WORDS[heading]}" for heading in known]
+    return f"{'; '.join(words)}."
 
 
 def _by_count(ranking: Ranking) -> list[RenderableType]:
@@ -170,18 +196,18 @@ def _by_count(ranking: Ranking) -> list[RenderableType]:
     columns = [
         _PlanColumn(Column("Tractors"), lambda p: f"{'>' if p is ranking.best else ''}{p.tractors}"),
         _PlanColumn(Column("Strategy", words=True), lambda p: p.strategy),
-        _PlanColumn(Column("In time %"), lambda p: percent(p.finish_probability)),
-        _PlanColumn(Column("As often as not", "Half\nthe time"), lambda p: duration(p.p50_s)),
+        _PlanColumn(Column("In time %"), in_time),
+        _PlanColumn(Column("Half the time", "Half\nthe time"), lambda p: duration(p.p50_s)),
         _PlanColumn(Column("At 95 %"), lambda p: duration(p.p95_s)),
-        _PlanColumn(Column("Expected"), lambda p: price(p.expected_cost)),
-        _PlanColumn(Column("Paid"), lambda p: price(p.paid_cost)),
+        *_money_columns(_told(ranking, plans)),
     ]
     if all(plan.finish_probability is None for plan in plans):
         columns = [column for column in columns if column.column.heading != "In time %"]
     rows = tuple(tuple(column.text(plan) for column in columns) for plan in plans)
     styles = tuple("bold" if plan is ranking.best else "" for plan in plans)
     title = _title(f"By number of tractors, money in {ranking.currency}")
-    return [Text(""), title, FittedTable(tuple(column.column for column in columns), rows, styles)]
+    table = FittedTable(tuple(column.column for column in columns), rows, styles)
+    return [Text(""), title, table, sentence(BY_COUNT_WORDS, style="dim")]
 
 
 def _refused_part(plans: list[PlanResult]) -> list[RenderableType]:

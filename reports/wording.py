@@ -23,10 +23,17 @@ COLUMN_WORDS = {
     "Worked %": "of the field",
     "Overlap %": "of the field, worked more than once",
     "Clearance m": "the nearest that two tractors come, implements included",
-    "In time %": "of the draws",
-    "Expected": "cost in the mean of the draws, late ground included",
+    "In time %": "of the draws, from and to (95 % sure) where they are few",
+    "Paid": "in the mean of the draws",
+    "Expected": "likewise, with what ground loses that is late",
 }
 """What columns of plans hold, where their headings do not say it."""
+WIDE = 0.015  # of a probability to either side: whole percents would say more than the draws do
+LEAST_MONEY = 0.005  # less reads as nothing
+BY_COUNT_WORDS = (
+    "Half the time, At 95 %: field work takes no longer in half and in 95 % of the draws, with a late start, stops "
+    "and breakdowns."
+)
 LEAST_GAP_PCT = 0.05  # less reads as nothing
 LEAST_LEFT_M2 = 0.5  # less reads as nothing
 LEAST_ON_MAP_M2 = 10.0  # words on a map would hide more than a smaller piece
@@ -87,6 +94,26 @@ def percent(share: float | None) -> str:
     if share is not None and 0.0 < share < 0.005:
         return "<1"
     return number(None if share is None else 100.0 * share, 0)
+
+
+def is_wide(interval: tuple[float, float] | None) -> bool:
+    """Whether draws are too few for a probability in whole percent."""
+    return interval is not None and interval[1] - interval[0] > 2.0 * WIDE
+
+
+def in_time(plan: PlanResult) -> str:
+    """How sure a plan is in percent, from and to where draws are few; a dash when it is not known."""
+    interval = plan.finish_probability_interval
+    if interval is None or not is_wide(interval):
+        return percent(plan.finish_probability)
+    low, high = (f"{100.0 * end:.0f}" for end in interval)
+    return f"{low}-{high}"
+
+
+def late_counts(ranking: Ranking) -> bool:
+    """Whether money is expected to be lost with late ground, beside what is paid."""
+    pairs = [(plan.expected_cost, plan.paid_cost) for plan in feasible(ranking)]
+    return any(one is not None and other is not None and one - other >= LEAST_MONEY for one, other in pairs)
 
 
 def area(m2: float) -> str:
@@ -277,17 +304,31 @@ def headline(ranking: Ranking) -> list[str]:
         by = "" if ranking.missed_by_s is None else f" misses it by {duration(ranking.missed_by_s)}"
         sentences = [f"No plan meets {_deadline_name(ranking, 'the')}.", *_advice_words(ranking)]
         sentences += [f"The {closest(ranking)}{by}: {_told(ranking, best)}."]
-        sentences += [*_left_words(ranking, best), *_remark_words(best)]
+        sentences += [*ranking.day, *_left_words(ranking, best), *_remark_words(best)]
     if ranking.cut_off_m2:
         sentences.append(f"Obstacles cut off {area(ranking.cut_off_m2)} of the field, which no plan works.")
+    return sentences + _others_words(ranking, best, cheapest, best_is_cheapest)
+
+
+def _others_words(
+    ranking: Ranking, best: PlanResult, cheapest: PlanResult | None, best_is_cheapest: bool
+) -> list[str]:
+    """The fastest and the cheapest plan where that is another, or that it is the best itself."""
+    plans, late = feasible(ranking), late_counts(ranking)
     fastest = min((plan for plan in plans if plan.time_s is not None), key=finish_s, default=best)
+    told = {}
     if fastest is not best and finish_s(fastest) != finish_s(best):
-        sentences.append(f"Fastest: {_told(ranking, fastest)}.")
-    if best_is_cheapest and not best.meets_deadline:
-        sentences.append(f"{'That' if is_late else 'The best plan'} is also the cheapest.")
-    elif cheapest is not None and not best_is_cheapest:
-        sentences.append(f"Cheapest: {_told(ranking, cheapest)}.")
-    return sentences
+        told["Fastest"] = fastest
+    if cheapest is not None and not best_is_cheapest:
+        told["Least expected cost" if late else "Cheapest"] = cheapest
+    if len(told) == 2 and fastest is cheapest:
+        told = {"Fastest, at the least expected cost" if late else "Fastest and cheapest": fastest}
+    sentences = [f"{name}: {_told(ranking, plan)}." for name, plan in told.items()]
+    if not best_is_cheapest or best.meets_deadline:
+        return sentences
+    which = "also has the least expected cost" if late else "is also the cheapest"
+    closest_only = best.meets_deadline is False or ranking.unmet is not None
+    return [*sentences, f"{'That' if closest_only else 'The best plan'} {which}."]
 
 
 def _money(plan: PlanResult) -> float:
@@ -296,17 +337,15 @@ def _money(plan: PlanResult) -> float:
 
 
 def _advice_words(ranking: Ranking) -> list[str]:
-    """The advice, and what its figures are."""
-    if ranking.advice is None:
-        return []
-    return [ranking.advice, f"Money is in {ranking.currency}, in the mean of {ranking.draws} draws."]
+    """The advice, and what its figures of money are."""
+    return [] if ranking.advice is None else [ranking.advice, *ranking.money]
 
 
 def _told(ranking: Ranking, plan: PlanResult) -> str:
     leaves = "" if left(plan) is None else f", leaves {left(plan)}"
     done = "done in" if abs((plan.time_s or 0.0) - done_s(plan)) < SAME_S else "driven in"
     when = _when(ranking, plan.time_s, done_s(plan))
-    return f"{_what(plan)}, {done} {when}{_refills(plan)}{_at_cost(plan)}{leaves}"
+    return f"{_what(plan)}, {done} {when}{_refills(plan)}{_at_cost(ranking, plan)}{leaves}"
 
 
 def _refills(plan: PlanResult) -> str:
@@ -328,14 +367,24 @@ def _left_words(ranking: Ranking, plan: PlanResult) -> list[str]:
     if left(plan) is None:
         return []
     late = plan.meets_deadline and ranking.allowed_s is not None and finished_done_s(plan) > ranking.allowed_s
-    cost = "" if plan.finished_cost is None else f", cost {price(plan.finished_cost)}"
-    said = f"With that finished at its own rate: {_when(ranking, plan.finished_s, finished_done_s(plan))}{cost}"
+    said = f"With that finished at its own rate: {_when(ranking, plan.finished_s, finished_done_s(plan))}"
+    said += _finished_cost(ranking, plan)
     said += ", too late for the deadline" if late else ""
     sentences = [] if plan.finished_s is None else [f"{said}."]
     if plan.largest_missed is not None:
         piece = plan.largest_missed
         sentences.append(f"The largest piece it leaves, {area(piece.m2)}, is at {place(piece)}.")
     return sentences
+
+
+def _finished_cost(ranking: Ranking, plan: PlanResult) -> str:
+    """What the finished field costs; with draws what it costs more, as these are of the ground that is worked."""
+    if plan.finished_cost is None:
+        return ""
+    if plan.expected_cost is None:
+        return f", cost {_in_currency(ranking, plan.finished_cost)}"
+    more = plan.finished_cost - (plan.cost or 0.0)
+    return f", {_in_currency(ranking, more)} more" if more >= LEAST_MONEY else ""
 
 
 def _remark_words(plan: PlanResult) -> list[str]:
@@ -370,10 +419,14 @@ def _when(ranking: Ranking, seconds: float | None, by_clock_s: float) -> str:
     return duration(seconds) + (f" ({of}at {at})" if at else "")
 
 
-def _at_cost(plan: PlanResult) -> str:
+def _at_cost(ranking: Ranking, plan: PlanResult) -> str:
     if plan.expected_cost is not None:
-        return f", expected cost {price(plan.expected_cost)}"
-    return "" if plan.cost is None else f", cost {price(plan.cost)}"
+        return f", {'expected ' if late_counts(ranking) else ''}cost {_in_currency(ranking, plan.expected_cost)}"
+    return "" if plan.cost is None else f", cost {_in_currency(ranking, plan.cost)}"
+
+
+def _in_currency(ranking: Ranking, value: float) -> str:
+    return price(value) if ranking.currency is None else f"{price(value)} {ranking.currency}"
 
 
 def _deadline_name(ranking: Ranking, article: str) -> str:

@@ -23,7 +23,7 @@ from planner.ground.swept import swept_ground
 from planner.ground.touched import fence_crossed_m, obstacle_touched
 from planner.ground.trampled import trampled_m2
 from planner.outlook import with_outlook
-from planner.price.cost import coming_and_going
+from planner.price.cost import as_simulated, coming_and_going
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import ROOM_KEPT, Site
 from planner.yielding.courses import Alone, mission_key
@@ -353,12 +353,10 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         return PlanResult(
             candidate.strategy, candidate.tractors, turn, False, reason, collisions=len(run.contacts)
         )
-    scenario, shares, swept = site.scenario, run.time_shares(), swept_ground(run, site)
+    shares, swept = run.time_shares(), swept_ground(run, site)
     worked = coverage(run, site, swept)
     tractor_time = float(np.sum(run.finish_s))
-    hourly = run.duration_s * candidate.tractors / 3600.0 * scenario.price_per_hour
-    each = scenario.price_per_tractor if site.terms is None else coming_and_going(site.terms)
-    hiring = candidate.tractors * each
+    hourly, hiring = _prices(site, run)
     figures = PlanResult(
         strategy=candidate.strategy,
         tractors=candidate.tractors,
@@ -392,6 +390,15 @@ def _measured(site: Site, candidate: Candidate, tried: CandidateRun) -> PlanResu
         refilling_s=None if site.supply is None else float(run.standing_s.sum()),
     )
     return _by_clock(figures, site, run, worked)
+
+
+def _prices(site: Site, run: Run) -> tuple[float, float]:
+    """What the work costs and what bringing the tractors does: as a farm accounts for it, or at the hourly price."""
+    tractors, scenario = run.plan.tractors, site.scenario
+    if site.terms is not None:
+        coming = tractors * coming_and_going(site.terms)
+        return as_simulated(run, site.terms) - coming, coming
+    return run.duration_s * tractors / 3600.0 * scenario.price_per_hour, tractors * scenario.price_per_tractor
 
 
 def _by_clock(figures: PlanResult, site: Site, run: Run, worked: Coverage) -> PlanResult:

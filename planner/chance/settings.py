@@ -76,7 +76,7 @@ class Chances:
 
 _OFF: dict[str, dict[str, Any]] = {
     "pass speed": {"speed_cv": 0.0},
-    "job factor": {"job_cv": 0.0},
+    "conditions of the day": {"job_cv": 0.0},
     "wheel slip": {"slip_cv": 0.0},
     "turns": {"turn_cv": 0.0, "turn_more_cv": 0.0},
     "stops": {"stops_per_hour": 0.0},

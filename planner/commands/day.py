@@ -50,6 +50,10 @@ def plan(
         typer.Option("--farm", help="A farm file instead of the one that the day file names."),
     ] = None,
     rain: Annotated[Optional[str], typer.Option(help="When it begins to rain, instead of the file's.")] = None,  # noqa: UP045
+    certainty: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(help="Plan by times that so many percent of the draws keep (50 to 99), not by means."),
+    ] = None,
     html: Annotated[Optional[Path], typer.Option(help="Write one page with pictures and tables.")] = None,  # noqa: UP045
     png: Annotated[Optional[Path], typer.Option(help="Write the work of machines and fields over time.")] = None,  # noqa: UP045
     map: Annotated[Optional[Path], typer.Option("--map", help="Write the map of fields and roads, PNG.")] = None,  # noqa: UP045
@@ -81,7 +85,9 @@ def plan(
         raise ScenarioError(f"--draws is {draws}; use 1 to {MOST_DRAWS}.")
     if cache is not None and cache.exists() and not cache.is_dir():
         raise ScenarioError(f"--cache {cache} is a file; give the name of a folder.")
-    asked, own = _asked(file, farm, rain)
+    if certainty is not None and not 50.0 <= certainty <= 99.0:
+        raise ScenarioError(f"--certainty is {certainty:g}; use 50 to 99 percent.")
+    asked, own = _asked(file, farm, rain, certainty)
     check_outputs((html, ".html"), (png, ".png"), (map, ".png"), reads=_reads(file, asked, own))
     ready = prepare_day(asked, own)
     remark(f"{one.name}: {text}" for one in ready.fields for text in one.remarks)
@@ -122,11 +128,13 @@ def example() -> None:
     typer.echo(example_text(), nl=False)
 
 
-def _asked(file: str, farm: str | None, rain: str | None) -> tuple[DayFile, FarmFile]:
+def _asked(
+    file: str, farm: str | None, rain: str | None, certainty: float | None
+) -> tuple[DayFile, FarmFile]:
     """The day and its farm, with what was given on the command line."""
     from planner.day import load_day
 
-    return load_day(file, farm=farm, rain=rain)
+    return load_day(file, farm=farm, rain=rain, certainty_pct=certainty)
 
 
 def _reads(file: str, asked: DayFile, own: FarmFile) -> dict[str | Path, str]:

@@ -8,12 +8,12 @@ places      where fields and yard are, and how far apart
 cache       simulated field times kept by content
 times       how long every fleet takes for every field: simulated plans
 light       when the sun is up
-clock       time of the day without breaks
 problem     the day as numbers; what an order of fields costs a fleet
 insertion   a field put where it costs least
 search      large neighbourhood search, for many fields
 exact       the constraint model: the proof for few fields
 sets        every route that may be part of a better day, and the best choice of them: the proof for many fields
+relaxed     what no day costs less than, where routes are too many: prices on fields
 solve       the best day and its proven gap
 build       from file, places and times to the problem
 odds        draws of the plans chained along every fleet's day

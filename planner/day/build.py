@@ -6,17 +6,18 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import date
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
 
 from fields.field import Field
 from planner.chance.draws import Sample, draw
+from planner.chance.events import lognormal
 from planner.chance.rain import Rain as Onset
 from planner.chance.rain import parse_rain
 from planner.chance.settings import Chances, like
 from planner.chance.streams import stream
-from planner.day.clock import Clock, clock_of
 from planner.day.file import SUN, DayField, DayFile, machines_of, placed, start_of
 from planner.day.light import sun_hours
 from planner.day.problem import Problem, Rain
@@ -25,6 +26,7 @@ from planner.errors import ScenarioError
 from planner.farm.file import FarmFile
 from planner.price.cost import HOUR_S, Terms, coming_and_going, paid_per_draw
 from planner.scenario import DAY_S
+from planner.workday import Workday
 
 FEW_DRAWS = 1000  # behind the mean time and price of a field, by which the day is planned
 MOST_ONSETS = 24  # times of rain by which it is planned; draws use all
@@ -33,13 +35,33 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Frame:
-    """When a day begins and ends (seconds of the day), its clock, when it is light, and when it begins to rain."""
+    """When a day begins and ends (seconds of the day), its clock, when it is light, and when it begins to rain.
+
+    Working seconds are the start and the seconds of work that can be done since; they stand still in breaks.
+    """
 
     start_s: int
     end_s: int
-    clock: Clock
+    clock: Workday
     light: tuple[int, int] | None
     onset: Onset | None
+
+    def working(self, at_s: float) -> float:
+        """Working seconds until a time of the day; the same for all of a break."""
+        return self.start_s + float(self.clock.work_s(np.array(at_s - self.start_s)))
+
+    def begin(self, working_s: float) -> float:
+        """When on the day something begins: after a break rather than before it."""
+        return self.start_s + self.clock.clock_s(working_s - self.start_s, begins=True)
+
+    def end(self, working_s: float) -> float:
+        """When on the day something ends: before a break rather than after it."""
+        return self.start_s + self.clock.clock_s(working_s - self.start_s)
+
+    def breaks(self) -> tuple[tuple[float, float], ...]:
+        """Breaks until the end of the day, (from, to) in seconds of the day."""
+        pauses = self.clock.pauses(self.end_s - self.start_s)
+        return tuple((self.start_s + one.from_s, self.start_s + one.to_s) for one in pauses)
 
     def windows(self, texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
         """Windows of a field within the day and its light, in working seconds, apart and in order."""
@@ -48,7 +70,7 @@ class Frame:
         for opens, closes in sorted(asked):
             lit = self.light or (opens, closes)
             begin, end = max(opens, lit[0], self.start_s), min(closes, lit[1], self.end_s)
-            begin, end = math.ceil(self.clock.working(begin)), math.floor(self.clock.working(end))
+            begin, end = math.ceil(self.working(begin)), math.floor(self.working(end))
             if found and begin <= found[-1][1]:
                 found[-1] = found[-1][0], max(end, found[-1][1])
             elif begin < end:
@@ -63,7 +85,7 @@ def frame_of(day: DayFile, farm: FarmFile, at: tuple[float, float] | None = None
     end = start + DAY_S if ends is None else ends % DAY_S + (DAY_S if ends % DAY_S <= start else 0)
     light = _light(day, start, at)
     onset = None if day.rain is None else parse_rain(day.rain, start)
-    return Frame(start, end, clock_of(farm.times.breaks_s, start), light, onset)
+    return Frame(start, end, Workday(start, breaks_s=farm.times.breaks_s), light, onset)
 
 
 def _light(day: DayFile, start_s: int, at: tuple[float, float] | None) -> tuple[int, int] | None:
@@ -96,13 +118,31 @@ def job_seed(seed: int, field: str, fleet: str) -> int:
 
 
 def means(
-    found: FieldTime, terms: Terms, chances: Chances, seed: int
+    found: FieldTime, terms: Terms, chances: Chances, seed: int, certainty_pct: float | None = None
 ) -> tuple[int, float] | None:
-    """Seconds and price of a field in the mean of draws; None where no plan can be driven."""
+    """Seconds and price of a field in the mean of draws; None where no plan can be driven.
+
+    With `certainty_pct` the seconds are those that so many of the draws keep.
+    """
     if found.graph is None:
         return None
     sample: Sample = draw(found.graph, chances, draws=FEW_DRAWS, seed=seed)
-    return math.ceil(float(sample.finish_s.mean())), float(paid_per_draw(sample, terms).mean())
+    seconds = float(_expected(sample.finish_s, certainty_pct))
+    return math.ceil(seconds), float(paid_per_draw(sample, terms).mean())
+
+
+def _expected(seconds: Array, certainty_pct: float | None) -> float:
+    """The mean of draws, or what so many percent of them keep."""
+    return float(seconds.mean() if certainty_pct is None else np.quantile(seconds, 0.01 * certainty_pct))
+
+
+def _late_s(day: DayFile, farm: FarmFile) -> float:
+    """By how much the day is planned to begin late: not at all, or so that the late starts of draws keep it."""
+    if day.certainty_pct is None:
+        return 0.0
+    late = chances_of(farm, late=True)
+    normal = NormalDist().inv_cdf(0.01 * day.certainty_pct)
+    return float(lognormal(late.start_delay_s, late.start_delay_cv, np.array(normal)))
 
 
 def terms_of(day: DayFile, farm: FarmFile, fleet: int) -> Terms:
@@ -127,7 +167,8 @@ def problem_of(
     chances = chances_of(farm)
     mean = [
         [None if found is None else
-         means(found, terms_of(day, farm, k), chances, job_seed(seed, field.name, day.fleets[k].name))
+         means(found, terms_of(day, farm, k), chances, job_seed(seed, field.name, day.fleets[k].name),
+               day.certainty_pct)
          for field, found in zip(fields, row, strict=True)]
         for k, row in enumerate(table)
     ]  # fmt: skip
@@ -142,8 +183,8 @@ def problem_of(
         windows=tuple(frame.windows(said.windows) for said in day.fields),
         move_s=_moves(km, farm),
         move_cost=tuple(_move_costs(day, farm, k, km) for k in range(len(day.fleets))),
-        begin_s=math.ceil(frame.clock.working(frame.start_s)),
-        home_by_s=math.floor(frame.clock.working(frame.end_s)),
+        begin_s=frame.start_s + math.ceil(_late_s(day, farm)),
+        home_by_s=math.floor(frame.working(frame.end_s)),
         rain=Rain(tuple(_onsets(frame))),
     )  # fmt: skip
 
@@ -196,7 +237,7 @@ def _onsets(frame: Frame) -> Iterable[tuple[int, float]]:
     else:
         times = _thinned(sorted(zip(onset.onset_s, onset.shares, strict=True)))
     for seconds, share in times:
-        yield math.floor(frame.clock.working(frame.start_s + seconds)), share
+        yield math.floor(frame.working(frame.start_s + seconds)), share
 
 
 def _thinned(times: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
 import json
 import os
-import platform
 import secrets
 import sys
 from collections.abc import Mapping
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import shapely
-from pydantic import BaseModel
-
-ROOMS = ("fields", "vehicle", "strategies", "planner", "reports")
-LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "scipy", "shapely")
 ELSEWHERE = "HEADLAND_CACHE"
-KINDS = (".py", ".toml", ".csv")
 
 
 def user_folder() -> Path:
@@ -36,30 +26,7 @@ def user_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "headland"
 
 
-def digest(*parts: Any) -> str:
-    """A name for content: of plain values, dataclasses, models and geometries, and of the code that works on them."""
-    text = json.dumps([_plain(part) for part in parts], sort_keys=True, allow_nan=True)
-    return hashlib.sha256(f"{code_version()}\n{text}".encode()).hexdigest()
-
-
-@cache
-def code_version() -> str:
-    """A digest of the sources that decide a field time, and the versions of what they stand on."""
-    root, found = Path(__file__).parents[2], hashlib.sha256()
-    for room in ROOMS:
-        for path in sorted(path for path in (root / room).rglob("*") if path.suffix in KINDS):
-            found.update(path.relative_to(root).as_posix().encode())
-            found.update(path.read_bytes())
-    for library in LIBRARIES:
-        try:
-            found.update(f"{library} {version(library)}".encode())
-        except PackageNotFoundError:
-            found.update(library.encode())
-    found.update(f"{platform.machine()} {platform.python_version()}".encode())
-    return found.hexdigest()
-
-
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Cache:
     """Texts by name in a folder; None keeps nothing. What cannot be read or written is as if it were not there."""
 
@@ -96,18 +63,3 @@ def with_no_trace(draft: Path) -> None:
         draft.unlink(missing_ok=True)
     except OSError:
         return
-
-
-def _plain(value: Any) -> Any:
-    """A value as JSON has it, the same for the same content."""
-    if isinstance(value, shapely.Geometry):
-        return shapely.to_wkb(value, hex=True)
-    if isinstance(value, BaseModel):
-        return value.model_dump(mode="json")
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {each.name: _plain(getattr(value, each.name)) for each in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value if value is None or isinstance(value, str | int | float | bool) else repr(value)

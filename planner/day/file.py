@@ -155,6 +155,9 @@ class DayFile(Section):
     date: Annotated[str | None, AfterValidator(_is_date)] = other(None, "yyyy-mm-dd in quotes", strict=True)
     utc_offset_h: float | None = number(None, -12.0, 14.0, "hours that clocks are ahead of UTC")
     rain: str | None = other(None, "as --rain of headland plan", "none", strict=True)
+    certainty_pct: float | None = number(
+        None, 50.0, 99.0, "percent of the draws that keep the times the order is planned by", "planned by mean times"
+    )
     strategies: tuple[str, ...] = other(tuple(STRATEGIES), "names in quotes", "all of them")
     yard: Yard | None = other(None, "lon and lat", "that of the farm")
 
@@ -166,19 +169,22 @@ class DayFile(Section):
         return given
 
 
-def load_day(where: str | Path, *, farm: str | None = None, rain: str | None = None) -> tuple[DayFile, FarmFile]:
+def load_day(
+    where: str | Path, *, farm: str | None = None, rain: str | None = None, certainty_pct: float | None = None
+) -> tuple[DayFile, FarmFile]:
     """Read a day file and the farm it names; files it names are looked for beside it.
 
-    `farm` and `rain` take the place of what the file says. Raises ScenarioError with every fault of the file in one
-    sentence.
+    `farm`, `rain` and `certainty_pct` take the place of what the file says. Raises ScenarioError with every fault of
+    the file in one sentence.
     """
     text = read_text(where, "a day file (TOML)", ScenarioError)
-    return day_from(text, str(where), Path(where).parent, farm=farm, rain=rain)
+    return day_from(text, str(where), Path(where).parent, farm=farm, rain=rain, certainty_pct=certainty_pct)
 
 
 def day_from(
-    text: str, called: str, folder: Path = Path(), *, farm: str | None = None, rain: str | None = None
-) -> tuple[DayFile, FarmFile]:
+    text: str, called: str, folder: Path = Path(), *, farm: str | None = None, rain: str | None = None,
+    certainty_pct: float | None = None,
+) -> tuple[DayFile, FarmFile]:  # fmt: skip
     """The day of a text and its farm; `called` names it in refusals."""
     values: dict[str, Any] = {}
     try:
@@ -189,7 +195,8 @@ def day_from(
         raise ScenarioError(f"The day file {called} cannot be used: {faults}.") from None
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"The day file {called} is not TOML: {parse_fault(error)}.") from None
-    given = {key: value for key, value in (("farm", farm), ("rain", rain)) if value is not None}
+    asked = {"farm": farm, "rain": rain, "certainty_pct": certainty_pct}
+    given = {key: value for key, value in asked.items() if value is not None}
     day = _beside(day, folder).model_copy(update=given)
     own = farm_of(day)
     faults = "; ".join(_faults(day, own))

@@ -18,8 +18,8 @@ from planner.chance.events import lognormal
 from planner.chance.graph import Graph
 from planner.chance.settings import Chances
 from planner.chance.streams import stream
-from planner.day.clock import Clock
 from planner.price.cost import Terms, paid_per_draw
+from planner.workday import Workday
 
 Array = npt.NDArray[np.float64]
 
@@ -83,6 +83,6 @@ def chained(
     )
 
 
-def rain_draws(onset_s: Array, start_s: float, clock: Clock) -> Array:
+def rain_draws(onset_s: Array, start_s: float, clock: Workday) -> Array:
     """Onsets after the start as working seconds of the day."""
-    return clock.all_working(onset_s + start_s)
+    return start_s + clock.work_s(onset_s)

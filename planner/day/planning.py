@@ -111,7 +111,7 @@ def _chains(
     rain = dry if onset is None else rain_draws(onset.draw(draws, seed), frame.start_s, frame.clock)
     return tuple(
         chained(
-            _stops(ready, table, problem, fleet, route, seed), chances_of(ready.farm, late=True), problem.begin_s, rain,
+            _stops(ready, table, problem, fleet, route, seed), chances_of(ready.farm, late=True), frame.start_s, rain,
             seed=seed, fleet=ready.day.fleets[fleet].name,
         )
         for fleet, route in enumerate(routes)
@@ -157,28 +157,29 @@ def _result(found: _Found, kept: bool) -> DayResult:
         remarks=(*_remarks(found), *([] if kept else [NOT_KEPT])),
         fields=tuple(field.name for field in ready.fields),
         windows=tuple(_shown(frame, windows) for windows in problem.windows),
-        breaks=tuple((float(a), float(b)) for a, b in frame.clock.breaks if a < frame.end_s),
+        breaks=frame.breaks(),
         rain=tuple((frame.start_s + seconds, share) for seconds, share in times),
-        places=_map(ready), closest="" if jobs else _closest(not_done, whys),
+        certainty_pct=ready.day.certainty_pct, places=_map(ready), closest="" if jobs else _closest(not_done, whys),
     )  # fmt: skip
 
 
 def _job(found: _Found, fleet: int, place: int) -> DayJob:
     ready, problem, chain = found.ready, found.problem, found.chains[fleet]
-    route, clock = found.best.routes[fleet], found.ready.frame.clock
+    route, frame = found.best.routes[fleet], found.ready.frame
     number, before = route[place], (problem.fields, *route)[place]
     starts = problem.starts(fleet, route) or []
     work, plan = problem.work_s[fleet][number] or 0, found.table[fleet][number]
     assert plan is not None
     probability, interval = chain.probability(place)
-    p50, p95 = (clock.end(float(value)) for value in np.quantile(chain.end_s[place], (0.5, 0.95)))
+    p50, p95 = (frame.end(float(value)) for value in np.quantile(chain.end_s[place], (0.5, 0.95)))
     return DayJob(
         field=ready.fields[number].name, machine=ready.day.fleets[fleet].name, strategy=plan.strategy,
         tractors=plan.tractors, area_ha=ready.fields[number].area_ha,
-        leaves_s=clock.begin(_leaves(problem, fleet, route, place)), km=float(ready.km[before, number]),
-        start_s=clock.begin(starts[place]), end_s=clock.end(starts[place] + work), time_s=plan.time_s,
+        leaves_s=frame.begin(_leaves(problem, fleet, route, place)), km=float(ready.km[before, number]),
+        start_s=frame.begin(starts[place]), end_s=frame.end(starts[place] + work), time_s=plan.time_s,
         finish_probability=probability, finish_probability_interval=interval, p50_end_s=p50, p95_end_s=p95,
         cost=float(chain.paid[place]), lost_cost=float(chain.lost[place]), worked_pct=plan.worked_pct,
+        refills=plan.refills,
     )  # fmt: skip
 
 
@@ -192,16 +193,16 @@ def _leaves(problem: Problem, fleet: int, route: Sequence[int], place: int) -> i
 
 def _fleet(found: _Found, fleet: int) -> FleetDay:
     ready, problem, route = found.ready, found.problem, found.best.routes[fleet]
-    said, clock = ready.day.fleets[fleet], ready.frame.clock
+    said, frame = ready.day.fleets[fleet], ready.frame
     tractor, implement = machines_of(said, ready.farm)
     words = f"{said.count} x {tractor.name}, {implement.name}"
     if not route:
         return FleetDay(said.name, words, None, None, 0.0)
     starts = problem.starts(fleet, route) or []
     last = starts[-1] + (problem.work_s[fleet][route[-1]] or 0)
-    home = clock.end(last + problem.move_s[route[-1]][problem.fields])
+    home = frame.end(last + problem.move_s[route[-1]][problem.fields])
     km = sum(float(ready.km[a, b]) for a, b in pairwise((problem.fields, *route, problem.fields)))
-    leaves = clock.begin(_leaves(problem, fleet, route, 0))
+    leaves = frame.begin(_leaves(problem, fleet, route, 0))
     return FleetDay(said.name, words, leaves, home, km, problem.ways_cost(fleet, route))
 
 
@@ -253,7 +254,7 @@ def _remarks(found: _Found) -> list[str]:
 
 
 def _shown(frame: Frame, windows: Sequence[tuple[int, int]]) -> tuple[tuple[float, float], ...]:
-    return tuple((frame.clock.begin(opens), frame.clock.end(closes)) for opens, closes in windows)
+    return tuple((frame.begin(opens), frame.end(closes)) for opens, closes in windows)
 
 
 def _map(ready: Ready) -> tuple[MapPlace, ...]:

@@ -1,8 +1,8 @@
 """A day as numbers, and what an order of fields costs a fleet.
 
-All times are whole working seconds (planner.day.clock). A fleet leaves the depot, works its fields one after another,
-each in one go within one of its windows, and returns. Costs never fall when something is done later, so that a fleet
-that follows an order begins everything as early as it can.
+All times are whole working seconds (planner.day.build.Frame). A fleet leaves the depot, works its fields one after
+another, each in one go within one of its windows, and returns. Costs never fall when something is done later, so that a
+fleet that follows an order begins everything as early as it can.
 """
 
 from __future__ import annotations

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from planner.day.exact import proven
 from planner.day.insertion import Routes
 from planner.day.problem import EVEN, Problem
+from planner.day.relaxed import bound
 from planner.day.search import EFFORT, searched
 from planner.day.sets import Choice, chosen
 
 FEW = 8  # fields whose order is proven
-EFFORT_FEW, EFFORT_MANY = 3.0, 4.0  # deterministic seconds of the constraint model
+EFFORT_FEW = 3.0  # deterministic seconds of the constraint model
 ROUNDING_PCT = 1e-3
 SEARCH_FEW, SEARCH_MANY = 20_000, EFFORT  # routes priced by the search
 
@@ -32,21 +33,20 @@ class Day:
 def solved(problem: Problem, *, seed: int = 1, few: int = FEW) -> Day:
     """The best day that is found; the same for the same problem and seed.
 
-    The second proof is only asked where the first leaves a gap.
+    Few fields are proven by the constraint model. Where that leaves a gap, and for many, routes are counted; where
+    these are too many, prices on fields tell how near to the best the day is.
     """
     is_few = problem.fields <= few
     found = searched(problem, seed=seed, effort=SEARCH_FEW if is_few else SEARCH_MANY)
     least = least_each(problem)
     best = Day(found, _cost(problem, found), _gap_pct(_cost(problem, found), sum(least)))
-    for by_routes in (not is_few, is_few):
-        if best.gap_pct == 0.0:
-            break
-        choice = chosen(problem, best.cost, least) if by_routes else None
-        if not by_routes:
-            proof = proven(problem, best.routes, EFFORT_FEW if is_few else EFFORT_MANY)
-            choice = Choice(proof.routes, proof.bound)
-        if choice is not None:
-            best = _better(problem, best, choice)
+    if is_few and best.gap_pct > 0.0:
+        proof = proven(problem, best.routes, EFFORT_FEW)
+        best = _better(problem, best, Choice(proof.routes, proof.bound))
+    if best.gap_pct > 0.0 and (choice := chosen(problem, best.cost, least)) is not None:
+        best = _better(problem, best, choice)
+    if best.gap_pct > 0.0:
+        best = _better(problem, best, Choice(None, bound(problem, best.cost, least)))
     return best
 
 

@@ -16,7 +16,8 @@ from fields.field import Field
 from planner.asked import asked
 from planner.chance.graph import Graph, Link, graph_of
 from planner.chance.planned_order import in_planned_order
-from planner.day.cache import Cache, digest
+from planner.content import digest
+from planner.day.cache import Cache
 from planner.day.file import DayFile, machines_of, suits
 from planner.errors import WorkerError
 from planner.farm.file import FarmFile
@@ -24,9 +25,11 @@ from planner.planning import plan
 from planner.pool import SerialExecutor, completed
 from planner.scenario import Scenario
 from planner.tasks import LOST, Progress
+from strategies.supply import Supply
 from vehicle.tractor import Implement, Tractor, as_tractor
 
 ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
+NAMES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills")
 NO_NAME = "field"
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -34,7 +37,10 @@ Whole = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class FieldTime:
-    """The quickest plan of a fleet on a field; `graph` is None where none can be driven, and `reason` says why."""
+    """The quickest plan of a fleet on a field; `graph` is None where none can be driven, and `reason` says why.
+
+    Where something is carried, `refills` are the stops of the plan, and making tanks good before it counts in the time.
+    """
 
     strategy: str = ""
     tractors: int = 0
@@ -42,6 +48,7 @@ class FieldTime:
     worked_pct: float | None = None
     missed_m2: float | None = None
     graph: Graph | None = None
+    refills: int | None = None
     reason: str = ""
 
 
@@ -53,13 +60,14 @@ class Task:
     scenario: Scenario
     tractor: Tractor
     implement: Implement
+    supply: Supply | None = None
 
     @cached_property
     def key(self) -> str:
         """A name for what decides the answer: content, not names or places on the earth."""
         scenario = replace(self.scenario, field=NO_NAME, tractor=NO_NAME)
         nameless = replace(self.field, name=NO_NAME, crs=None, origin_m=(0.0, 0.0), source="", remarks=())
-        return digest(nameless, scenario, self.tractor, self.implement)
+        return digest(nameless, scenario, self.tractor, self.implement, self.supply)
 
 
 Table = tuple[tuple[FieldTime | None, ...], ...]
@@ -76,7 +84,7 @@ def tasks_of(day: DayFile, farm: FarmFile, fields: Sequence[Field]) -> list[list
         plain = replace(found.scenario, price_per_hour=0.0, price_per_tractor=0.0)
         machine = as_tractor(found.tractor or found.scenario.tractor)
         rows.append([
-            Task(field, replace(plain, field=field.name), machine, found.implement or Implement())
+            Task(field, replace(plain, field=field.name), machine, found.implement or Implement(), found.supply)
             if suits(said, implement) else None
             for said, field in zip(day.fields, fields, strict=True)
         ])  # fmt: skip
@@ -121,23 +129,32 @@ def work_out(task: Task) -> FieldTime:
         try:
             planned = plan(
                 replace(task.scenario, tractors=(count,)), field=task.field, tractor=task.tractor,
-                implement=task.implement, executor=SerialExecutor(),
+                implement=task.implement, supply=task.supply, executor=SerialExecutor(),
             )  # fmt: skip
         except HeadlandError as refusal:
             return FieldTime(reason=str(refusal))
         best, run = planned.ranking.best, planned.run
         if best is not None and run is not None:
-            kept = in_planned_order(run, planned.site.tractor, planned.site.implement)
+            graph = graph_of(in_planned_order(run, planned.site.tractor, planned.site.implement))
+            ready_s = 0.0 if task.supply is None else task.supply.refill_s
             return FieldTime(
-                best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2, graph_of(kept)
+                best.strategy, count, float(best.time_s or 0.0) + ready_s, best.worked_pct, best.missed_m2,
+                made_ready(graph, ready_s), best.refills,
             )
         reason = reason or next((each.reason for each in planned.ranking.plans if each.reason), "")
     return FieldTime(reason=reason)
 
 
+def made_ready(graph: Graph, seconds: float) -> Graph:
+    """The graph with tanks made good before anybody begins: what the field before has left in them does not last."""
+    stand_s = graph.stand_s.copy()
+    stand_s[[place for place in graph.first if place < graph.nodes]] += seconds
+    return replace(graph, stand_s=stand_s)
+
+
 def packed(found: FieldTime) -> dict[str, Any]:
     """A field time as JSON has it; floats keep every bit."""
-    content = {name: getattr(found, name) for name in ("strategy", "tractors", "time_s", "worked_pct", "missed_m2")}
+    content = {name: getattr(found, name) for name in NAMES}
     graph = found.graph
     if graph is None:
         return {"reason": found.reason}

@@ -11,6 +11,7 @@ from planner.farm.values import Section, number, other
 from planner.scenario import DAY_S, parse_clock
 
 LONGEST_S = 7.0 * DAY_S
+LONGEST_BREAK_S = DAY_S // 2
 
 
 def _is_clock(text: str | None) -> str | None:
@@ -30,7 +31,10 @@ def _break(text: str) -> tuple[int, int]:
     if not match:
         raise ValueError(f"{text!r} is no break; write for instance '12:00-12:30'")
     start, end = (parse_clock(part, "the break") for part in match.groups())
-    return start, end if end > start else end + DAY_S
+    lasts = (end - start) % DAY_S or DAY_S
+    if lasts > LONGEST_BREAK_S:
+        raise ValueError(f"the break {text!r} lasts {lasts / 3600.0:.3g} h; use 12 h or less, the earlier time first")
+    return start, start + lasts
 
 
 Clock = Annotated[str | None, AfterValidator(_is_clock)]
@@ -55,6 +59,21 @@ class Times(Section):
     breaks: tuple[Break, ...] = other((), "such as '12:00-12:30', in quotes", "none: robots need none")
     road_speed_kmh: float = number(25.0, 0.5, 80.0, "km/h on the road", "assumed: with an implement, villages included")
     road_factor: float = number(1.3, 1.0, 10.0, "road over straight line", "usual detour of rural roads, 1.2 to 1.4")
+
+    @model_validator(mode="after")
+    def _leaves_work(self) -> Times:
+        start, end = self.shift_s
+        begin = start or 0
+        until = begin + DAY_S if end is None else end + DAY_S * (end <= begin)
+        again = sorted((a + day, b + day) for a, b in self.breaks_s for day in (-DAY_S, 0, DAY_S))
+        free_from = begin
+        for first, last in again:
+            if first > free_from:
+                break
+            free_from = max(free_from, last)
+        if free_from >= until:
+            raise ValueError("the breaks leave nothing of the shift; shorten them")
+        return self
 
     @property
     def breaks_s(self) -> tuple[tuple[int, int], ...]:

@@ -3,7 +3,7 @@
     from planner.many import Question, answers, fields_of
 
 wanted    names with a star as the fields they stand for
-digest    what an answer depends on, in a few letters
+digest    what the answer to a question depends on
 batch     questions answered one after the other on any executor; one that cannot be answered does not end the rest
 kept      answers in a file, so that a table that was interrupted goes on
 cluster   an executor on the machines of a Dask cluster

@@ -5,27 +5,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from planner.price.choice import Figures, best, best_by_count, same_chance, same_money, same_time
+from planner.price.choice import Figures, best, best_by_count, same_chance, same_draws, same_money, same_time
 from planner.scenario import CHEAPEST, FASTEST, SUREST
+from reports.wording import is_wide, price
 
 _COUNTS = ("No tractor", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
 _ORDINALS = ("", "first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LEAST_MONEY = 0.005
+LARGE = 999.995  # from here on money is printed without decimals
 MINUTE_S = 60.0
 EQUAL = ", as good as equal,"
 BETTER, NEITHER, WORSE = 1, 0, -1
 
 
 def advice(
-    plans: Sequence[Figures], limit: str = "", prefer: str = CHEAPEST, taken: tuple[str, int] | None = None
-) -> str:
+    plans: Sequence[Figures], limit: str = "", prefer: str = CHEAPEST, taken: tuple[str, int] | None = None,
+    budget: float | None = None,
+) -> str:  # fmt: skip
     """The sentence for feasible plans, "" without any.
 
     `limit` says when work must be done, as "before 17:00" or "before the rain"; `taken` is the plan that was chosen
-    (strategy, tractors) where that is known. What is preferred comes first, in the figure that it is chosen by: the
-    expected cost (`Figures.expected`), the time, or how sure it is; what is too near in that to be told apart is
-    called equal. Example: "2 tractors: 97 % before 17:00, 128.90 expected (120.10 paid). One saves 1.50, as good as
-    equal, but finishes in time only 61 % of the time; a third adds 9.40 and 2 %."
+    (strategy, tractors) where that is known, and what is dearer than a `budget` is said to be. What is preferred comes
+    first, in the figure that it is chosen by: the expected cost (`Figures.expected`), the time, or how sure it is; what
+    is too near in that to be told apart is called equal. Differences are those of the figures as they are printed, and
+    how sure a plan is has its interval where draws are few. Example: "2 tractors: 97 % before 17:00, 128.90 expected
+    (120.10 paid). One saves 1.50, as good as equal, but finishes in time only 61 % of the time; a third adds 9.40 and
+    2 %."
     """
     if not plans:
         return ""
@@ -33,7 +38,8 @@ def advice(
     chosen, by_count = known or best(plans, prefer), best_by_count(plans, prefer)
     fewer = max((count for count in by_count if count < chosen.tractors), default=None)
     more = min((count for count in by_count if count > chosen.tractors), default=None)
-    parts = [_change(by_count[count], chosen, prefer) for count in (fewer, more) if count is not None]
+    others = [by_count[count] for count in (fewer, more) if count is not None]
+    parts = [_change(other, chosen, prefer) + _over(other, budget) for other in others]
     headline = f"{_tractors(chosen.tractors)}: {_certainty(chosen, limit, prefer)}, {_price(chosen)}."
     if not parts:
         return headline
@@ -55,22 +61,36 @@ def hours(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
 
 
+def chance(plan: Figures) -> str:
+    """How sure a plan is: ``97 %``, or ``77 % (68 to 84 %)`` with its 95 % interval where draws are few."""
+    share = percent(plan.probability or 0.0)
+    if not is_wide(plan.interval) or plan.interval is None:
+        return share
+    low, high = (f"{100.0 * end:.0f}" for end in plan.interval)
+    return f"{share} ({low} to {high} %)"
+
+
 def _tractors(count: int) -> str:
     return f"{count} tractor{'s' if count > 1 else ''}"
 
 
 def _certainty(plan: Figures, limit: str, prefer: str) -> str:
+    half = f"{hours(plan.p50_s)} or less half of the time"
     if plan.probability is None:
-        return f"{hours(plan.p50_s)} as often as not, {hours(plan.p95_s)} at 95 %"
-    sure = f"{percent(plan.probability)} {limit or 'in time'}"
-    return f"{hours(plan.p50_s)} as often as not, {sure}" if prefer == FASTEST else sure
+        return f"{half}, {hours(plan.p95_s)} or less 95 % of the time"
+    sure = f"{chance(plan)} {limit or 'in time'}"
+    return f"{half}, {sure}" if prefer == FASTEST else sure
+
+
+def _over(plan: Figures, budget: float | None) -> str:
+    return "" if budget is None or plan.paid <= budget else ", over the budget"
 
 
 def _price(plan: Figures) -> str:
     """What is expected, and of that what is paid where ground may be late."""
     if abs(plan.expected - plan.paid) < LEAST_MONEY:
-        return f"{plan.paid:.2f}"
-    return f"{plan.expected:.2f} expected ({plan.paid:.2f} paid)"
+        return price(plan.paid)
+    return f"{price(plan.expected)} expected ({price(plan.paid)} paid)"
 
 
 @dataclass(frozen=True)
@@ -106,15 +126,21 @@ def _who(plan: Figures, fewer: bool, one: bool) -> str:
 
 def _money(plan: Figures, chosen: Figures, one: bool, *, told: bool) -> _Told:
     """More money ("costs 1.50 more", "adds 1.50"), less ("saves 1.50"), or none; near is `told` to be equal."""
-    added = plan.expected - chosen.expected
-    if abs(added) < LEAST_MONEY:
+    added = _added(plan, chosen)
+    if added == 0.0:
         return _Told(f"{_verb('cost', one)} the same", NEITHER)
     equal = EQUAL if told and same_money(plan, chosen) else ""
     if added < 0.0:
-        return _Told(f"{_verb('save', one)} {-added:.2f}{equal}", BETTER)
+        return _Told(f"{_verb('save', one)} {price(-added)}{equal}", BETTER)
     fewer = plan.tractors < chosen.tractors
-    words = f"{_verb('cost', one)} {added:.2f} more" if fewer else f"{_verb('add', one)} {added:.2f}"
+    words = f"{_verb('cost', one)} {price(added)} more" if fewer else f"{_verb('add', one)} {price(added)}"
     return _Told(words + equal, WORSE)
+
+
+def _added(plan: Figures, chosen: Figures) -> float:
+    """By how much its expected cost is above another, of both as they are printed: whole units from 1000 on."""
+    decimals = 2 if max(plan.expected, chosen.expected) < LARGE else 0
+    return round(round(plan.expected, decimals) - round(chosen.expected, decimals), decimals)
 
 
 def _surer(plan: Figures, chosen: Figures, one: bool) -> _Told:
@@ -122,7 +148,9 @@ def _surer(plan: Figures, chosen: Figures, one: bool) -> _Told:
     points = round(100.0 * (plan.probability or 0.0)) - round(100.0 * (chosen.probability or 0.0))
     if plan.tractors < chosen.tractors:
         return _sure(plan, chosen, one, told=False)
-    added = plan.expected - chosen.expected > LEAST_MONEY
+    added = _added(plan, chosen) > 0.0
+    if is_wide(plan.interval) and same_draws(plan, chosen):
+        return _Told(f"no certainty that {chosen.draws} draws could tell", NEITHER)
     if points == 0:
         return _Told("no certainty" if added else "nothing else changes", NEITHER)
     if added and points > 0:
@@ -137,8 +165,8 @@ def _sure(plan: Figures, chosen: Figures, one: bool, *, told: bool = True) -> _T
         return _Told(f"{'is' if one else 'are'} as sure", NEITHER)
     equal = EQUAL if told and same_chance(plan, chosen) else ""
     only = "only " if own < other else ""
-    words = f"{_verb('finish', one)} in time {only}{percent(own)} of the time{equal}"
-    words = words if own > 0.0 else f"never {_verb('finish', one)} in time{equal}"
+    words = f"{_verb('finish', one)} in time {only}{chance(plan)} of the time{equal}"
+    words = words if own > 0.0 else f"{_verb('finish', one)} in time in none of the draws{equal}"
     return _Told(words, WORSE if own < other else BETTER)
 
 

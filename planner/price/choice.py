@@ -18,7 +18,7 @@ class Figures:
     """What one feasible plan is judged by: money, seconds, and the probability of being in time (None: no limit).
 
     `paid` is the price of the job in the mean, `expected` has the ground that is late on top; the errors are standard
-    errors of both. `draws` are behind the probability. `in_time` is whether the simulation itself meets the limit.
+    errors of both. `draws` are behind the probability, and `interval` is its 95 % interval.
     """
 
     strategy: str
@@ -30,6 +30,7 @@ class Figures:
     probability: float | None = None
     draws: int = 1
     expected_error: float = 0.0
+    interval: tuple[float, float] | None = None
 
     @property
     def _chance_error(self) -> float:
@@ -80,13 +81,17 @@ def surest_of(plans: Sequence[Figures]) -> list[Figures]:
 
 def clearly_less(plan: Figures, other: Figures) -> bool:
     """Whether a plan is less sure than another by more than draws and model are off by."""
-    errors = ERRORS * math.hypot(plan._chance_error, other._chance_error)
-    return (other.probability or 0.0) - (plan.probability or 0.0) > errors + MODEL_SHARE
+    return (other.probability or 0.0) - (plan.probability or 0.0) > _apart(plan, other) + MODEL_SHARE
 
 
 def same_money(plan: Figures, other: Figures) -> bool:
     """Whether the expected costs of two plans are too near to tell apart."""
     return _too_near(plan.expected, other.expected, math.hypot(plan.expected_error, other.expected_error))
+
+
+def same_draws(plan: Figures, other: Figures) -> bool:
+    """Whether the draws are too few to tell how sure two plans are."""
+    return abs((other.probability or 0.0) - (plan.probability or 0.0)) <= _apart(plan, other)
 
 
 def same_chance(plan: Figures, other: Figures) -> bool:
@@ -97,6 +102,11 @@ def same_chance(plan: Figures, other: Figures) -> bool:
 def same_time(plan_s: float, other_s: float) -> bool:
     """Whether two times are too near to tell apart."""
     return _too_near(plan_s, other_s, 0.0)
+
+
+def _apart(plan: Figures, other: Figures) -> float:
+    """How far two probabilities may differ by the luck of the draws."""
+    return ERRORS * math.hypot(plan._chance_error, other._chance_error)
 
 
 def _too_near(value: float, other: float, error: float) -> bool:

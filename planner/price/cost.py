@@ -12,6 +12,7 @@ from planner.chance.draws import Sample
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
 from planner.price.machine import Rates, rates
+from vehicle.run import Run
 
 HOUR_S = 3600.0
 IDLE_LOAD = 0.1  # share of full power of an engine that idles: tractors that wait or stop
@@ -69,6 +70,25 @@ def paid_per_draw(sample: Sample, terms: Terms) -> Array:
     if prices.per_hour is not None:
         return np.asarray(present * prices.per_hour + people + coming)
     return np.asarray(_machines(sample, rates(prices, terms.tractor, terms.implement)) + people + coming)
+
+
+def as_simulated(run: Run, terms: Terms) -> float:
+    """What is paid for a run as it was simulated, where nothing varies."""
+    shares = run.time_shares()
+    off = shares["turning"].sum() + shares["reversing"].sum()
+    work, turns, none = (np.array([float(value)]) for value in (shares["working"].sum(), off, 0.0))
+    ends = np.asarray(run.finish_s)[:, None]
+    return float(paid_per_draw(Sample(ends.max(axis=0), ends, work, turns, none, none), terms)[0])
+
+
+def account(prices: Prices) -> str:
+    """What is paid for, in words."""
+    per_hour = prices.per_hour
+    parts = ["machines, fuel"] if per_hour is None else [f"{per_hour:.2f} for each tractor and hour"]
+    parts += ["people"] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
+    bringing = prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0
+    parts += ["bringing the tractors" if bringing else "the road"] if per_hour is None or bringing else []
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def coming_and_going(terms: Terms) -> float:

@@ -319,6 +319,7 @@ def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, n
         (("day.toml", "--png", "day.html"), "name the file day.png"),
         (("day.toml", "--farm", "none.toml"), "There is no file"),
         (("day.toml", "--processes", "0"), "--processes is 0"),
+        (("day.toml", "--certainty", "30"), "--certainty is 30; use 50 to 99 percent"),
     ],
 )
 def test_bad_options_are_one_sentence(headland: Headland, folder: Path, arguments: tuple[str, ...], words: str) -> None:

@@ -80,8 +80,8 @@ def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path
     ("options", "words"),
     [
         (("--rain", "8:05"), "No plan is done before the rain; the closest misses it by 0:"),
-        (("--rain", "8:02=50,8:04=50"), "No plan is done before the rain: 0 % of the draws of the surest one are."),
-        (("--budget", "1.5"), "No plan is paid with 1.50; the closest comes to "),
+        (("--rain", "8:02=50,8:04=50"), "No plan is done before the rain: the surest one is in 0 % of the draws."),
+        (("--budget", "1.5"), "No plan can be paid with 1.50 EUR; the closest comes to "),
     ],
 )
 def test_what_no_plan_meets_is_3_with_the_closest_plan(

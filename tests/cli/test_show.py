@@ -73,6 +73,7 @@ def test_what_cannot_be_shown_is_one_sentence(
     for entry, words in (
         ({"strange": 1}, "'strange', which is unknown"),
         ({"tractor": "gone.toml"}, "gone.toml"),
+        ({"tractor": "Fendt 724"}, "an older Headland saved no machines; plan anew"),
         ({"width_m": -1.0}, "--width"),
         ({"width_m": "wide"}, "--width is 'wide'"),
     ):

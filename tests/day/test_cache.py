@@ -12,7 +12,8 @@ import shapely
 
 from fields.field import Field
 from planner.chance.graph import Graph, Link
-from planner.day.cache import ROOMS, Cache, code_version, digest, user_folder
+from planner.content import KINDS, ROOMS, code_version, digest
+from planner.day.cache import Cache, user_folder
 from planner.day.times import FieldTime, Task, field_times, packed, unknown
 from planner.pool import SerialExecutor
 from planner.scenario import Scenario
@@ -58,13 +59,13 @@ def test_the_name_is_that_of_the_content(task: Task) -> None:
 def test_every_room_counts_with_its_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     root = Path(__file__).parents[2]
     assert {path.parent.name for path in root.glob("*/__init__.py")} - {"tests"} == set(ROOMS)
-    monkeypatch.setattr("planner.day.cache.__file__", str(tmp_path / "planner" / "day" / "cache.py"))
+    monkeypatch.setattr("planner.content.__file__", str(tmp_path / "planner" / "content.py"))
     found = [code_version.__wrapped__()]
-    for place in [f"{room}/deep/it{kind}" for room in ROOMS for kind in (".py", ".toml", ".csv")]:
+    for place in [f"{room}/deep/it{kind}" for room in ROOMS for kind in KINDS]:
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).write_text("x")
         found.append(code_version.__wrapped__())
-    assert len({*found}) == 1 + 3 * len(ROOMS)
+    assert len({*found}) == 1 + len(KINDS) * len(ROOMS)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"strategy": "x"}', '{"graph": {"first": 3}}', "\x00"])

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.day.clock import Clock, clock_of
+from planner.day.build import Frame
 from planner.day.file import placed
 from planner.errors import ScenarioError
+from planner.workday import Workday
 
 HOUR = 3600
-NOON = Clock(((12 * HOUR, 13 * HOUR),))
+
+
+def frame(*breaks: tuple[int, int], start: int = 0) -> Frame:
+    return Frame(start, start + 24 * HOUR, Workday(start, breaks_s=breaks), None, None)
+
+
+NOON = frame((12 * HOUR, 13 * HOUR), start=6 * HOUR)
 
 
 def test_work_goes_on_after_a_break() -> None:
@@ -23,23 +29,21 @@ def test_work_goes_on_after_a_break() -> None:
     assert NOON.begin(14 * HOUR) == NOON.end(14 * HOUR) == 15 * HOUR
 
 
-def test_breaks_that_are_over_are_of_the_next_day_and_ones_that_touch_are_one() -> None:
-    assert clock_of([(1 * HOUR, 2 * HOUR)], 18 * HOUR).breaks == ((25 * HOUR, 26 * HOUR),)
-    assert clock_of([(12 * HOUR, 13 * HOUR), (13 * HOUR, 14 * HOUR), (12 * HOUR, 12 * HOUR)], 0).breaks == (
-        (12 * HOUR, 14 * HOUR),
-    )
+def test_breaks_that_are_over_are_of_the_next_day_and_ones_that_touch_are_no_longer() -> None:
+    assert frame((1 * HOUR, 2 * HOUR), start=18 * HOUR).breaks() == ((25 * HOUR, 26 * HOUR),)
+    touching = frame((12 * HOUR, 13 * HOUR), (13 * HOUR, 14 * HOUR), start=HOUR)
+    assert (touching.begin(12 * HOUR), touching.working(15 * HOUR)) == (14 * HOUR, 13 * HOUR)
 
 
-breaks = st.lists(st.tuples(st.integers(0, 40_000), st.integers(1, 9_000)), max_size=4)
-
-
-@given(breaks, st.integers(0, 100_000), st.integers(0, 50_000))
+@given(
+    st.lists(st.tuples(st.integers(0, 40_000), st.integers(1, 9_000)), max_size=4), st.integers(0, 60_000),
+    st.integers(0, 20_000),
+)  # fmt: skip
 def test_a_piece_of_work_takes_its_time_outside_breaks(pairs: list[tuple[int, int]], at: int, work: int) -> None:
-    clock = clock_of([(start, start + length) for start, length in pairs], 0)
+    clock = frame(*((start, start + length) for start, length in pairs))
     begin, end = clock.begin(clock.working(at)), clock.end(clock.working(at) + work)
-    paused = sum(max(0.0, min(end, b) - max(begin, a)) for a, b in clock.breaks)
+    paused = sum(max(0.0, min(end, b) - max(begin, a)) for a, b in clock.breaks())
     assert end - begin - paused == pytest.approx(work if work else min(end - begin - paused, 0.0))
-    assert clock.all_working(np.array([at, np.inf])).tolist() == [clock.working(at), np.inf]
 
 
 @pytest.mark.parametrize(

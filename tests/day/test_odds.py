@@ -11,9 +11,9 @@ import pytest
 from planner.chance.graph import PASS, TURN_MORE, Graph
 from planner.chance.rain import Rain
 from planner.chance.settings import Chances, certain
-from planner.day.clock import Clock
 from planner.day.odds import Chain, Stop, chained, rain_draws
 from planner.price.cost import hired
+from planner.workday import Workday
 
 DRAWS = 10_000
 DRY = np.full(DRAWS, math.inf)
@@ -90,7 +90,7 @@ def test_a_late_first_field_shifts_the_next() -> None:
 
 
 def test_rain_in_a_break_is_rain_at_its_beginning() -> None:
-    found = rain_draws(np.array([100.0, 1500.0, 4000.0, math.inf]), 1000.0, Clock(((2000, 3000),)))
+    found = rain_draws(np.array([100.0, 1500.0, 4000.0, math.inf]), 1000.0, Workday(1000, breaks_s=((2000, 3000),)))
     assert found.tolist() == [1100.0, 2000.0, 4000.0, math.inf]
 
 

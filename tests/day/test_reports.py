@@ -47,7 +47,7 @@ def test_keys_and_values(result: DayResult) -> None:
     data = json.loads(day_json(result))
     assert list(data) == [
         "jobs", "not_done", "gap_pct", "advice", "machines", "cost", "finish_probability", "currency", "draws", "seed",
-        "start_s", "end_s", "remarks",
+        "start_s", "end_s", "remarks", "certainty_pct",
     ]  # fmt: skip
     assert all(list(job) == [*JOB_KEYS] for job in data["jobs"])
     assert list(JOB_KEYS[:7]) == [

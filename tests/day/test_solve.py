@@ -7,6 +7,7 @@ import pytest
 from planner.day.exact import proven
 from planner.day.insertion import repaired
 from planner.day.problem import HASTE, Problem, Rain, empty
+from planner.day.relaxed import bound
 from planner.day.search import searched
 from planner.day.sets import chosen
 from planner.day.solve import least_each, solved
@@ -110,10 +111,28 @@ def test_too_many_routes_leave_a_gap_that_holds(monkeypatch: pytest.MonkeyPatch)
     best = solved(problem)
     assert best == solved(problem) and best.gap_pct == 0.0
     monkeypatch.setattr("planner.day.sets.MOST_LABELS", 20)
-    monkeypatch.setattr("planner.day.solve.EFFORT_MANY", 0.5)
     rough = solved(problem)
     assert rough.cost >= best.cost - 1e-6
     assert sum(least_each(problem)) - 1e-6 <= rough.cost * (1.0 - rough.gap_pct / 100.0) <= best.cost + 1e-4
+    assert rough.gap_pct < 2.0, "prices on fields are near"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_prices_on_fields_never_tell_more_than_the_best_day(seed: int) -> None:
+    problem = at_random(300 + seed, fields=3 + seed % 3, fleets=1 + seed % 2)
+    best, least = least_cost(problem), least_each(problem)
+    found = bound(problem, best, least)
+    assert sum(least) <= found <= best + 1e-6
+    assert found == bound(problem, best, least)
+    assert bound(problem, 1.5 * best, least) <= best + 1e-6, "with a day that is worse as well"
+
+
+def test_prices_on_fields_of_jobs_shorter_than_their_grain() -> None:
+    """Three fields of a minute each on one spot: one fleet does all, whatever times are rounded to."""
+    move = [[0, 0, 0, 100]] * 3 + [[100, 100, 100, 0]]
+    problem = by_hand([[60, 60, 60]], move, put_off=[10.0] * 3, per_move_s=0.01)
+    best = least_cost(problem)
+    assert bound(problem, best, least_each(problem)) == pytest.approx(best, rel=1e-3)
 
 
 def test_no_field_twice_and_none_outside_its_window() -> None:

@@ -110,6 +110,8 @@ def test_all_faults_are_told_at_once() -> None:
          "no implement fits the tractor 'b'"),
         ('[[implements]]\nname = "i"\nwidth_m = 3.0\nframe_width_m = 9.0', "more than twice its width"),
         ('[times]\nbreaks = ["12"]', "write for instance '12:00-12:30'"),
+        ('[times]\nbreaks = ["12:45-12:00"]', "lasts 23.2 h; use 12 h or less, the earlier time first"),
+        ('[times]\nshift_start = "7:00"\nshift_end = "9:00"\nbreaks = ["6:00-8:00", "8:00-9:30"]', "leave nothing"),
         ('[times]\nshift_start = "25:00"', "is not a time of day"),
         ("prizes = 3", "did you mean 'prices'?"),
         ("fuel_per_l = 3", "belongs under [prices]"),

@@ -122,6 +122,10 @@ class TestRanking:
             "finishes in time only 61 % of the time; a third adds 9.40 and 2 %."
         )
         assert (told.currency, told.draws, told.missed_by_s) == ("EUR", 500, None)
+        assert told.money == (
+            "Money is in EUR, in the mean of 500 draws: paid is 40.00 for each tractor and hour; expected adds 80.00 "
+            "for each hectare not done before 09:00.",
+        )
 
     def test_a_plan_that_is_late_as_simulated_is_not_taken_while_another_is_in_time(self) -> None:
         cheap = replace(self.plans[1], time_s=3700.0, meets_deadline=False, expected_cost=1.0)
@@ -164,7 +168,7 @@ class TestWhatNoPlanMeets:
     def test_rain_that_may_come_is_not_met_where_hardly_any_draw_is(self) -> None:
         few = tuple(replace(each, finish_probability=0.004) for each in self.plans)
         told = self.told(few, rain="8:20=50,8:40=50")
-        assert told.unmet == "No plan is done before the rain: under 1 % of the draws of the surest one are."
+        assert told.unmet == "No plan is done before the rain: the surest one is in under 1 % of the draws."
         assert told.best is few[2]
         assert self.told(rain="8:20=50,8:40=50").unmet is None
 
@@ -173,7 +177,12 @@ class TestWhatNoPlanMeets:
         assert self.told(before_s=EIGHT + 3600, budget=100.0).best is self.plans[1]
         short = self.told(budget=90.0)
         assert short.best is self.plans[1]
-        assert short.unmet == "No plan is paid with 90.00; the closest comes to 96.40."
+        assert short.unmet == "No plan can be paid with 90.00 EUR; the closest comes to 96.40 EUR."
+        dry = self.told(rain="8:50", budget=100.0)
+        assert dry.unmet == (
+            "No plan that is done in time can be paid with 100.00 EUR; the closest comes to 120.10 EUR."
+        )
+        assert dry.best is self.plans[0] and dry.advice is not None and "One saves 23.70 but" in dry.advice
 
     def test_a_negative_budget_is_refused(self) -> None:
         with pytest.raises(ScenarioError, match="budget is -1; a price must be 0 or more"):
@@ -195,9 +204,9 @@ def test_a_whole_plan_is_the_same_every_time_and_says_how_far_it_can_be_trusted(
 def test_the_check_says_what_could_not_be_compared() -> None:
     found = Check(np.array([np.nan, 100.0, np.nan]), np.array([90.0, 101.0, 90.0]), 1, 1)
     assert check_words(found, {"stops": 0.62, "turns": 0.004}) == (
-        "1 of 3 draws driven in full physics end 1.0 % from their drawn times in the mean; in 1 tractors meet; in 1 "
+        "1 of 3 draws driven in full physics end 1.0 % from their drawn times on average; in 1 tractors meet; in 1 "
         "somebody does not get on.",
-        "What spreads the time: stops 62 % of its variance.",
+        "What makes the time uncertain, by its share of the variance: stops (62 %).",
     )
 
 
@@ -207,3 +216,4 @@ def test_own_machines_cost_what_the_farm_says() -> None:
     assert own.paid_cost is not None and own.cost is not None
     # In an hour some 22 for the tractor, 14 for the implement, 20 for fuel and 6 for a quarter of a person.
     assert own.paid_cost / (own.time_s or 1.0) * 3600.0 == pytest.approx(62.0, abs=5.0)
+    assert own.cost == pytest.approx(own.paid_cost, rel=0.01), "as simulated it is accounted for in the same way"

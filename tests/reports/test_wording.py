@@ -18,6 +18,7 @@ from reports.wording import (
     duration,
     effects_words,
     headline,
+    in_time,
     left,
     listed,
     members,
@@ -221,6 +222,35 @@ def test_the_cheapest_is_told_once(ranking: Ranking) -> None:
     ]
     late = headline(replace(ranking, plans=ranking.plans[4:5]))
     assert [late[0], late[-1]] == ["No plan meets the deadline (09:00).", "That is also the cheapest."]
+
+
+def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: Ranking) -> None:
+    plans = tuple(
+        replace(plan, meets_deadline=None, paid_cost=50.0 + plan.tractors, expected_cost=70.0 - plan.tractors,
+                finished_cost=(plan.cost or 0.0) + 1.25)
+        for plan in ranking.plans[:5]
+    )  # fmt: skip
+    drawn = replace(ranking, plans=plans, before=None, allowed_s=None, advice="Advice.", currency="EUR", draws=100,
+                    money=("Money.",), chosen=("split-field", 1))  # fmt: skip
+    told = headline(drawn)
+    assert told[:2] == ["Advice.", "Money."]
+    assert told[2].endswith("expected cost 69.00 EUR.")
+    assert told[-1].startswith("Fastest, at the least expected cost: 5 tractors, row-by-row")
+    best = headline(replace(drawn, chosen=("row-by-row", 5)))
+    assert best[-1] == "The best plan also has the least expected cost."
+    unmet = headline(replace(drawn, chosen=("row-by-row", 5), unmet="No plan is in time."))
+    assert unmet[-1] == "That also has the least expected cost."
+    sure = replace(drawn, plans=tuple(replace(plan, paid_cost=plan.expected_cost) for plan in plans))
+    assert headline(sure)[2].endswith(", cost 69.00 EUR.")
+    assert headline(sure)[-1].startswith("Fastest and cheapest: 5 tractors")
+
+
+def test_a_probability_of_few_draws_is_from_and_to(ranking: Ranking) -> None:
+    plan = replace(ranking.plans[0], finish_probability=0.77, finish_probability_interval=(0.678, 0.842))
+    assert in_time(plan) == "68-84"
+    assert in_time(replace(plan, finish_probability_interval=(0.762, 0.778))) == "77"
+    assert in_time(replace(plan, finish_probability=0.999, finish_probability_interval=None)) == ">99"
+    assert in_time(replace(plan, finish_probability=None, finish_probability_interval=None)) == "-"
 
 
 def test_clock_times_after_the_start(ranking: Ranking) -> None:

@@ -1,0 +1,90 @@
+"""Field times: refills count in them, and they are planned with as surely as is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from fields import read_field
+from fields.field import Field
+from planner.chance.draws import draw
+from planner.chance.settings import Chances, certain
+from planner.day.build import FEW_DRAWS, frame_of, means, problem_of
+from planner.day.file import DayFile, day_from
+from planner.day.solve import solved
+from planner.day.times import FieldTime, Task, made_ready, work_out
+from planner.price.cost import hired
+from planner.scenario import Scenario
+from strategies.supply import Supply
+from tests.day.test_odds import one_leg
+from vehicle.tractor import Implement, load_tractor
+
+TEXT = """
+start = "08:00"
+strategies = ["split-field"]
+[[fields]]
+file = "iwamizawa"
+[[fleets]]
+name = "one"
+"""
+
+
+def test_refills_count_in_the_time_of_a_field() -> None:
+    field = Field("one", shapely.box(0, 0, 30, 70))
+    asked = Scenario(field="one", tractors=(1,), strategies=("split-field",), tracks_only=True, width_m=6.0)
+    dry = Task(field, asked, load_tractor("eg105"), Implement())
+    tank = replace(dry, supply=Supply(capacity=900.0, rate_per_m2=1.0, refill_s=100.0))
+    plain, carrying = work_out(dry), work_out(tank)
+    assert plain.refills is None and carrying.refills is not None and carrying.refills >= 1
+    assert carrying.graph is not None and plain.graph is not None
+    stops = carrying.refills + 1  # and once before it begins
+    assert float(carrying.graph.stand_s.sum()) == pytest.approx(100.0 * stops, abs=1.0)
+    assert carrying.time_s >= plain.time_s + 100.0 * stops - 1.0
+    sample = draw(carrying.graph, certain(), draws=1, seed=1)
+    assert float(sample.finish_s[0]) == pytest.approx(carrying.time_s, rel=0.01)
+    assert len({dry.key, tank.key, replace(tank, supply=replace(tank.supply, capacity=800.0)).key}) == 3
+
+
+def test_every_tractor_is_made_ready_at_once() -> None:
+    legs = replace(
+        one_leg(50.0), tractors=2, first=(0, 2), tractor=np.array([0, 0, 1]), driven_s=np.full(3, 50.0),
+        group=np.array([0, 1, 0]), kind=np.zeros(3, np.int64), worked_m=np.ones(3), order=(0, 1, 2),
+        stand_s=np.zeros(3),
+    )  # fmt: skip
+    assert made_ready(legs, 7.0).stand_s.tolist() == [7.0, 0.0, 7.0] and legs.stand_s.tolist() == [0.0] * 3
+
+
+class TestCertainty:
+    chances = Chances(**{**vars(certain()), "job_cv": 0.3})
+    found = FieldTime("split-field", 1, 3600.0, graph=one_leg(3600.0))
+
+    def test_so_many_of_the_draws_keep_the_planned_time(self) -> None:
+        sample = draw(self.found.graph, self.chances, draws=FEW_DRAWS, seed=5)
+        for asked in (50.0, 80.0, 95.0):
+            seconds, paid = means(self.found, hired(36.0, 0.0), self.chances, 5, asked) or (0, 0.0)
+            assert float((sample.finish_s <= seconds).mean()) == pytest.approx(0.01 * asked, abs=2.0 / FEW_DRAWS)
+            assert paid == (means(self.found, hired(36.0, 0.0), self.chances, 5) or (0, 1.0))[1], "the mean price"
+
+    def problem(self, text: str):
+        day, farm = day_from(text, "day.toml")
+        fields = (read_field("iwamizawa"),)
+        table = ((self.found,),)
+        return problem_of(day, farm, fields, np.zeros((2, 2)), table, frame_of(day, farm), 1)
+
+    def test_a_window_that_holds_the_mean_time_only_is_not_planned_for_with_certainty(self) -> None:
+        mean = self.problem(TEXT).work_s[0][0]
+        assert mean is not None
+        closes = 8 * 3600 + 120 + mean + 60  # after unfolding
+        window = f"08:00-{closes // 3600:02d}:{closes // 60 % 60:02d}"
+        narrow = TEXT.replace('file = "iwamizawa"', f'file = "iwamizawa"\nwindows = ["{window}"]\nloss_per_ha = 1e6')
+        assert solved(self.problem(narrow)).routes == ((0,),)
+        sure = self.problem(f"certainty_pct = 80\n{narrow}")
+        assert solved(sure).routes == ((),)
+        assert sure.begin_s > 8 * 3600 and (sure.work_s[0][0] or 0) > mean
+
+    def test_the_file_and_the_option(self) -> None:
+        day, _ = day_from(TEXT, "day.toml", certainty_pct=90.0)
+        assert isinstance(day, DayFile) and day.certainty_pct == 90.0
