@@ -52,7 +52,7 @@ class Coverage:
         return 100.0 * self.overlap_m2 / self.field_m2
 
     def finished(self, driven: float) -> float:
-        """Time or hourly cost of all that can be worked for `driven` until now: missed ground at the plan's own rate."""
+        """Time or hourly cost of all that can be reached for `driven` until now: what is left at the plan's rate."""
         left_m2 = self.missed_m2 - self.cut_off_m2
         return driven * (1.0 + left_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
 

@@ -1,4 +1,4 @@
-"""Simulate every candidate on every parcel of a folder, and print what the quickest plans leave open and who has a plan.
+"""Simulate every candidate on the parcels of a folder, and print what the quickest leave open and which have a plan.
 
     python -m tests.benchmarks.coverage FOLDER [--every 3] [--start 0] [--from-ha 1 --to-ha 60] [--reasons]
 
@@ -127,7 +127,8 @@ def totals(rows: list[Row], scenario: Scenario) -> Iterator[str]:
     yield f"outside by path {_sum(best, 'outside_m'):.1f} m, by outline {_sum(best, 'outside_outline_m'):.0f} m"
     yield f"trampled {_sum(best, 'trampled_m2'):.0f} m2, missed {_sum(best, 'missed_m2'):.0f} m2"
     plans = [one for row in rows for one in row.plans]
-    yield f"plans: {sum(one.feasible for one in plans)} of {len(plans)} feasible; CPU {sum(r.cpu_s for r in rows):.0f} s"
+    yield f"plans: {sum(one.feasible for one in plans)} of {len(plans)} feasible"
+    yield f"CPU {sum(row.cpu_s for row in rows):.0f} s, worst parcel {max(row.cpu_s for row in rows):.0f} s"
     for reason, count in Counter(kind(one) for one in plans if not one.feasible).most_common(12):
         yield f"  {count:4} {reason}"
 
