@@ -47,8 +47,9 @@ def rank(site: Site, results: Iterable[PlanResult]) -> Ranking:
     """Order by the time to finish the field, then tractors, then name; infeasible plans last.
 
     A plan that leaves ground open is charged for it at its own rate: time and hourly cost grow by missed area over
-    worked area. Plans that leave equal shares open are thus ordered by what was driven. Marks the front of that time
-    against count. Raises ScenarioError for a margin that takes most of the field, or much where no plan works.
+    worked area, what obstacles cut off aside. Plans that leave equal shares open are thus ordered by what was driven.
+    Marks the front of that time against count. Raises ScenarioError for a margin that takes most of the field, or much
+    where no plan works.
     """
     results = [placed(told(result), site) for result in results]
     check_margin(site, any(result.feasible for result in results))
@@ -250,7 +251,7 @@ def assumptions(site: Site) -> tuple[str, ...]:
         "and how long they do is told as the outline outside.",
         "Worked is what the implement passes over while it is down. Ground left open is charged at the plan's own "
         "rate: the time to finish is the time driven times field over worked area, the hourly cost grows alike, and "
-        "plans are ranked by it.",
+        "plans are ranked by it." + (" What obstacles cut off is not charged." if layout.field.cut_off else ""),
         "Trampled is finished ground off the headland that wheels go over while the implement is up; all tyres are "
         f"assumed to be {TYRE_M:g} m wide.",
         _headland(site),

@@ -253,8 +253,6 @@ def _told(site: Site, run: Run, worst: Slip | None) -> list[str]:
         told.append(f"{times} tractors go on before one that could not get past them is in place")
     if worst is not None and worst.metres > FARTHEST_ASIDE * site.layout.width_m:
         told.append(f"{_begun(run, worst)}; what that leaves open is counted as missed")
-    if touched := obstacle_touched(run, site):
-        told.append(f"a tractor or its implement touches {touched}; a wider margin may avoid it")
     return told
 
 
@@ -327,6 +325,8 @@ def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
     if crossed > CROSSED_M:
         what = "a tractor or its implement crosses the fence"
         return f"{what} by {crossed:.2f} m; use a deeper headland or keep a wider margin"
+    if touched := obstacle_touched(run, site):
+        return f"a tractor or its implement touches {touched}; use a deeper headland or keep a wider margin"
     width = site.layout.width_m
     if worst is not None and not site.rounds and worst.metres > FARTHEST_ASIDE * width:
         return f"{_begun(run, worst)}, more than a third of the working width"

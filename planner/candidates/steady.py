@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from planner.ground.measure import guided_point
-from planner.ground.touched import FenceCheck
+from planner.ground.touched import FenceCheck, ObstacleCheck
 from planner.site import Site
 from vehicle.missions import Mission
 from vehicle.run import Run
@@ -22,7 +22,7 @@ LONGEST_M = 60.0  # a longer leg is a route; slowing all of it would cost more t
 class Slip:
     """A turn badly followed: the tractor, the first working leg after the turn, and by how many metres.
 
-    `outside` tells whether it left the field, or came over a fence.
+    `outside` tells whether it left the field, came over a fence, or touched an obstacle.
     """
 
     tractor: int
@@ -33,11 +33,11 @@ class Slip:
 
 def slips(run: Run, site: Site) -> list[Slip]:
     """Every turn of a run: how far aside its track was begun, or how far it left the field if that is worse."""
-    boundary, fences = site.layout.field.ground, FenceCheck(site)
+    boundary, checks = site.layout.field.ground, (FenceCheck(site), ObstacleCheck(site))
     shapely.prepare(boundary)
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
-        path, at_leg = guided_point(run, site, tractor), run.leg(tractor)
+        path, at_leg, poses = guided_point(run, site, tractor), run.leg(tractor), run.poses(tractor)
         for leg in _tracks_begun(mission):
             begun = int(np.argmax(at_leg >= leg))
             line = mission.legs[leg].points
@@ -48,7 +48,7 @@ def slips(run: Run, site: Site) -> list[Slip]:
             turn = path[start : begun + 1]
             beyond = shapely.points(turn[~shapely.contains_xy(boundary, turn)])
             outside = float(np.max(shapely.distance(beyond, boundary), initial=0.0))
-            crossed = fences.depth_m(run.poses(tractor)[start : begun + 1])
+            crossed = max(check.depth_m(poses[start : begun + 1]) for check in checks)
             outside = max(outside, OUTSIDE_M + crossed if crossed else 0.0)
             left = outside > OUTSIDE_M
             turns.append(Slip(tractor, leg, max(aside, outside + ASIDE_M) if left else aside, left))

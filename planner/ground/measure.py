@@ -30,6 +30,7 @@ class Coverage:
 
     `missed` are the pieces of missed ground wider than SLIVER_M, the largest first. `largest` is the largest one that
     an implement could work in one go: half a working width or less does not join two of them. None where there is none.
+    `cut_off_m2` of the missed ground are cut off by obstacles: no plan can work them, and none is charged for them.
     """
 
     field_m2: float
@@ -38,6 +39,7 @@ class Coverage:
     missed_m2: float
     missed: tuple[shapely.Polygon, ...]
     largest: MissedPiece | None
+    cut_off_m2: float = 0.0
 
     @property
     def worked_pct(self) -> float:
@@ -50,8 +52,9 @@ class Coverage:
         return 100.0 * self.overlap_m2 / self.field_m2
 
     def finished(self, driven: float) -> float:
-        """Time or hourly cost of the whole field for `driven` until now: missed ground at the plan's own rate."""
-        return driven * (1.0 + self.missed_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
+        """Time or hourly cost of all that can be reached for `driven` until now: what is left at the plan's rate."""
+        left_m2 = self.missed_m2 - self.cut_off_m2
+        return driven * (1.0 + left_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
 
 
 def guided_point(run: Run, site: Site, tractor: int) -> Points:
@@ -74,8 +77,9 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
     reached = left_of(missed, united(np.array(site.layout.field.cut_off))) if site.layout.field.cut_off else missed
     largest = _largest(reached, 0.5 * site.implement.width_m)
     return Coverage(
-        boundary.area, area, max(total - area, 0.0), float(missed.area), tuple(_wide(missed, SLIVER_M)), largest
-    )
+        boundary.area, area, max(total - area, 0.0), float(missed.area), tuple(_wide(missed, SLIVER_M)), largest,
+        max(0.0, float(missed.area - reached.area)),
+    )  # fmt: skip
 
 
 def _clipped(areas: Areas, boundary: shapely.Geometry) -> Areas:

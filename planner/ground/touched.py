@@ -38,6 +38,29 @@ class FenceCheck:
         return max(_over(boxes, self._area, self._fence), _into(boxes, self._fence)) if len(boxes) else 0.0
 
 
+class ObstacleCheck:
+    """How far a tractor or its implement is over the obstacles and holes of a field."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self._taken = shapely.union_all(site.layout.field.solid)
+        self._core = self._taken.buffer(-TOUCH_M)
+        shapely.prepare(self._core)
+
+    def depth_m(self, poses: Points) -> float:
+        """How far (m) a box reaches over an obstacle, or a corner of one into a box, at poses (t, 3) of the centre."""
+        if self._core.is_empty:
+            return 0.0
+        boxes = _near(poses, self._site, self._core)
+        boxes = boxes[shapely.intersects(boxes, self._core)]
+        if not len(boxes):
+            return 0.0
+        corners = shapely.points(shapely.get_coordinates(boxes))
+        inside = corners[shapely.contains_properly(self._taken, corners)]
+        over = float(np.max(shapely.distance(self._taken.boundary, inside), initial=TOUCH_M))
+        return max(over, _into(boxes, self._taken))
+
+
 def fence_crossed_m(run: Run, site: Site) -> float:
     """How far (m) anything ever reaches over a fence; 0 for never."""
     check = FenceCheck(site)

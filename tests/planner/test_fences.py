@@ -13,15 +13,16 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError
-from planner.candidates.evaluate import Candidate, evaluate, simulated
-from planner.ground.touched import fence_crossed_m, obstacle_touched
+from planner.candidates.evaluate import Candidate, _fault, evaluate, simulated
+from planner.candidates.steady import OUTSIDE_M, slips
+from planner.ground.touched import ObstacleCheck, fence_crossed_m, obstacle_touched
 from planner.ground.unworked import unworked
 from planner.scenario import Scenario
 from planner.site import Site, body_of, prepare
 from strategies.ways.fence import STEP_M, Body, Fence
 from strategies.ways.paths import Path, Segment, make_path, straight
 from vehicle.compile import outline
-from vehicle.missions import Leg, Mission, Plan
+from vehicle.missions import TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.run import DONE, Run
 
 BOX = shapely.box(0, 0, 120, 60)
@@ -149,6 +150,37 @@ def test_what_is_touched_is_named() -> None:
     site = prepare(Scenario(tracks_only=True), Field("f", BOX, obstacles=(pole,)))
     assert obstacle_touched(standing(site, (58.0, 30.0, 0.0)), site) == "obstacle 'P7' (pole)"
     assert obstacle_touched(standing(site, (57.0, 30.0, 0.0)), site) is None
+
+
+def with_pond() -> Site:
+    """A site with a pond of 20 m by 20 m, 60 m from the left."""
+    holed = shapely.Polygon(BOX.exterior, [shapely.box(60, 20, 80, 40).exterior])
+    return prepare(Scenario(tracks_only=True), Field("pond", holed))
+
+
+def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -> None:
+    site = with_pond()
+    nose, check = outline(site.tractor, site.implement)["nose"], ObstacleCheck(site)
+    over, clear = standing(site, (59.0, 30.0, 0.0)), standing(site, (59.99 - nose, 30.0, 0.0))
+    assert check.depth_m(over.poses(0)) == pytest.approx(nose - 1.0) and check.depth_m(clear.poses(0)) == 0.0
+    # The corner of the pond is inside the box: 0.3 m from its side, farther from its nose.
+    half = outline(site.tractor, site.implement)["half_width"]
+    beside = np.array([[59.0, 20.0 - half + 0.3, 0.0]])
+    assert check.depth_m(beside) == pytest.approx(0.3)
+    assert "touches a hole of the field" in (_fault(site, over, None) or "") and _fault(site, clear, None) is None
+
+
+def test_a_turn_in_which_a_pond_is_touched_is_one_to_be_cured() -> None:
+    """As much of one as if the field were left by more than is borne."""
+    site = with_pond()
+    tasks = (Task(TRACK, 1), Task(TURN, 2), Task(TRACK, 2))
+    lines = [[(57.0, 10.0 + 10.0 * k), (57.0, 20.0 + 10.0 * k)] for k in range(3)]
+    legs = [Leg(np.array(line), 1.0, implement=task.works, task=task) for line, task in zip(lines, tasks, strict=True)]
+    for east, touches in ((57.0, False), (59.5, True)):
+        run = standing(site, (57.0, 15.0, math.pi / 2), (east, 25.0, 0.0), (57.0, 30.0, math.pi / 2))
+        run.record[:, 0, 5] = [0, 0, 1, 1, 2, 2]
+        (turn,) = slips(replace(run, plan=Plan((Mission(tuple(legs)),))), site)
+        assert turn.outside == touches and (turn.metres > OUTSIDE_M) == touches
 
 
 MACHINE = Body(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2)

@@ -45,3 +45,6 @@ def test_a_plan_names_the_largest_piece_of_ground_that_can_be_reached(cut: Site)
     piece, (left,) = result.largest_missed, cut.layout.field.cut_off
     assert result.missed_m2 is not None and piece is not None and result.missed_m2 > left.area > piece.m2
     assert not left.intersects(shapely.Point(piece.x_m, piece.y_m))
+    # What nobody can get to is missed, and not charged: the rest of the field is finished at the rate it was driven.
+    worked_m2 = cut.layout.field.area_m2 - result.missed_m2
+    assert result.finished_s == pytest.approx(result.time_s * (cut.layout.field.area_m2 - left.area) / worked_m2)

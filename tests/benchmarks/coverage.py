@@ -1,0 +1,185 @@
+"""Simulate every candidate on the parcels of a folder, and print what the quickest leave open and which have a plan.
+
+    python -m tests.benchmarks.coverage FOLDER [--every 3] [--start 0] [--from-ha 1 --to-ha 60] [--reasons]
+
+GeoJSON files (also those ending in .json) and outlines in WKT (degrees) are taken from the folder and below it. No
+candidate is left out because another one beats its bound, so that feasible means driven to the end. A row has the
+hectares, feasible plans of those tried per strategy (short names in the heading), the same per number of tractors, and
+of the quickest plan worked (%), missed (m2), path outside (m), outline outside (m), trampled (m2), least clearance (m).
+The smallest come first; the last lines sum up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import shapely
+
+from fields.field import Field
+from fields.read import read_field
+from planner.planning import plan
+from planner.pool import SerialExecutor
+from planner.scenario import Scenario, parse_counts
+from reports.results import PlanResult, finish_s
+from tests.benchmarks.parcels import kind, parcels
+
+ENDINGS = (".geojson", ".json", ".wkt")
+WANTED_PCT, LEAST_PCT = 98.0, 95.0  # worked in the median, and on nine parcels of ten
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of one parcel: its plans, CPU seconds, or why there is none."""
+
+    name: str
+    area_ha: float
+    plans: tuple[PlanResult, ...] = ()
+    cpu_s: float = 0.0
+    refused: str = ""
+
+    @property
+    def quickest(self) -> PlanResult | None:
+        """The feasible plan that finishes the field first."""
+        return min((one for one in self.plans if one.feasible), key=finish_s, default=None)
+
+    def share(self, **what: str | int) -> tuple[int, int]:
+        """How many plans are feasible, of how many with these attributes."""
+        chosen = [one for one in self.plans if all(getattr(one, name) == value for name, value in what.items())]
+        return sum(one.feasible for one in chosen), len(chosen)
+
+
+def found(folder: Path) -> Iterator[tuple[str, Field]]:
+    """Name and field of every parcel of a folder that can be read, in the order of names."""
+    for path in sorted(one for one in folder.rglob("*") if one.suffix in ENDINGS):
+        with tempfile.TemporaryDirectory() as space:
+            source = path if path.suffix != ".wkt" else _as_geojson(path, Path(space))
+            for where in parcels(source):
+                try:
+                    field = read_field(where)
+                except ValueError as refusal:
+                    print(f"{Path(where).name}: not read, {refusal}")
+                    continue
+                yield field.name if field.name != "Field" else Path(where).name, field
+
+
+def _as_geojson(path: Path, space: Path) -> Path:
+    """A file with the outline of a WKT file."""
+    shape = shapely.from_wkt(path.read_text(encoding="utf-8"))
+    feature = {"type": "Feature", "properties": {"id": path.stem}, "geometry": json.loads(shapely.to_geojson(shape))}
+    target = space / f"{path.stem}.geojson"
+    target.write_text(json.dumps(feature), encoding="utf-8")
+    return target
+
+
+def work(name: str, field: Field, scenario: Scenario) -> Row:
+    """Every plan of one parcel, each simulated."""
+    begun = time.process_time()
+    try:
+        plans = plan(scenario, field=field, executor=SerialExecutor(), every=True).ranking.plans
+    except ValueError as refusal:
+        return Row(name, field.area_ha, refused=str(refusal), cpu_s=time.process_time() - begun)
+    return Row(name, field.area_ha, plans, time.process_time() - begun)
+
+
+def line(row: Row, scenario: Scenario) -> str:
+    """A row as it is printed."""
+    shares = [row.share(strategy=name) for name in scenario.strategies]
+    shares += [row.share(tractors=count) for count in scenario.tractors]
+    parts = [f"{row.name[:18]:18} {row.area_ha:6.2f} {row.cpu_s:7.1f}", *(f"{done:2}/{of:<2}" for done, of in shares)]
+    best = row.quickest
+    if best is None:
+        return " ".join([*parts, row.refused[:100] or "no feasible plan"])
+    gap = "    -" if best.min_clearance_m is None else f"{best.min_clearance_m:5.2f}"
+    figures = (best.missed_m2, best.outside_m, best.outside_outline_m, best.trampled_m2)
+    told = " ".join(f"{value or 0.0:7.1f}" for value in figures)
+    return " ".join([*parts, f"{best.worked_pct or 0.0:6.2f} {told} {gap} {best.tractors} {best.strategy}"])
+
+
+def reasons(row: Row) -> Iterator[str]:
+    """Why plans of a parcel are not feasible."""
+    for one in row.plans:
+        if not one.feasible:
+            yield f"      {one.tractors} {one.strategy}: {one.reason}"
+
+
+def totals(rows: list[Row], scenario: Scenario) -> Iterator[str]:
+    """What holds over all parcels."""
+    best = [row.quickest for row in rows]
+    worked = sorted((one.worked_pct or 0.0) if one else 0.0 for one in best)
+    tenth = worked[len(worked) // 10]
+    least = sum(share >= LEAST_PCT for share in worked)
+    yield f"parcels: {len(rows)}; with a plan: {sum(one is not None for one in best)}"
+    yield (
+        f"worked by the quickest: median {statistics.median(worked):.2f} % (wanted {WANTED_PCT:g}), a tenth below "
+        f"{tenth:.2f} %, {LEAST_PCT:g} % or more on {least} of {len(rows)} parcels (wanted nine of ten)"
+    )
+    for name in scenario.strategies:
+        shares = [f"{_planned(rows, name, count)} for {count}" for count in scenario.tractors if count > 1]
+        yield f"{name}: feasible on {', '.join(shares)}"
+    yield f"outside by path {_sum(best, 'outside_m'):.1f} m, by outline {_sum(best, 'outside_outline_m'):.0f} m"
+    yield f"trampled {_sum(best, 'trampled_m2'):.0f} m2, missed {_sum(best, 'missed_m2'):.0f} m2"
+    plans = [one for row in rows for one in row.plans]
+    yield f"plans: {sum(one.feasible for one in plans)} of {len(plans)} feasible"
+    yield f"CPU {sum(row.cpu_s for row in rows):.0f} s, worst parcel {max(row.cpu_s for row in rows):.0f} s"
+    for reason, count in Counter(kind(one) for one in plans if not one.feasible).most_common(12):
+        yield f"  {count:4} {reason}"
+
+
+def _planned(rows: list[Row], strategy: str, tractors: int) -> str:
+    done = sum(row.share(strategy=strategy, tractors=tractors)[0] > 0 for row in rows)
+    return f"{done} of {len(rows)} ({100.0 * done / len(rows):.0f} %)"
+
+
+def _sum(plans: Iterable[PlanResult | None], name: str) -> float:
+    return float(sum(getattr(one, name) or 0.0 for one in plans if one))
+
+
+def parsed() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--every", type=int, default=1, help="take every so many-th parcel")
+    parser.add_argument("--start", type=int, default=0, help="begin with this one of them, from 0")
+    parser.add_argument("--only", default="", help="names, separated by commas")
+    parser.add_argument("--tractors", default="1,2,3")
+    parser.add_argument("--width", type=float, default=3.0)
+    parser.add_argument("--headland", type=float, default=None)
+    parser.add_argument("--from-ha", type=float, default=1.0)
+    parser.add_argument("--to-ha", type=float, default=60.0)
+    parser.add_argument("--reasons", action="store_true", help="say why plans are not feasible")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """One parcel after another in this process."""
+    options = parsed()
+    counts = parse_counts(options.tractors)
+    scenario = Scenario(width_m=options.width, headland_m=options.headland, tractors=counts)
+    wanted = [one for one in found(options.folder) if options.from_ha < one[1].area_ha <= options.to_ha]
+    wanted = sorted(wanted[options.start :: options.every], key=lambda one: round(one[1].area_ha, 4))
+    only = set(options.only.split(",")) - {""}
+    heads = " ".join(f"{name[:3] + name[-1]:>5}" for name in scenario.strategies)
+    print(f"{'parcel':18} {'ha':>6} {'CPU s':>7} {heads} {' '.join(f'{n:4} t' for n in counts)}"
+          "  worked  missed    path outline trample  gap", flush=True)  # fmt: skip
+    rows = []
+    for name, field in wanted:
+        if only and name not in only:
+            continue
+        rows.append(work(name, field, scenario))
+        print(line(rows[-1], scenario), flush=True)
+        for told in reasons(rows[-1]) if options.reasons else ():
+            print(told, flush=True)
+    if rows:
+        print("\n".join(totals(rows, scenario)))
+
+
+if __name__ == "__main__":
+    main()
