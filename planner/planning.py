@@ -16,7 +16,7 @@ from planner.farm.times import Times, Yard
 from planner.outlook import bearing_out, check_words
 from planner.pool import local_pool
 from planner.price.cost import Terms
-from planner.rank import candidates, rank
+from planner.rank import candidates, check_margin, rank
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from planner.tasks import Outcome, Progress, outcomes, pack, work_out
@@ -77,6 +77,7 @@ def plan(
                 pictures=pictures, every=every,
             )  # fmt: skip
     site = prepare(scenario, field, tractor, implement, chances, terms, supply, times, yard)
+    check_margin(site, feasible=True)  # what takes most of the field is refused whatever is feasible
     packed = pack(site)
     results: dict[int, PlanResult] = {}
     drives: dict[int, Drive] = {}

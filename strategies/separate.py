@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from fields.layout import Track
-from strategies.errors import StrategyError
+from strategies.errors import too_many
 from strategies.job import Job, Pass
 from strategies.legs import mission_of
 from vehicle.missions import Mission, Plan
@@ -19,9 +19,7 @@ def lines_of(job: Job) -> list[list[Track]]:
         by_line.setdefault(track.line, []).append(track)
     lines = [by_line[line] for line in sorted(by_line)]
     if len(lines) < job.tractors:
-        raise StrategyError(
-            f"{job.tractors} tractors are more than the {len(lines)} tracks of the field; use {len(lines)} or fewer."
-        )
+        raise too_many(job.tractors, len(lines))
     return lines
 
 

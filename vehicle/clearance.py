@@ -8,6 +8,7 @@ from vehicle.jit import compiled
 
 # Nobody gains more speed between two looks than this makes up for, and none comes and goes at every look.
 NEAR_M, APART_M = 0.5, 0.5
+ROUNDING_M = 1e-9  # what stands clear by less is looked at more closely
 PARALLEL = math.sin(math.radians(10.0))
 
 
@@ -35,25 +36,82 @@ def corners_to_box(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def outline_distance(a, am, b, bm) -> float:  # type: ignore[no-untyped-def]
-    """Distance (m) between the outlines of two tractors, states `a` and `b` with models `am` and `bm`.
+def gap_m(x, y, cos, sin, box, other):  # type: ignore[no-untyped-def]
+    """The widest gap between two boxes along the first one's axes (m); negative where they overlap in both.
 
-    Exact for boxes that do not cross: the smallest distance of two convex outlines is attained at a corner.
+    Boxes are rear, front and half width. The second tractor is at (x, y) as the first one sees it, and turned by an
+    angle of this cos and sin.
+    """
+    middle, length = 0.5 * (other[0] + other[1]), 0.5 * (other[1] - other[0])
+    ahead, aside = x + middle * cos, abs(y + middle * sin)
+    long = length * abs(cos) + other[2] * abs(sin)
+    wide = length * abs(sin) + other[2] * abs(cos)
+    return max(ahead - long - box[1], box[0] - ahead - long, aside - wide - box[2])
+
+
+@compiled
+def boxes_of(model):  # type: ignore[no-untyped-def]
+    """Rear, front and half width of the box round a tractor with its implement, of the tractor, of the implement."""
+    body = (model.tail, model.nose, model.half_width)
+    tool = (model.tool_tail, model.tool_front, model.tool_half_width)
+    whole = (min(body[0], tool[0]), max(body[1], tool[1]), max(body[2], tool[2]))
+    return whole, body, tool
+
+
+@compiled
+def seen_from_both(a, b, acos, asin, bcos, bsin):  # type: ignore[no-untyped-def]
+    """Two poses as each sees the other: (x, y) for the first and for the second, cos and sin of the angle between."""
+    dx, dy = b.x - a.x, b.y - a.y
+    return (
+        dx * acos + dy * asin, dy * acos - dx * asin, -dx * bcos - dy * bsin, dx * bsin - dy * bcos,
+        acos * bcos + asin * bsin, acos * bsin - asin * bcos,
+    )  # fmt: skip
+
+
+@compiled
+def gap_either_way_m(seen, box, other):  # type: ignore[no-untyped-def]
+    """The widest gap between two boxes along the axes of either (m); negative exactly where they overlap."""
+    x, y, back_x, back_y, cos, sin = seen
+    return max(gap_m(x, y, cos, sin, box, other), gap_m(back_x, back_y, cos, -sin, other, box))
+
+
+@compiled
+def distance_below(a, am, b, bm, limit) -> float:  # type: ignore[no-untyped-def]
+    """Distance (m) between the outlines of two tractors where it is less than `limit`; else 1e9, or the distance.
+
+    Boxes that have no gap along any axis of theirs overlap, though no corner of one be inside the other. The distance
+    of others is that of a corner. What a gap shows to be far is not worked out.
     """
     acos, asin, bcos, bsin = math.cos(a.angle), math.sin(a.angle), math.cos(b.angle), math.sin(b.angle)
+    seen = seen_from_both(a, b, acos, asin, bcos, bsin)
+    whole, body, tool = boxes_of(am)
+    other_whole, other_body, other_tool = boxes_of(bm)
     best = 1e9
+    if gap_either_way_m(seen, whole, other_whole) >= limit + ROUNDING_M:
+        return best
     for i in range(2):
-        af, ar, ah = (am.nose, am.tail, am.half_width) if i == 0 else (am.tool_front, am.tool_tail, am.tool_half_width)
+        box = body if i == 0 else tool
         for j in range(2):
-            bf, br, bh = (
-                (bm.nose, bm.tail, bm.half_width) if j == 0 else (bm.tool_front, bm.tool_tail, bm.tool_half_width)
-            )
+            other = other_body if j == 0 else other_tool
+            gap = gap_either_way_m(seen, box, other)
+            if gap < -ROUNDING_M:
+                return 0.0
+            if gap >= min(limit, best) + ROUNDING_M:
+                continue
+            ar, af, ah = box
+            br, bf, bh = other
             best = min(
                 best,
                 corners_to_box(a.x, a.y, acos, asin, ar, af, ah, b.x, b.y, bcos, bsin, br, bf, bh),
                 corners_to_box(b.x, b.y, bcos, bsin, br, bf, bh, a.x, a.y, acos, asin, ar, af, ah),
             )
     return best
+
+
+@compiled
+def outline_distance(a, am, b, bm) -> float:  # type: ignore[no-untyped-def]
+    """Distance (m) between the outlines of tractors, states `a` and `b`, models `am` and `bm`; 0 where they cross."""
+    return distance_below(a, am, b, bm, math.inf)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -92,11 +150,12 @@ def too_close(  # type: ignore[no-untyped-def]
             b = states[j]
             if b.away == 1:
                 continue
-            limit = max(clearances[i], clearances[j], clearance) + models[a.model].reach + models[b.model].reach
+            counts = max(clearances[i], clearances[j], clearance)
+            limit = counts + models[a.model].reach + models[b.model].reach
             dx, dy = a.x - b.x, a.y - b.y
             if dx * dx + dy * dy >= limit * limit:
                 continue
-            distance = outline_distance(a, models[a.model], b, models[b.model])
+            distance = distance_below(a, models[a.model], b, models[b.model], counts)
             clearances[i] = min(clearances[i], distance)
             clearances[j] = min(clearances[j], distance)
             if distance >= min(clearance, best):

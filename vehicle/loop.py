@@ -34,7 +34,16 @@ from vehicle.layout import REC_ANGLE, REC_LEG, REC_SPEED, REC_STATUS, REC_STEERI
 from vehicle.steering import corrected_angle
 from vehicle.terms import affected_tangent, ground_drift
 
+# Nothing moves so slowly (m/s, rad/s). What dies away on a straight line gets ever smaller, and below 1e-307 processors
+# calculate many times slower; the cube of this is above.
+AT_REST = 1e-100
 RUNNING, ALL_DONE, TOO_CLOSE, STALLED, NEIGHBOURS = 0, 1, 2, 3, 4
+
+
+@compiled
+def _moving(speed: float) -> float:
+    """A speed, or 0 where it is none."""
+    return speed if abs(speed) >= AT_REST else 0.0
 
 
 @compiled
@@ -46,8 +55,9 @@ def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None
     """
     state.x, state.y, state.angle = body[0], body[1], body[2]
     cosine, sine = math.cos(body[2]), math.sin(body[2])
-    forward = body[3] * cosine + body[4] * sine
-    right = body[3] * sine - body[4] * cosine
+    east, north, spin = _moving(body[3]), _moving(body[4]), _moving(body[5])
+    forward = _moving(east * cosine + north * sine)
+    right = _moving(east * sine - north * cosine)
     state.forward = forward
     turn_wheels(state, model, dt)
     along = slide = 0.0
@@ -66,11 +76,11 @@ def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None
         state.clock += 1
     # Tyres hold on to the ground that moves with them.
     new_forward, new_right, new_spin = body_step(
-        forward - along, right - slide, -body[5], tangent, drive, dt, model, grounds[ground]
+        forward - along, right - slide, -spin, tangent, drive, dt, model, grounds[ground]
     )
     new_forward += along
     new_right += slide
-    turn = body[5] * dt
+    turn = spin * dt
     turned_cos = cosine * (1.0 - 0.5 * turn * turn) - sine * (turn - turn * turn * turn / 6.0)
     turned_sin = sine * (1.0 - 0.5 * turn * turn) + cosine * (turn - turn * turn * turn / 6.0)
     force[0] = model.mass / dt * (new_forward * turned_cos + new_right * turned_sin - body[3])
@@ -107,9 +117,12 @@ def run_loop(  # type: ignore[no-untyped-def]
     with NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows,
     and the closest pair.
     """
-    read, write, states, models, grounds = unowned(read), unowned(write), unowned(states), unowned(models), unowned(grounds)
-    tables, legs, gates, points = unowned(tables), unowned(legs), unowned(gates), unowned(points)
-    cumulative, record, clearances, errors = unowned(cumulative), unowned(record), unowned(clearances), unowned(position_errors)
+    read, write, states, models = unowned(read), unowned(write), unowned(states), unowned(models)
+    grounds, tables, legs, gates = unowned(grounds), unowned(tables), unowned(legs), unowned(gates)
+    points, cumulative, record = unowned(points), unowned(cumulative), unowned(record)
+    clearances, position_errors, near, wanted = (
+        unowned(clearances), unowned(position_errors), unowned(near), unowned(wanted)
+    )  # fmt: skip
     count = len(states)
     touchable = near.any()
     rows = 0

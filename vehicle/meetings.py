@@ -11,11 +11,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.clearance import PARALLEL, beside, corners_to_box
-from vehicle.jit import compiled
+from vehicle.clearance import (
+    PARALLEL,
+    ROUNDING_M,
+    beside,
+    boxes_of,
+    corners_to_box,
+    gap_either_way_m,
+    seen_from_both,
+)
+from vehicle.jit import compiled, unowned
 
 BLOCK = 16  # poses under one enclosing circle, and circles under one larger one
-ROUNDING_M = 1e-9  # what stands clear by less is looked at more closely
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
 Array = npt.NDArray[Any]
 
@@ -76,32 +83,9 @@ def _close(one, other, reach):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _gap_m(x, y, cos, sin, box, other):  # type: ignore[no-untyped-def]
-    """The widest gap between two boxes along the first one's axes (m); negative where they overlap in both.
-
-    The second tractor is at (x, y) as the first one sees it, and turned by an angle of this cos and sin.
-    """
-    middle, length = 0.5 * (other[0] + other[1]), 0.5 * (other[1] - other[0])
-    ahead, aside = x + middle * cos, abs(y + middle * sin)
-    long = length * abs(cos) + other[2] * abs(sin)
-    wide = length * abs(sin) + other[2] * abs(cos)
-    return max(ahead - long - box[1], box[0] - ahead - long, aside - wide - box[2])
-
-
-@compiled
-def _boxes(model):  # type: ignore[no-untyped-def]
-    """Rear, front and half width of the box round a tractor with its implement, of the tractor, of the implement."""
-    body = (model.tail, model.nose, model.half_width)
-    tool = (model.tool_tail, model.tool_front, model.tool_half_width)
-    whole = (min(body[0], tool[0]), max(body[1], tool[1]), max(body[2], tool[2]))
-    return whole, body, tool
-
-
-@compiled
 def _near(a, b, ahead_a, ahead_b, seen, box, other, limit):  # type: ignore[no-untyped-def]
     """Whether a box of one tractor is nearer than `limit` to one of another, which it sees as told by `seen`."""
-    x, y, back_x, back_y, cos, sin = seen
-    gap = max(_gap_m(x, y, cos, sin, box, other), _gap_m(back_x, back_y, cos, -sin, other, box))
+    gap = gap_either_way_m(seen, box, other)
     if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
         return gap < 0.0
     (acos, asin), (bcos, bsin) = ahead_a, ahead_b
@@ -118,17 +102,11 @@ def _near(a, b, ahead_a, ahead_b, seen, box, other, limit):  # type: ignore[no-u
 def _too_near(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance):  # type: ignore[no-untyped-def]
     """Whether two poses cannot be taken at once, without a distance where none counts."""
     (acos, asin), (bcos, bsin) = ahead_a, ahead_b
-    dx, dy = b.x - a.x, b.y - a.y
-    cos, sin = acos * bcos + asin * bsin, acos * bsin - asin * bcos
-    seen = (
-        dx * acos + dy * asin, dy * acos - dx * asin, -dx * bcos - dy * bsin, dx * bsin - dy * bcos, cos, sin,
-    )  # fmt: skip
+    seen = seen_from_both(a, b, acos, asin, bcos, bsin)
     whole, body, tool = boxes
-    gap = max(
-        _gap_m(seen[0], seen[1], cos, sin, whole, whole), _gap_m(seen[2], seen[3], cos, -sin, whole, whole)
-    )  # fmt: skip
+    gap = gap_either_way_m(seen, whole, whole)
     limit = clearance
-    if gap < limit + ROUNDING_M and abs(sin) <= PARALLEL + ROUNDING_M and beside(a, model, b, model):
+    if gap < limit + ROUNDING_M and abs(seen[5]) <= PARALLEL + ROUNDING_M and beside(a, model, b, model):
         limit = min(clearance, beside_clearance)
     if gap >= limit + ROUNDING_M:
         return False
@@ -145,7 +123,9 @@ def _meetings(  # type: ignore[no-untyped-def]
     a, b, ahead_a, ahead_b, near_a, near_b, far_b, models, clearance, beside_clearance, found
 ):
     """Number of rows; as many as there is room for are written to `found`."""
-    model, boxes, blocks = models[0], _boxes(models[0]), np.empty(len(near_b), dtype=np.int64)
+    a, b, ahead_a, ahead_b = unowned(a), unowned(b), unowned(ahead_a), unowned(ahead_b)
+    near_a, near_b, far_b = unowned(near_a), unowned(near_b), unowned(far_b)
+    model, boxes, blocks = models[0], boxes_of(models[0]), np.empty(len(near_b), dtype=np.int64)
     reach, count = 2.0 * model.reach + max(clearance, beside_clearance), 0
     for p in range(len(near_a)):
         some = 0

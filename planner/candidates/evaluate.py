@@ -185,7 +185,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     first: CandidateRun | None = None
     for dry in with_headland(site, job, refined):
         choices = refilled(job, strategy, dry)
-        if rival and not first:
+        if rival and not (first and strategy.abreast):  # another corner might do with the first passage
             found = beaten(site, [each.plan for each in choices], rival, alone)
             if found is not None and (surely(found) or not strategy.abreast):
                 return from_any_corner(found) if strategy.abreast else found

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from strategies.errors import StrategyError
+from strategies.errors import StrategyError, too_many
 from strategies.formations.abreast import Slot, missing_m, needed_m, slots_of
 from strategies.formations.clear_rounds import AS_WRITTEN, Changes, clear_grouping
 from strategies.formations.grouping import CORNERS, Grouping, Round, divided, grouping, runs_of
@@ -83,9 +83,7 @@ def _checked(job: Job, found: Grouping) -> Grouping:
         return found
     count = len(job.layout.tracks)
     if count < job.tractors:
-        raise StrategyError(
-            f"{job.tractors} tractors are more than the {count} tracks of the field; use {count} or fewer."
-        )
+        raise too_many(job.tractors, count)
     raise StrategyError(f"{_no_room(job)}; {_advice(job)}.")
 
 

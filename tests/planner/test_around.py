@@ -1,5 +1,6 @@
 """Fields with small obstacles, driven: nothing is touched, little is missed, and what is missed is told."""
 
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ from shapely import affinity
 
 from fields import Field
 from fields.obstacles import Obstacle
+from planner import plan
 from planner.candidates.evaluate import Candidate, simulated
+from planner.errors import ScenarioError
 from planner.ground.measure import coverage, guided_point
 from planner.scenario import Scenario
 from planner.site import Site, prepare
@@ -91,3 +94,17 @@ def test_mirrored_it_takes_as_long(obstacle: Obstacle) -> None:
         return simulated(site, Candidate("split-field", 2)).result.time_s
 
     assert time_s(True) == pytest.approx(time_s(False), rel=0.005)
+
+
+class NeverAsked(Executor):
+    """Drives nothing."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
+        raise AssertionError("something was driven")
+
+
+def test_a_margin_that_takes_most_of_the_field_is_refused_before_anything_is_driven() -> None:
+    field = Field("posts", shapely.box(0, 0, 100, 60), obstacles=(Obstacle("pole", shapely.Point(0, 30), 0.25),))
+    scenario = Scenario(tracks_only=True, tractors=(1,), margin_m=60.0)
+    with pytest.raises(ScenarioError, match=r"60 m leaves 4\d %.*less than half"):
+        plan(scenario, field=field, executor=NeverAsked())

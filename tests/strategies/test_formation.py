@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strategies.col_by_col import col_by_col
-from strategies.errors import StrategyError
+from strategies.errors import StrategyError, too_many
 from strategies.formations.formation import Formation
 from strategies.job import Job
 from strategies.row_by_row import row_by_row
@@ -203,6 +203,9 @@ class TestRefusals:
     def test_more_tractors_than_tracks(self, jobs: Any, make: Any) -> None:
         with pytest.raises(StrategyError, match=r"5 tractors are more than the 4 tracks.*use 4 or fewer"):
             make(jobs.rectangle(4, tractors=5))
+
+    def test_more_tractors_than_one_track(self) -> None:
+        assert "2 tractors are more than the 1 track of the field; use 1 tractor, or" in str(too_many(2, 1))
 
     @pytest.mark.parametrize("make", KINDS)
     def test_tracks_too_short_for_the_rows(self, jobs: Any, make: Any) -> None:

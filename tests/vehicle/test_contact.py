@@ -71,6 +71,33 @@ def test_distance_of_outlines_agrees_with_shapely(
     assert outline_distance(states[1], models[1], states[0], models[0]) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("pose", "expected"),
+    [
+        ((0.0, 7.0, 90.0), math.hypot(7.0 - 3.1 - 1.35, 2.1 - 1.35)),  # corners of the two tools
+        ((10.0, 0.0, 180.0), 10.0 - 2.42 - 2.42),  # nose to nose
+        ((0.0, 5.0, 0.0), 5.0 - 1.35 - 1.35),  # side by side: the tools are widest
+    ],
+)
+def test_distance_of_outlines_by_hand(pose: tuple[float, float, float], expected: float) -> None:
+    states = states_at((0.0, 0.0, 0.0), (pose[0], pose[1], math.radians(pose[2])))
+    model = np.array([compile_model(TRACTOR, Implement(width_m=3.0, hitch_m=1.5, length_m=1.0))])[0]
+    assert outline_distance(states[0], model, states[1], model) == pytest.approx(expected, abs=1e-9)
+    assert outline_distance(states[1], model, states[0], model) == pytest.approx(expected, abs=1e-9)
+
+
+def test_outlines_that_cross_like_a_plus_touch_though_no_corner_is_inside() -> None:
+    # A beam 5.4 m across and 0.5 m deep, 4.1 to 4.6 m behind; a tractor 2.04 m wide, from -1.84 to 2.42 m, across it.
+    model = np.array([compile_model(TRACTOR, Implement(width_m=6.0, hitch_m=3.0, length_m=0.5))])[0]
+    beam = (float(model["tool_tail"]) + float(model["tool_front"])) / 2.0
+    assert model["tool_half_width"] > 2.42 and model["tool_front"] - model["tool_tail"] < 2.04
+    states = states_at((0.0, 0.0, 0.0), (beam, 0.0, math.pi / 2))
+    assert outline_distance(states[0], model, states[1], model) == 0.0
+    assert outline_distance(states[1], model, states[0], model) == 0.0
+    clearances = np.full(2, np.inf)
+    assert too_close(states, np.array([model]), clearances, 0.5, 0.5) == (0.0, 0, 1)
+
+
 @given(st.lists(POSES, min_size=2, max_size=6))
 def test_smallest_clearances_agree_with_all_pairs(poses: list[tuple[float, float, float]]) -> None:
     spread = [(x + 7.0 * i, y, angle) for i, (x, y, angle) in enumerate(poses)]

@@ -184,3 +184,12 @@ def test_progress_rises_to_one(build: Any, eg105: Tractor, implement: Implement)
     assert seen[0] == pytest.approx(600.0 * 5 / 3.6 / 900.0, rel=0.01)
     assert seen[1] == pytest.approx(1.0, abs=0.1 / 900 + 1e-3)
     assert run.time_s[-1] == pytest.approx(run.duration_s)
+
+
+def test_speeds_that_die_away_are_none_before_numbers_become_slow(build: Any, eg105: Any, implement: Any) -> None:
+    """On a straight line spin and sideways speed halve at every step: after 1.5 minutes they were denormal numbers."""
+    world = World(build.plan([build.leg((0, 0), (0, 300))]), eg105, implement)
+    world.run(max_time_s=120.0)
+    (body,) = world.bodies
+    speeds = np.abs([*body.velocity, body.angular_velocity])
+    assert speeds.max() > 1.0 and ((speeds == 0.0) | (speeds > np.finfo(float).tiny)).all()
