@@ -119,10 +119,8 @@ def run_loop(  # type: ignore[no-untyped-def]
     """
     read, write, states, models = unowned(read), unowned(write), unowned(states), unowned(models)
     grounds, tables, legs, gates = unowned(grounds), unowned(tables), unowned(legs), unowned(gates)
-    points, cumulative, record = unowned(points), unowned(cumulative), unowned(record)
-    clearances, position_errors, near, wanted = (
-        unowned(clearances), unowned(position_errors), unowned(near), unowned(wanted)
-    )  # fmt: skip
+    points, cumulative, record, near = unowned(points), unowned(cumulative), unowned(record), unowned(near)
+    clearances, position_errors, wanted = unowned(clearances), unowned(position_errors), unowned(wanted)
     count = len(states)
     touchable = near.any()
     rows = 0

@@ -116,15 +116,14 @@ def plan(
 
     _one_output(json, csv)
     wanted, hands = asking(fields or [DEFAULT_FIELD], width, local, crs, swap), Hands(processes, cluster)
-    field = wanted.fields[0]
     request = PlanRequest(**{each.name: context.params[each.name] for each in dataclass_fields(PlanRequest)})
-    scenario = request.scenario(field, wanted.widths_m[0], None if before is None else shift_start(farm))
+    scenario = request.scenario(wanted.fields[0], wanted.widths_m[0], None if before is None else shift_start(farm))
     if wanted.many or keep is not None:
         _of_one_field(("--html", html), ("--png", png), ("--save", save))
         ask = partial(with_farm, farm=farm, implement=implement, context=context)
         whole = plan_many(wanted, scenario, ask, hands, keep, json, csv, full)
         raise typer.Exit(0 if whole else NO_PLAN_STATUS)
-    reads = inputs(field=field, tractor=tractor, gnss_table=gnss_table, farm=farm, rain=rain)
+    reads = inputs(field=wanted.fields[0], tractor=tractor, gnss_table=gnss_table, farm=farm, rain=rain)
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     planned = _planned(with_farm(scenario, farm, implement, context), hands, pictures=html is not None, every=full)
     remark(planned.site.layout.field.remarks)
