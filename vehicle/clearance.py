@@ -111,7 +111,7 @@ def distance_below(a, am, b, bm, limit) -> float:  # type: ignore[no-untyped-def
 @compiled
 def outline_distance(a, am, b, bm) -> float:  # type: ignore[no-untyped-def]
     """Distance (m) between the outlines of tractors, states `a` and `b`, models `am` and `bm`; 0 where they cross."""
-    return distance_below(a, am, b, bm, math.inf)  # type: ignore[no-any-return]
+    return distance_below(a, am, b, bm, math.inf)
 
 
 @compiled
