@@ -61,13 +61,23 @@ def found(folder: Path) -> Iterator[tuple[str, Field]]:
     for path in sorted(one for one in folder.rglob("*") if one.suffix in ENDINGS):
         with tempfile.TemporaryDirectory() as space:
             source = path if path.suffix != ".wkt" else _as_geojson(path, Path(space))
-            for where in parcels(source):
-                try:
-                    field = read_field(where)
-                except ValueError as refusal:
-                    print(f"{Path(where).name}: not read, {refusal}")
-                    continue
-                yield field.name if field.name != "Field" else Path(where).name, field
+            yield from _read(source)
+
+
+def _read(source: Path) -> Iterator[tuple[str, Field]]:
+    """The parcels of a GeoJSON file; what cannot be read is printed."""
+    try:
+        places = parcels(source)
+    except (ValueError, KeyError) as refusal:
+        print(f"{source.name}: not read, {refusal}")
+        return
+    for where in places:
+        try:
+            field = read_field(where)
+        except ValueError as refusal:
+            print(f"{Path(where).name}: not read, {refusal}")
+            continue
+        yield field.name, field
 
 
 def _as_geojson(path: Path, space: Path) -> Path:
