@@ -109,8 +109,8 @@ def _words(
         "slow drift, heading 0.11 and 0.10 degrees, speed 0.02 m/s, soil 0.0025 rad per m.",
         f"Position and heading are off by {thesis.distance_m.mean():.2f} m and {_heading_deg(thesis):.2f} degrees in "
         f"the mean the thesis's way, by {ours.distance_m.mean():.3f} m and {_heading_deg(ours):.2f} degrees by "
-        "prediction. The printed 0.5 to 1 m are 0.6 to 1.1 s of driving, so the thesis's frames were older than 0.3 s "
-        "when they counted, as in the table below.",
+        "prediction. The printed 0.5 to 1 m are 0.6 to 1.1 s of driving: in the table below the thesis's way comes to "
+        "them with frames that are 0.6 to 1 s old.",
         *(f"{section}: {_doubted(doubt)}" for section, doubt in zip(("5.3.1", "5.3.2"), doubts, strict=True)),
     )
 
@@ -150,9 +150,10 @@ def _panels(
 
 
 def _table(grid: tuple[np.ndarray, np.ndarray], way: str) -> TextTable:
-    header = ("Frames per second", *(f"{age:g} s old" for age in AGES_S))
+    header = ("Hz", *(f"{age:g} s old" for age in AGES_S))
     rows = tuple(
-        (f"{rate:g}", *(f"{metres:.3f} m, {degrees:.2f} deg" for metres, degrees in zip(*line, strict=True)))
+        (f"{rate:g}", *(f"{100 * metres:.1f} / {degrees:.2f}" for metres, degrees in zip(*line, strict=True)))
         for rate, *line in zip(RATES_HZ, *grid, strict=True)
     )
-    return TextTable(f"5.3.2, shorter straights, {NAMES[way]}: mean differences of position and heading", header, rows)
+    title = "mean difference of position (cm) / heading (deg) per frames per second and their age"
+    return TextTable(f"5.3.2 on shorter straights, {NAMES[way]}: {title}", header, rows)
