@@ -6,7 +6,7 @@ import numpy as np
 
 from vehicle.tractor import Tractor, load_tractor
 from vehicle.trials.coupling import RADIUS_M, Apart, Drive, couple, drive_master
-from vehicle.trials.sheets.sheet import Comparison, HeatMap, Line, Panel, Sheet, TextTable
+from vehicle.trials.sheets.sheet import Comparison, Line, Panel, Sheet, TextTable
 from vehicle.twin.doubt import Doubt
 from vehicle.twin.motion import Noise
 from vehicle.twin.twin import PREDICT, THESIS
@@ -36,7 +36,7 @@ def twin_sheet(master: Tractor, seed: int = 1) -> Sheet:
     doubts = pre[PREDICT][1].doubt(), field[PREDICT][1].doubt()
     return Sheet(
         "twin", "Section 5.3: a virtual tractor kept to a real one over a link", _words(*apart, doubts),
-        (*_pre_numbers(apart[0], alone), *_field_numbers(apart[1])), _panels(first, *apart, grids[PREDICT][0]),
+        (*_pre_numbers(apart[0], alone), *_field_numbers(apart[1])), _panels(first, *apart, grids),
         tuple(_table(grids[way], way) for way in NAMES),
     )  # fmt: skip
 
@@ -131,8 +131,8 @@ def _doubted(doubt: Doubt | None) -> str:
 
 
 def _panels(
-    first: Drive, pre: dict[str, Apart], field: dict[str, Apart], grid: np.ndarray
-) -> tuple[Panel | HeatMap, ...]:  # fmt: skip
+    first: Drive, pre: dict[str, Apart], field: dict[str, Apart], grids: dict[str, tuple[np.ndarray, np.ndarray]]
+) -> tuple[Panel, ...]:  # fmt: skip
     lines = tuple(Line(NAMES[way], one.track[:, 0], one.track[:, 1], n + 1) for n, (way, one) in enumerate(pre.items()))
     master = Line("master", first.truth[:, 1], first.truth[:, 2], 0, dashed=True)
     return (
@@ -144,8 +144,9 @@ def _panels(
         Panel("5.3.2: heading difference", "Time (s)", "Difference (degrees)",
               tuple(Line(NAMES[way], one.time_s, np.degrees(one.heading_rad), n)
                     for n, (way, one) in enumerate(field.items()))),
-        HeatMap("Mean position difference by prediction", "Age of frames (s)", "Frames per second", "m",
-                np.array(AGES_S), np.array(RATES_HZ), grid, ""),
+        Panel("5.3.2 on shorter straights: mean position difference", "Age of frames (s)", "Difference (m)",
+              tuple(Line(f"{NAMES[way]}, {RATES_HZ[row]:g} Hz", np.array(AGES_S), grids[way][0][row], n, dashed)
+                    for n, way in enumerate(NAMES) for row, dashed in ((2, False), (4, True)))),
     )  # fmt: skip
 
 
