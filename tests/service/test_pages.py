@@ -173,7 +173,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
     page.click("text=Acknowledge")
     page.wait_for_selector("text=seen by office")
     page.click("text=STOP ALL")
-    page.click("summary:has-text('A tractor fails')")
+    page.click("summary:has-text('Failures, obstacles')")
     page.select_option("select[aria-label='Tractor that failed']", "3")
     page.click("text=Plan without it")
     page.click("text=Accept")
