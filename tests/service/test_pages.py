@@ -7,7 +7,7 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,15 @@ class Watched:
 def watched(service: tuple[str, Made], browser: Browser) -> Watched:
     """A page with a token that may control; tests open what they need in it."""
     return Watched(browser, service[0], CONTROL)
+
+
+def until(page: Page, holds: Callable[[], bool]) -> None:
+    """Wait until something holds, and fail where it does not in good time."""
+    for _ in range(400):
+        if holds():
+            return
+        page.wait_for_timeout(25)
+    pytest.fail("it never came to hold")
 
 
 def wide_by(page: Page) -> list[str]:
@@ -184,7 +193,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
         {"kind": "replan", "without": [3]},
         {"kind": "accept", "proposal": 7},
     ]
-    page.wait_for_timeout(100)
+    until(page, lambda: len(made.frames) >= len(wanted))
     assert made.frames == wanted
     made.frames.clear()
     page.click("text=Mark an obstacle")
@@ -193,7 +202,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
     for x, y in ((0.5, 0.4), (0.6, 0.4), (0.55, 0.5)):
         page.locator(".map canvas").click(position={"x": box["width"] * x, "y": box["height"] * y})
     page.click("text=Block it")
-    page.wait_for_timeout(100)
+    until(page, lambda: bool(made.frames))
     corners = made.frames.pop()["polygon_m"]
     assert len(corners) == 3 and all(499_990 < east < 500_140 for east, _ in corners), "metres of the grid"
     watched.well()
@@ -215,21 +224,19 @@ def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, se
     assert all(frame["speed_command_mps"] == 0 and frame["start"] == 0 for frame in still), "nobody holds the switch"
     page.keyboard.down("Space")
     page.wait_for_selector("text=Driving by keys")
-    page.wait_for_timeout(900)
+    until(page, lambda: made.frames[-1].get("steering_command_deg", 0) >= 28)
     held = made.frames[-1]
     assert held["speed_command_mps"] == pytest.approx(0.4 * 1.4) and held["shuttle"] == 1 and held["start"] == 1
     assert held["steering_command_deg"] == pytest.approx(28.0), "to the right is positive, at full lock of the machine"
     page.evaluate("window.dispatchEvent(new Event('blur'))")
     page.wait_for_selector("text=Let go: it stands")
-    page.wait_for_timeout(150)
-    assert made.frames[-1]["speed_command_mps"] == 0
+    until(page, lambda: made.frames[-1]["speed_command_mps"] == 0)
     pad = page.locator(".pad").bounding_box()
     assert pad is not None
     page.mouse.move(pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] * 0.9)
     page.mouse.down()
     page.wait_for_selector("text=Driving by touch")
-    page.wait_for_timeout(150)
-    assert made.frames[-1]["shuttle"] == -1
+    until(page, lambda: made.frames[-1]["shuttle"] == -1)
     page.mouse.up()
     page.wait_for_selector("text=Let go: it stands")
     watched.well()
@@ -345,10 +352,11 @@ def told_by(page: Page, expression: str) -> Any:
 
 def test_modules_by_their_closed_forms(watched: Watched) -> None:
     page = watched.open("/access")
-    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.number(null)]") == [
+    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.percent(99.96), m.number(null)]") == [
         "1:02:03",
         "45\xa0s",
         "10.0\xa0%",
+        "99.9\xa0%",
         "\u2013",
     ]
     assert told_by(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
