@@ -30,7 +30,7 @@ def with_entrance(job: Job, plan: Plan) -> Plan:
     """
     if job.gate is None:
         return plan
-    ways = [(_way_in(job, job.gate, one), _way_out(job, job.gate, one)) for one in plan.missions]
+    ways = [(_way_in(job, job.gate, one), way_out(job, job.gate, one)) for one in plan.missions]
     moved = [len(before) for before, _ in ways]
     missions = []
     for mission, (before, after) in zip(plan.missions, ways, strict=True):
@@ -52,7 +52,7 @@ def _way_in(job: Job, gate: Gateway, mission: Mission) -> list[Leg]:
     return legs
 
 
-def _way_out(job: Job, gate: Gateway, mission: Mission) -> list[Leg]:
+def way_out(job: Job, gate: Gateway, mission: Mission) -> list[Leg]:
     """The legs from the end of a mission to the gate."""
     path = _shortest_straight(job, gate, mission.end, outwards=True)
     if path is None:

@@ -17,7 +17,7 @@ FIELD, WIDTH_M, TRACTORS = "iwamizawa", 3.0, 3
 HIDDEN = {2: "steering_offset=1.5"}
 """What the second robot has wrong: its twin finds out."""
 HEADLAND = (sys.executable, "-c", "from planner.main import main; main()")
-END_S = 10.0
+END_S, PATIENCE_S = 10.0, 600.0
 
 demo = typer.Typer(help="Demonstrations.", no_args_is_help=True)
 
@@ -58,8 +58,9 @@ def _shown(
     plan.write_text(_plan_text(), encoding="utf-8")
     data = folder / "data"
     token = _new_token(data)
-    url = stack.enter_context(_service(data, port))
-    body = {"name": f"{FIELD}, {TRACTORS} robots", "plan": plan.read_text(encoding="utf-8"), "times": times}
+    service, url = stack.enter_context(_service(data, port))
+    _awaited(url, service)
+    body = {"name": f"{FIELD} with {TRACTORS} robots", "plan": plan.read_text(encoding="utf-8"), "times": times}
     id = asked(url, "fleets", token, body)["id"]
     for number in range(1, TRACTORS + 1):
         hide = ("--hide", HIDDEN[number]) if number in HIDDEN else ()
@@ -74,6 +75,22 @@ def _shown(
     begin = time.monotonic()
     while seconds is None or time.monotonic() - begin < seconds:
         time.sleep(0.2)
+
+
+def _awaited(url: str, service: subprocess.Popen[str]) -> None:
+    """Wait until a service answers: where it runs for the first time, it compiles first."""
+    from planner.service.errors import ServiceError
+    from planner.service.robot.client import asked
+
+    begin = time.monotonic()
+    while True:
+        try:
+            asked(url, "health", None)
+            return
+        except ServiceError:
+            if service.poll() is not None or time.monotonic() - begin > PATIENCE_S:
+                raise
+            time.sleep(0.5)
 
 
 def _plan_text() -> str:
@@ -103,7 +120,7 @@ def _new_token(data: Path) -> str:
 
 
 @contextlib.contextmanager
-def _service(data: Path, port: int) -> Iterator[str]:
+def _service(data: Path, port: int) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A service in a process of its own; the address it listens on."""
     with _running(("serve", "--data", str(data), "--port", str(port)), stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -113,7 +130,7 @@ def _service(data: Path, port: int) -> Iterator[str]:
             from planner.service.errors import ServiceError
 
             raise ServiceError("The service did not start; headland serve says why.")
-        yield address.rstrip("/")
+        yield process, address.rstrip("/")
 
 
 @contextlib.contextmanager

@@ -23,22 +23,24 @@ EG105, BAR = load_tractor("eg105"), Implement(width_m=2.0)
 Gates = dict[tuple[int, int], tuple[Gate, ...]]
 
 
-def fleet_plan(tractors: int = 2, legs: int = 3, gates: Gates | None = None, apart_m: float = 20.0) -> FleetPlan:
-    """Every tractor drives north on a line of its own, `apart_m` from the next one, in legs of 20 m."""
+def fleet_plan(
+    tractors: int = 2, legs: int = 3, gates: Gates | None = None, apart_m: float = 20.0, length_m: float = LENGTH
+) -> FleetPlan:
+    """Every tractor drives north on a line of its own, `apart_m` from the next one, in legs of `length_m`."""
     missions = []
     for number in range(tractors):
         x = apart_m * number
         missions.append(Mission(tuple(
-            Leg(np.array([[x, LENGTH * k], [x, LENGTH * (k + 1)]]), SPEED, implement=k % 2 == 0,
+            Leg(np.array([[x, length_m * k], [x, length_m * (k + 1)]]), SPEED, implement=k % 2 == 0,
                 task=Task(TRACK, number), gates=(gates or {}).get((number, k), ()))
             for k in range(legs)
         )))  # fmt: skip
-    courses = tuple(Course(mission, (LENGTH / SPEED,) * legs) for mission in missions)
-    ground = shapely.box(-5.0, -5.0, apart_m * (tractors - 1) + 5.0, LENGTH * legs + 5.0)
+    courses = tuple(Course(mission, (length_m / SPEED,) * legs) for mission in missions)
+    ground = shapely.box(-5.0, -5.0, apart_m * (tractors - 1) + 5.0, length_m * legs + 5.0)
     scenario = Scenario(width_m=2.0)
     return FleetPlan(
         SavedPlan(Plan(tuple(missions)), None, (1000.0, 2000.0), {}), scenario, EG105, BAR, courses,
-        (LENGTH * legs / SPEED,) * tractors, 10.0, ground,
+        (length_m * legs / SPEED,) * tractors, 10.0, ground,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from planner.errors import ScenarioError, named
-from planner.service.jobs.kinds import Work
+from planner.service.jobs.work import Work
 from planner.service.store.jobs import Made
 
 STEPS = 4

@@ -21,7 +21,7 @@ from planner.service.api.jobs import every_job, jobs_router, views
 from planner.service.api.refusals import add_refusals
 from planner.service.jobs.reading import Reader
 from planner.service.jobs.supervisor import Supervisor
-from planner.service.links import fleets, link
+from planner.service.links import fleets, link, twins
 from planner.service.links.hub import Hub
 from planner.service.pages import mount
 from planner.service.settings import Settings
@@ -49,7 +49,7 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     app.state.reader = Reader(settings, store, inline=inline)
     api = APIRouter(prefix=PREFIX)
     parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, views]
-    parts += [events.router, docs.router, fleets.router, link.router]
+    parts += [events.router, docs.router, fleets.router, twins.router, link.router]
     for router in parts:
         api.include_router(router)
     app.include_router(api)

@@ -6,7 +6,8 @@ Nothing here knows a network or a clock; times are handed in.
     operated      what operators order
     core          plan, states, orders and events that wait to be taken
     fleet_plan    a saved plan with machines, times and ground
-    replanning    the rest of a failed tractor's tracks for the others
+    replanning    the rest of a failed tractor's tracks for the others, simulated
+    handing_over  who takes over which of them
     course        the legs of one tractor: lengths, times, places on them
     tractors      report and state of one tractor, and what may hold it
     releasing     which legs may be driven: base and horizon

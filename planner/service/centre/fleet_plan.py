@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from fields.field import Field
 from fields.read import read_field, sample_names
 from planner.scenario import Scenario
 from planner.service.centre.course import Course
@@ -33,7 +34,7 @@ class FleetPlan:
     """A plan to be driven live; metres are those of the plan, whose origin is in `saved`.
 
     `finish_s` is when each tractor is done in the simulated plan, `near_m` how near two come in it. `ground` is what is
-    driven on, `rings` are the rings of the field and `obstacles` those in it, none where the field is not known.
+    driven on, `field` is the field where it is known.
     """
 
     saved: SavedPlan
@@ -44,13 +45,39 @@ class FleetPlan:
     finish_s: tuple[float, ...]
     near_m: float
     ground: shapely.Geometry
-    rings: tuple[Ring, ...] = ()
-    obstacles: tuple[Ring, ...] = ()
+    field: Field | None = None
 
     @property
     def tractors(self) -> int:
         """Number of tractors."""
         return len(self.courses)
+
+    @property
+    def plan(self) -> Plan:
+        """The plan alone."""
+        return self.saved.plan
+
+    @property
+    def rings(self) -> tuple[Ring, ...]:
+        """Rings of the field, the outline first, in metres of the plan; none where the field is not known."""
+        if self.field is None:
+            return ()
+        rings = (self.field.boundary.exterior, *self.field.boundary.interiors)
+        return tuple(_ring(ring, self._shift) for ring in rings)
+
+    @property
+    def obstacles(self) -> tuple[Ring, ...]:
+        """What stands in the field."""
+        if self.field is None:
+            return ()
+        parts = shapely.get_parts([one.shape for one in self.field.obstacles])
+        return tuple(_ring(part.exterior, self._shift) for part in parts)
+
+    @property
+    def _shift(self) -> np.ndarray:
+        assert self.field is not None
+        shift: np.ndarray = np.asarray(self.field.origin_m) - np.asarray(self.saved.origin_m)
+        return shift
 
     @property
     def worked_m(self) -> float:
@@ -86,11 +113,11 @@ def prepared(text: str, field: Path | None = None, tractor: Path | None = None) 
             f"The plan is not driven to its end ({run.outcome}) by {machine.name}; plan anew.", parameter="plan"
         )
     courses = timed(saved.plan, run)
-    rings, obstacles = _field_rings(scenario, saved, field)
+    known = _field(scenario, saved, field)
     width_m = max(implement.contact_width_m, machine.width_m)
     return FleetPlan(
         saved, scenario, machine, implement, courses, tuple(float(t) for t in run.finish_s),
-        run.min_clearance_m, _ground(saved.plan, rings, width_m), rings, obstacles,
+        run.min_clearance_m, _ground(saved, known, width_m), known,
     )  # fmt: skip
 
 
@@ -105,10 +132,10 @@ def timed(plan: Plan, run: Run) -> tuple[Course, ...]:
     return tuple(courses)
 
 
-def _field_rings(scenario: Scenario, saved: SavedPlan, file: Path | None) -> tuple[tuple[Ring, ...], tuple[Ring, ...]]:
-    """Rings of the field and of what stands in it, in metres of the plan; none where the field is not known."""
+def _field(scenario: Scenario, saved: SavedPlan, file: Path | None) -> Field | None:
+    """The field of a plan: a file that was given, or a sample; None for neither."""
     if file is None and scenario.field not in sample_names():
-        return (), ()
+        return None
     where = scenario.field if file is None else str(file)
     if file is not None and "#" in scenario.field:
         where += "#" + scenario.field.rsplit("#", 1)[1]
@@ -118,19 +145,18 @@ def _field_rings(scenario: Scenario, saved: SavedPlan, file: Path | None) -> tup
             f"The field is in {field.crs or 'local metres'} and the plan in {saved.crs or 'local metres'}; give the "
             "field that the plan was made for.", parameter="field",
         )  # fmt: skip
-    shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
-    outer = [_ring(ring, shift) for ring in (field.boundary.exterior, *field.boundary.interiors)]
-    parts = shapely.get_parts([one.shape for one in field.obstacles])
-    return tuple(outer), tuple(_ring(part.exterior, shift) for part in parts)
+    return field
 
 
 def _ring(ring: shapely.LinearRing, shift: np.ndarray) -> Ring:
     return tuple((float(x), float(y)) for x, y in np.asarray(ring.coords)[:-1, :2] + shift)
 
 
-def _ground(plan: Plan, rings: tuple[Ring, ...], width_m: float) -> shapely.Geometry:
+def _ground(saved: SavedPlan, field: Field | None, width_m: float) -> shapely.Geometry:
     """What tractors may drive on: the field, and the ways of the plan."""
-    lines = shapely.union_all([shapely.LineString(leg.points) for m in plan.missions for leg in m.legs])
+    lines = shapely.union_all([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
     ways = shapely.buffer(lines, 0.5 * width_m, quad_segs=4)
-    whole = ways if not rings else shapely.union(ways, shapely.Polygon(rings[0]))
-    return shapely.simplify(whole, 0.05)
+    if field is not None:
+        shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
+        ways = shapely.union(ways, shapely.Polygon(_ring(field.boundary.exterior, shift)))
+    return shapely.simplify(ways, 0.05)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from planner.service.centre.alarms import CRITICAL, WARNING
 from planner.service.centre.core import READY, RUNNING, STOPPED, Core
@@ -11,7 +12,8 @@ from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.guard import Guard
 from planner.service.centre.obstacles import Block, Ring
-from planner.service.centre.tractors import DRIVEN, FAILED, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE
+from planner.service.centre.releasing import passed
+from planner.service.centre.tractors import DRIVEN, FAILED, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE, TractorState
 
 
 class Operated(Core):
@@ -172,6 +174,11 @@ class Operated(Core):
                     f"Tractor {number + 1} has gone on since the plan was made; plan the rest anew.",
                     parameter="proposal",
                 )
+            if not state.failed and any(_newly_closed(old, new, leg, self.states) for leg in range(state.released)):
+                raise CentreError(
+                    f"Tractor {number + 1} drives already where it would have to wait now; plan the rest anew.",
+                    parameter="proposal",
+                )
         self.plan = plan
         self.version += 1
         self.guard = Guard(plan, self.rules)
@@ -197,3 +204,8 @@ def _same_base(old: Course, new: Course, released: int) -> bool:
         a.points.shape == b.points.shape and bool((a.points == b.points).all()) and a.gear == b.gear
         for a, b in zip(old.legs[:released], new.legs[:released], strict=True)
     )
+
+
+def _newly_closed(old: Course, new: Course, leg: int, states: Sequence[TractorState]) -> bool:
+    """Whether a leg has a gate now that it had not, and that is not open."""
+    return any(gate not in old.legs[leg].gates and not passed(gate, states) for gate in new.legs[leg].gates)

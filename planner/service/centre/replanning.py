@@ -1,18 +1,62 @@
+"""The rest of the work when tractors have failed: their tracks for the others, simulated from where everybody is.
+
+`rest_of` takes what is needed out of a centre; `replanned` works on that alone, for seconds, in a process of its own.
+"""
+
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from planner.service.centre.centre import Centre
-from planner.service.centre.fleet_plan import FleetPlan
+import numpy as np
+import shapely
+import shapely.ops
+
+from fields.errors import HeadlandError
+from planner.candidates.evaluate import beside_clearance_m
+from planner.service.centre.core import Core
+from planner.service.centre.course import Course
+from planner.service.centre.errors import CentreError
+from planner.service.centre.fleet_plan import FleetPlan, timed
+from planner.service.centre.handing_over import Hand, Piece, hand_over, pieces_left, pose_at
+from planner.service.centre.releasing import passed
+from planner.service.centre.tractors import TractorState
+from planner.site import Site, prepare
+from planner.yielding.deconflict import without_conflicts
+from planner.yielding.giving_way import Rules as WayRules
+from planner.yielding.giving_way import Scheduled, giving_way
+from strategies.entrance import way_out
+from strategies.job import Job
+from strategies.ways.connect import Connector
+from vehicle.missions import LEAVE, Follow, Gate, Leg, Mission, Plan, Task
+from vehicle.rehearsal import Rehearsal
+from vehicle.run import DONE, Run
+from vehicle.world import World
+
+LEAST_M = 0.05
+STUB_M = 0.02  # a tractor that has failed is one that drives so far: it stands in the way of the others
+OBSTACLE_M = 0.5
+MOST_SINGLE = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rest:
+    """A fleet as it is: plan, tractors, who drives no more, and what stands in the way."""
+
+    plan: FleetPlan
+    states: tuple[TractorState, ...]
     without: tuple[int, ...]
+    obstacles: tuple[shapely.Polygon, ...]
+    driven_s: float
+    times: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Proposal:
+    """The plan of the rest: legs before `kept` (by tractor) are as they were. `eta_s` counts from when it was asked."""
+
     plan: FleetPlan
     kept: tuple[int, ...]
     eta_s: float
@@ -21,9 +65,253 @@ class Proposal:
     sentence: str | None = None
 
 
-def rest_of(centre: Centre, without: list[int]) -> Rest:
-    return Rest(tuple(without))
+def rest_of(centre: Core, without: Sequence[int], now: float) -> Rest:
+    """What is left of a fleet without these tractors and those that have failed. Raises CentreError."""
+    gone = tuple(sorted({*without, *(n for n, state in enumerate(centre.states) if state.failed)}))
+    if not gone and not centre.obstacles.items:
+        raise CentreError("No tractor has failed and nothing stands in the way; say without whom to plan.",
+                          parameter="without")  # fmt: skip
+    if len(gone) == len(centre.states):
+        raise CentreError("No tractor is left to take over; leave one in.", parameter="without")
+    if centre.plan.field is None:
+        raise CentreError("The field of this plan is not known here; make the fleet with its field file.",
+                          parameter="field")  # fmt: skip
+    if any(leg.stand_s for course in centre.courses for leg in course.legs):
+        raise CentreError("Tractors of this plan refill; the rest of such a plan cannot be worked out yet.")
+    states = tuple(copy.copy(state) for state in centre.states)
+    driven_s = 0.0 if centre.started_s is None else (now - centre.started_s) * centre.rules.times
+    shapes = tuple(block.shape for block in centre.obstacles.items.values())
+    return Rest(centre.plan, states, gone, shapes, driven_s, centre.rules.times)
 
 
 def replanned(rest: Rest) -> Proposal:
-    raise NotImplementedError
+    """The tracks of those who drive no more, given to the others. Raises CentreError where no such plan works."""
+    asked = replace(
+        rest.plan.scenario, rain=None, draws=None, before_s=None, refill=None, gnss=False, gnss_table=None
+    )
+    site = prepare(asked, rest.plan.field, rest.plan.tractor, rest.plan.implement)
+    helpers = [number for number in range(rest.plan.tractors) if _can_help(rest, number)]
+    if not helpers:
+        raise CentreError("Every other tractor is on its way home already; nobody can take over.")
+    first: CentreError | None = None
+    for keep_m, who in _attempts(site, helpers):
+        try:
+            return _attempt(rest, site, _blocked(rest, site, keep_m), who)
+        except CentreError as refusal:
+            first = first or refusal
+    assert first is not None
+    raise first
+
+
+def _attempts(site: Site, helpers: list[int]) -> list[tuple[float, list[int]]]:
+    """How far to keep from what stands in the way, and who helps: all and well clear, then less of either."""
+    clear_m = _ends_m(site)
+    single = [[number] for number in helpers] if len(helpers) > 1 else []
+    return [(clear_m, helpers), (0.0, helpers), *((clear_m, who) for who in single[:MOST_SINGLE])]
+
+
+def _attempt(rest: Rest, site: Site, blocked: shapely.Geometry, helpers: Sequence[int]) -> Proposal:
+    plan, job = rest.plan, _job(site, blocked)
+    wide = shapely.buffer(blocked, 0.5)
+    ends = [_own_end(rest, number, wide, number in helpers) for number in range(plan.tractors)]
+    pieces = [piece for number, end in enumerate(ends) for piece in _pieces(rest, number, end, job, wide)]
+    hands = [_hand(rest, number, ends[number]) for number in helpers]
+    unreached = hand_over(pieces, hands, job)
+    missions = _missions(rest, job, hands, ends)
+    run = _without_meetings(site, _from_here(rest, missions))
+    moved = sum(piece.work_m for piece in pieces) - sum(piece.work_m for piece in unreached)
+    left = sum(piece.work_m for piece in unreached)
+    told = f"{left:.0f} m of track cannot be reached and stay open." if unreached else None
+    others = [n for n in range(plan.tractors) if n not in rest.without]
+    eta_s = float(max(run.finish_s[n] for n in others)) / rest.times
+    return Proposal(_whole_plan(rest, missions, run), tuple(ends), eta_s, moved, left, told)
+
+
+def _blocked(rest: Rest, site: Site, keep_m: float) -> shapely.Geometry:
+    """Where the guided point of nobody may be: round tractors that have failed, and obstacles, and `keep_m` more."""
+    half_m = 0.5 * max(site.implement.contact_width_m, site.tractor.width_m)
+    reach_m = half_m + site.scenario.clearance_m
+    shapes = [shapely.buffer(shape, half_m + OBSTACLE_M) for shape in rest.obstacles]
+    for number in rest.without:
+        report = rest.states[number].report
+        if report is not None:
+            ahead = np.array([math.cos(report.heading_rad), math.sin(report.heading_rad)])
+            place = np.array([report.x_m, report.y_m])
+            long_m = site.tractor.length_m
+            line = shapely.LineString([place - (long_m + site.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead])
+            shapes.append(shapely.buffer(line, half_m + reach_m))
+    return shapely.buffer(shapely.union_all(shapes), keep_m)
+
+
+def _job(site: Site, blocked: shapely.Geometry) -> Job:
+    """A job whose ways keep off what is blocked."""
+
+    def finder(region: shapely.Geometry) -> Connector:
+        return Connector(shapely.difference(region, blocked), site.manner.radius_m, site.costs, site.kinds)
+
+    headland = None if site.beside.is_empty else finder(site.beside)
+    return replace(site.job(1), connector=finder(site.free), headland=headland, careful=(), ways={}, tables={})
+
+
+def _ends_m(site: Site) -> float:
+    """How far a machine reaches ahead of or behind the guided point."""
+    boxes = site.manner.boxes
+    return max(max(abs(rear), abs(front)) for rear, front, _ in boxes)
+
+
+def _can_help(rest: Rest, number: int) -> bool:
+    """Whether a tractor drives on, and is not on its way home already."""
+    state, legs = rest.states[number], rest.plan.courses[number].legs
+    if number in rest.without:
+        return False
+    return not any(leg.task.kind == LEAVE for leg in legs[: max(state.released, state.leg + 1)])
+
+
+def _own_end(rest: Rest, number: int, wide: shapely.Geometry, helps: bool) -> int:
+    """How many legs of a tractor stay as they are: up to what leads home, or to what is blocked now."""
+    state, legs = rest.states[number], rest.plan.courses[number].legs
+    if number in rest.without:
+        return min(state.leg + 1, len(legs))
+    fixed = max(state.released, state.leg + 1)
+    for k in range(fixed, len(legs)):
+        if legs[k].task.kind == LEAVE and helps:
+            return k
+        if helps and shapely.intersects(shapely.LineString(legs[k].points), wide):
+            return k
+    return len(legs)
+
+
+def _pieces(rest: Rest, number: int, end: int, job: Job, wide: shapely.Geometry) -> list[Piece]:
+    """What a tractor will not work: all that is left of one that is gone, what is blocked of another."""
+    state, course = rest.states[number], rest.plan.courses[number]
+    if number in rest.without:
+        return pieces_left(course, state.leg, state.leg_m, job, wide)
+    return pieces_left(course, end, 0.0, job, wide)
+
+
+def _hand(rest: Rest, number: int, end: int) -> Hand:
+    course, state = rest.plan.courses[number], rest.states[number]
+    left_s = 0.0 if state.done else course.before_s[end] - course.driven_s(state.leg, state.leg_m)
+    return Hand(number, left_s, pose_at(course.legs[end - 1], -1), [])
+
+
+def _missions(rest: Rest, job: Job, hands: Sequence[Hand], ends: Sequence[int]) -> list[tuple[Leg, ...]]:
+    """All legs of every tractor, gates of the gone left out; those before `ends` are as they were."""
+    taken = {hand.number: hand.legs for hand in hands}
+    missions = []
+    for number, course in enumerate(rest.plan.courses):
+        end = ends[number]
+        legs = [_heeding(leg, rest) for leg in course.legs[:end]]
+        if (number not in rest.without and end < len(course.legs)) or taken.get(number):
+            legs += taken[number]
+            if course.legs[-1].task.kind == LEAVE and job.gate is not None:
+                legs += way_out(job, job.gate, Mission(tuple(legs)))
+        missions.append(tuple(legs))
+    return _existing(missions, ends)
+
+
+def _existing(missions: Sequence[tuple[Leg, ...]], ends: Sequence[int]) -> list[tuple[Leg, ...]]:
+    """Legs without gates on, or following, legs that are gone: what was waited for there is driven otherwise now."""
+
+    def kept(leg: Leg) -> Leg:
+        gates = tuple(gate for gate in leg.gates if gate.leg < ends[gate.tractor])
+        follow = leg.follow if leg.follow and leg.follow.leg < ends[leg.follow.tractor] else None
+        return replace(leg, gates=gates, follow=follow)
+
+    return [tuple(kept(leg) for leg in legs) for legs in missions]
+
+
+def _heeding(leg: Leg, rest: Rest) -> Leg:
+    """A leg without gates that are passed or of those who drive no more, and follows nobody of them."""
+    gates = tuple(g for g in leg.gates if g.tractor not in rest.without and not passed(g, rest.states))
+    follow = leg.follow
+    if follow is not None and (follow.tractor in rest.without or rest.states[follow.tractor].leg > follow.leg):
+        follow = None
+    return replace(leg, gates=gates, follow=follow)
+
+
+def _from_here(rest: Rest, missions: Sequence[tuple[Leg, ...]]) -> Plan:
+    """A plan of what is left from where everybody is; its leg k is leg k more than the present one."""
+    heres = []
+    for number, (legs, state) in enumerate(zip(missions, rest.states, strict=True)):
+        if number in rest.without or (state.done and state.leg >= len(legs) - 1):
+            heres.append(Mission((_stub(rest, number, legs),)))
+            continue
+        here = _cut(legs[state.leg], state.leg_m)
+        rows = [here, *legs[state.leg + 1 :]]
+        heres.append(Mission(tuple(_shifted(leg, rest, -1) for leg in rows)))
+    return Plan(tuple(heres), {"strategy": "rest"})
+
+
+def _stub(rest: Rest, number: int, legs: tuple[Leg, ...]) -> Leg:
+    """A tractor that stands where it is."""
+    report = rest.states[number].report
+    x, y, heading = pose_at(legs[-1], -1) if report is None else (report.x_m, report.y_m, report.heading_rad)
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    return Leg(np.array([(x, y), (x, y) + STUB_M * ahead]), 1.0, ground=legs[0].ground, task=Task())
+
+
+def _cut(leg: Leg, driven_m: float) -> Leg:
+    """What is left of a leg."""
+    line = shapely.LineString(leg.points)
+    rest = shapely.ops.substring(line, min(max(driven_m, 0.0), line.length - LEAST_M), line.length)
+    return replace(leg, points=np.asarray(rest.coords), gates=(), stand_s=0.0)
+
+
+def _shifted(leg: Leg, rest: Rest, sign: int) -> Leg:
+    """A leg whose gates name legs counted from the present ones (`sign` -1), or from the start again (1)."""
+
+    def moved(tractor: int, number: int, metres: float) -> tuple[int, float]:
+        state = rest.states[tractor]
+        first = number == (state.leg if sign < 0 else 0)
+        return number + sign * state.leg, max(metres + (sign * state.leg_m if first else 0.0), 0.0)
+
+    gates = tuple(Gate(g.tractor, *moved(g.tractor, g.leg, g.after_m)) for g in leg.gates)
+    follow = leg.follow
+    if follow is not None:
+        follow = Follow(follow.tractor, moved(follow.tractor, follow.leg, 0.0)[0], follow.gap_m)
+    return replace(leg, gates=gates, follow=follow)
+
+
+def _without_meetings(site: Site, plan: Plan) -> Run:
+    """The plan simulated, with tractors giving way; raises CentreError where they meet all the same."""
+    clearance_m, beside_m = site.scenario.clearance_m, beside_clearance_m(site)
+    rehearsal = Rehearsal(
+        site.tractor, site.implement, stop_clearance_m=clearance_m, beside_clearance_m=beside_m, seed=site.scenario.seed
+    )
+
+    def patience_s(what: Plan) -> float:
+        return 600.0 + 2.0 * sum(leg.length_m / leg.speed_mps for one in what.missions for leg in one.legs)
+
+    def alone(mission: Mission) -> Run:
+        single = Plan((mission,))
+        return World(single, site.tractor, site.implement).run(max_time_s=patience_s(single))
+
+    def give_way(what: Plan, slack: float) -> Scheduled | None:
+        return giving_way(what, WayRules(site.tractor, site.implement, clearance_m, beside_m, alone), slack)
+
+    try:
+        run, why = without_conflicts(plan, lambda p: rehearsal.simulate(p, patience_s(p)), give_way=give_way)
+    except HeadlandError as refusal:
+        raise CentreError(f"The rest cannot be planned: {refusal}") from None
+    if why is not None or run.outcome != DONE:
+        raise CentreError(f"The rest cannot be planned: {why or run.outcome}.")
+    return run
+
+
+def _whole_plan(rest: Rest, missions: Sequence[tuple[Leg, ...]], run: Run) -> FleetPlan:
+    """Legs driven so far, and those of the run, as one plan."""
+    plan, here, wholes, courses = rest.plan, timed(run.plan, run), [], []
+    for number, legs in enumerate(missions):
+        at, old = rest.states[number].leg, plan.courses[number]
+        still = number in rest.without or (rest.states[number].done and at >= len(legs) - 1)
+        driven = tuple(replace(leg, gates=(), follow=None) for leg in legs[: at + (len(legs) - at if still else 1)])
+        ahead = () if still else tuple(_shifted(leg, rest, 1) for leg in run.plan.missions[number].legs[1:])
+        whole = Mission((*driven, *ahead))
+        wholes.append(whole)
+        seconds = (*old.seconds[: len(driven)], *here[number].seconds[1 : 1 + len(ahead)])
+        courses.append(Course(whole, seconds))
+    saved = replace(plan.saved, plan=Plan(tuple(wholes), {**plan.plan.notes, "replanned": True}))
+    finish = tuple(rest.driven_s + float(seconds) for seconds in run.finish_s)
+    return replace(plan, saved=saved, courses=tuple(courses), finish_s=finish,
+                   near_m=min(plan.near_m, run.min_clearance_m))  # fmt: skip

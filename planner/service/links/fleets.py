@@ -20,6 +20,7 @@ from planner.service.links.live import LiveFleet
 from planner.service.links.recording import log_csv, zipped
 from planner.service.links.telling import fleet_told, tractor_told
 from planner.service.store import Store
+from planner.service.store.base import checked_name
 
 router = APIRouter(tags=["fleets"])
 Reader = Annotated[Who, Depends(needs("read"))]
@@ -111,6 +112,7 @@ async def fleets(request: Request, _who: Reader) -> FleetList:
 async def new_fleet(request: Request, who: Operator, wanted: FleetRequest) -> FleetAnswer:
     """Make a fleet of a plan; it stands until it is started."""
     store, hub = _store(request), _hub(request)
+    checked_name(wanted.name)
     text = await run_in_threadpool(_plan_text, store, wanted)
     files, kept = await run_in_threadpool(_files, store, wanted)
     deadline_s = None if wanted.deadline is None else _deadline_s(wanted.deadline)

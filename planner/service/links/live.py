@@ -52,6 +52,7 @@ class LiveFleet:
         self.tractors: dict[int, Client] = {}
         self.events: list[tuple[str, Event]] = []
         self.again: set[int] = set()
+        self.diagnoses: dict[int, str] = {}
         self._links = 0
         self._times: list[str | None] = [None] * plan.tractors
         self._changed = set(range(plan.tractors))
@@ -190,7 +191,7 @@ class LiveFleet:
         """Ask for the rest of the work planned for the others; the number of the proposal. Raises CentreError."""
         for number in without:
             self.centre.check_number(number)
-        number = self.proposals.ask(self.centre, without, self.show)
+        number = self.proposals.ask(self.centre, without, time.monotonic(), self.show)
         self.centre.note(who, "replan", without=[each + 1 for each in without], proposal=number)
         return number
 

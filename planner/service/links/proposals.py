@@ -37,13 +37,13 @@ class Proposals:
         self._tasks: set[asyncio.Task[None]] = set()
         self._last = 0
 
-    def ask(self, centre: Centre, without: list[int], show: Show) -> int:
+    def ask(self, centre: Centre, without: list[int], now: float, show: Show) -> int:
         """Have the rest of the work planned; whoever watches is shown it when it is ready. Raises CentreError."""
         if self._work is None:
             raise CentreError("This fleet cannot be planned anew here; drive it through the service.")
         if any(item.state == "planning" for item in self._items.values()):
             raise CentreError("A proposal is being worked out already; wait for it.")
-        rest = rest_of(centre, without)
+        rest = rest_of(centre, without, now)
         self._last += 1
         asked = _Asked(self._last, "planning", rest.without)
         self._set(asked, show)

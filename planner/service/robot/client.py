@@ -100,11 +100,17 @@ def asked(url: str, path: str, token: str | None, body: dict[str, Any] | None = 
         with opener.open(request, timeout=120) as answer:
             return json.loads(answer.read())
     except urllib.error.HTTPError as error:
-        with contextlib.suppress(ValueError, KeyError):
-            raise ServiceError(json.loads(error.read())["error"]) from None
-        raise ServiceError(f"{url} answers with status {error.code}; is it a Headland service?") from None
+        raise ServiceError(_refusal(error.read()) or f"{url} answers {error.code}; is it a Headland service?") from None
     except (OSError, ValueError) as error:
         raise ServiceError(f"{url} does not answer ({error}); start headland serve, or give another --url.") from None
+
+
+def _refusal(body: bytes) -> str | None:
+    """The sentence of a refusal; None where it is none."""
+    try:
+        return str(json.loads(body)["error"])
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def newest_fleet(url: str, token: str | None) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from planner.service.settings import Settings
 from planner.service.store.database import migrate
 from planner.service.store.files import Files
@@ -28,3 +31,13 @@ class Store(Tokens, Files, Jobs, Fleets):
     def close(self) -> None:
         """Let go of the database."""
         self.database.close()
+
+
+@contextmanager
+def opened(settings: Settings) -> Iterator[Store]:
+    """A store for as long as the body takes."""
+    store = Store(settings)
+    try:
+        yield store
+    finally:
+        store.close()

@@ -1,0 +1,116 @@
+"""The tracks of a tractor that has failed, given to the others and simulated."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import shapely
+
+from planner.candidates.evaluate import Candidate, simulated
+from planner.saving import saved_plan
+from planner.scenario import Scenario
+from planner.service.centre.centre import Centre
+from planner.service.centre.errors import CentreError
+from planner.service.centre.fleet_plan import FleetPlan, prepared
+from planner.service.centre.progress import progress_of, restore
+from planner.service.centre.replanning import Proposal, replanned, rest_of
+from planner.service.centre.rules import Rules
+from planner.service.centre.tractors import Report
+from planner.site import prepare
+from vehicle.plan_file import plan_from_json, plan_to_json
+
+FIELD = {
+    "type": "FeatureCollection",
+    "features": [{"type": "Feature", "properties": {}, "geometry": {
+        "type": "Polygon", "coordinates": [[[0, 0], [70, 0], [70, 60], [0, 60], [0, 0]]]}}],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
+    file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
+    file.write_text(json.dumps(FIELD), encoding="utf-8")
+    scenario = Scenario(field=str(file), local=True, width_m=3.0, tractors=(3,), strategies=("split-field",))
+    site = prepare(scenario)
+    run = simulated(site, Candidate("split-field", 3)).run
+    assert run is not None
+    return prepared(saved_plan(site, run.plan), file)
+
+
+def at(plan: FleetPlan, share: float) -> Centre:
+    """A fleet each of whose tractors has driven so much of its plan."""
+    centre = Centre(plan, Rules())
+    centre.start("anna", 0.0)
+    for number, course in enumerate(plan.courses):
+        centre.joined(number, 0.0)
+        at_m = share * course.before_m[-1]
+        leg = next(k for k in range(len(course.legs)) if course.before_m[k + 1] > at_m)
+        x, y, heading = course.along(leg, at_m - course.before_m[leg], [0.0], len(course.legs))[0]
+        for each in range(leg + 1):
+            metres = at_m - course.before_m[leg] if each == leg else course.lengths_m[each]
+            centre.reported(number, Report(x, y, heading, 1.0, leg=each, leg_m=metres), 0.1)
+    centre.tick(0.2)
+    return centre
+
+
+@pytest.fixture(scope="module")
+def half(plan: FleetPlan) -> tuple[Centre, Proposal]:
+    centre = at(plan, 0.4)
+    centre.fail("anna", 1, 1.0)
+    return centre, replanned(rest_of(centre, [], 100.0))
+
+
+def worked(plan: FleetPlan, number: int, first: int) -> shapely.Geometry:
+    legs = plan.courses[number].legs[first:]
+    return shapely.union_all([shapely.LineString(leg.points).buffer(1.6, cap_style="flat") for leg in legs
+                              if leg.implement])  # fmt: skip
+
+
+def test_what_one_has_left_is_worked_by_the_others(half: tuple[Centre, Proposal]) -> None:
+    centre, proposal = half
+    left = worked(centre.plan, 1, centre.states[1].leg + 1)
+    taken = shapely.union_all([worked(proposal.plan, number, proposal.kept[number]) for number in (0, 2)])
+    report = centre.states[1].report
+    assert report is not None
+    standing = shapely.Point(report.x_m, report.y_m).buffer(9.0)
+    assert shapely.difference(shapely.difference(left, taken), standing).area < 0.02 * left.area
+    assert proposal.moved_m > 50.0 and proposal.left_m == 0.0 and proposal.sentence is None
+
+
+def test_the_rest_takes_longer_without_one_and_less_than_alone(half: tuple[Centre, Proposal]) -> None:
+    centre, proposal = half
+    planned = max(course.before_s[-1] for course in centre.courses)
+    assert 0.6 * planned < proposal.eta_s < 2.0 * planned
+
+
+def test_an_accepted_plan_has_the_same_released_legs_and_goes_on(half: tuple[Centre, Proposal]) -> None:
+    centre, proposal = half
+    before = [(state.leg, state.released) for state in centre.states]
+    legs = [len(course.legs) for course in centre.courses]
+    centre.adopt("anna", proposal.plan, 101.0)
+    assert [(state.leg, state.released) for state in centre.states] == before
+    assert len(centre.courses[0].legs) > legs[0] or len(centre.courses[2].legs) > legs[2]
+    orders, events = centre.taken()
+    assert {order.tractor for order in orders if order.kind == "plan"} == {0, 1, 2}
+    assert "accept" in [event.what for event in events]
+    centre.tick(102.0)
+    assert not any(gate.tractor == 1 for n in (0, 2) for leg in centre.courses[n].legs for gate in leg.gates)
+    again = Centre(centre.plan, Rules())
+    restore(again, json.loads(json.dumps(progress_of(centre, 102.0, 0.0))), 0.0, 0.0)
+    assert [state.leg for state in again.states] == [state.leg for state in centre.states]
+
+
+def test_a_proposal_is_a_plan_that_is_saved_and_read(half: tuple[Centre, Proposal]) -> None:
+    made = half[1].plan
+    text = plan_to_json(made.plan, scenario=made.saved.scenario)
+    assert plan_from_json(text).tractors == 3
+
+
+def test_what_cannot_be_planned_anew_is_refused_in_a_sentence(plan: FleetPlan) -> None:
+    centre = at(plan, 0.1)
+    with pytest.raises(CentreError, match="No tractor has failed"):
+        rest_of(centre, [], 0.0)
+    with pytest.raises(CentreError, match="No tractor is left"):
+        rest_of(centre, [0, 1, 2], 0.0)
