@@ -17,7 +17,7 @@ from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.orders import Event
 from planner.service.centre.progress import progress_of, restore
 from planner.service.centre.rules import Rules
-from planner.service.errors import MissingError
+from planner.service.errors import BusyError, MissingError
 from planner.service.links.live import LiveFleet
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import keep, rising
@@ -25,6 +25,7 @@ from planner.service.links.warming import warm
 from planner.service.store import Store
 
 STEP_S, KEEP_S = 0.05, 1.0
+MOST_FLEETS = 20
 X, Y, WORKS = 2, 3, 10  # columns of kept rows
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with the ending of its file."""
@@ -83,7 +84,9 @@ class Hub:
         return self.fleets[id]
 
     async def create(self, name: str, text: str, files: Files, settings: dict[str, Any]) -> LiveFleet:
-        """A new fleet, ready to start. Raises a HeadlandError for a plan that cannot be driven."""
+        """A new fleet, ready to start. Raises BusyError for one too many, a HeadlandError for what cannot be driven."""
+        if len(self.fleets) >= MOST_FLEETS:
+            raise BusyError(f"There are {len(self.fleets)} live fleets, as many as are taken; delete one first.")
         plan = await self.work(prepared_with, text, files)
         settings = settings | {"begin_s": time.time()}
         fleet = self._live(secrets.token_hex(8), name, plan, settings)
