@@ -58,7 +58,7 @@ class Hub:
         Before that all that is compiled on first use is loaded, as nobody's frames are to wait for it later.
         """
         await asyncio.to_thread(warm)
-        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._take_up())]
+        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self.take_up())]
 
     async def stop(self) -> None:
         """Keep what there is and end."""
@@ -113,7 +113,7 @@ class Hub:
         if fleet is not None:
             fleet.proposals.close()
 
-    async def _take_up(self) -> None:
+    async def take_up(self) -> None:
         """Go on with the fleets of the store."""
         for row in await asyncio.to_thread(self.store.fleets):
             if row.id in self.fleets:
