@@ -115,8 +115,9 @@ def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -
 
 
 def state(sequence: int, north_m: float) -> frames.State:
+    at = datetime.fromtimestamp(2e9 + 0.1 * sequence, UTC)
     return frames.State(
-        kind="state", id="t", sequence=sequence, time=datetime.fromtimestamp(2e9 + 0.1 * sequence, UTC), easting_m=1000.0, northing_m=2000.0 + north_m,
+        kind="state", id="t", sequence=sequence, time=at, easting_m=1000.0, northing_m=2000.0 + north_m,
         heading_deg=0.0, speed_mps=1.0, speed_command_mps=1.0, steering_command_deg=0.0, shuttle=1, start=1,
         mode="automatic", leg=0, leg_m=north_m, implement=1,
     )  # fmt: skip
