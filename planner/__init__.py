@@ -2,6 +2,7 @@
 
     from planner import Scenario, plan, study, diagnose, replay, HeadlandError
 
+request        what is asked of a plan, in the words of command line and service
 scenario       what is asked for, checked; counts, clocks and names from text
 site           what all candidates share: field, tracks, tractor, turns timed, headland sized
 refill         where tanks are made good, and whether they last for a track

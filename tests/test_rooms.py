@@ -37,6 +37,9 @@ MAY_KNOW: dict[str, tuple[str, ...]] = {
     "planner": ("planner", "fields", "vehicle", "strategies", "reports"),
 }
 COMMAND_LINE = ("planner.commands", "planner.main")
+SERVICE = ("planner.service",)
+OF_SERVICE = tuple(f"planner.commands.{name}" for name in ("backup", "demo", "robot", "serve", "token"))
+"""Commands that know the service; planning and every other command do without it."""
 BY_NAME = {"planner", "strategies.registry"}
 """Modules that import others by a name made at run time; the tests below say which those are."""
 
@@ -44,6 +47,7 @@ MAPPED = (
     *ROOMS,
     *(f"planner/{name}" for name in ("candidates", "chance", "day", "farm", "ground", "many", "price", "yielding")),
     *(f"strategies/{name}" for name in ("formations", "headland", "orders", "ways")),
+    *(f"planner/service{part}" for part in ("", "/access", "/api", "/jobs", "/store")),
     "vehicle/measured",
     "vehicle/trials",
 )
@@ -215,6 +219,18 @@ def test_the_command_line_is_known_by_nobody(graph: Graph) -> None:
         if below(other, COMMAND_LINE)
     }
     assert wrong == set()
+
+
+def test_the_service_is_known_by_its_own_commands_alone(graph: Graph) -> None:
+    wrong = {
+        f"{name} -> {other}"
+        for name, others in graph.items()
+        if not below(name, (*SERVICE, *OF_SERVICE))
+        for other in others
+        if below(other, SERVICE)
+    }
+    assert wrong == set()
+    assert "planner.service.api" in graph["planner.commands.serve"]
 
 
 def test_every_package_says_that_it_is_typed() -> None:

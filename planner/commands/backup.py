@@ -21,10 +21,11 @@ def backup(
     Example: headland backup farm.zip
     """
     from planner.commands.outputs import check_outputs, spare
-    from planner.service.store import Store
+    from planner.service.store import opened
     from planner.service.store.backup import back_up
 
     check_outputs((file, ".zip"))
     spare(file, force)
-    count = back_up(Store(settings_of(data, database)), file)
+    with opened(settings_of(data, database)) as store:
+        count = back_up(store, file)
     typer.echo(f"{file} holds the database and {count} files; unpacked into an empty folder it is one for --data.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
@@ -22,6 +23,7 @@ DatabaseOption = Annotated[
 ]
 PATIENCE_S = 5
 MOST_FRAME_BYTES = 2**20
+BACKLOG = 1024
 
 
 def serve(
@@ -76,24 +78,30 @@ def _run(settings: Settings) -> None:
 
     from planner.service.api import create_app
 
-    listening = _listening(settings)
+    _demand_tokens(settings)
     app = create_app(settings)
-    _demand_tokens(settings, bool(app.state.store.tokens()))
     config = uvicorn.Config(
         app, log_level="warning", access_log=False, proxy_headers=False, server_header=False, ws="websockets-sansio",
         ws_max_size=MOST_FRAME_BYTES, timeout_graceful_shutdown=PATIENCE_S,
     )  # fmt: skip
-    port = listening.getsockname()[1]
-    shown = f"[{settings.host}]" if ":" in settings.host else settings.host
-    typer.echo(f"Headland listens on http://{shown}:{port}/ and keeps what it has in {settings.data}; Ctrl-C ends it.")
-    uvicorn.Server(config).run(sockets=[listening])
+    with _listening(settings) as listening:
+        port = listening.getsockname()[1]
+        shown = f"[{settings.host}]" if ":" in settings.host else settings.host
+        typer.echo(f"Headland listens on http://{shown}:{port}/ and keeps all in {settings.data}; Ctrl-C ends it.")
+        sys.stdout.flush()
+        uvicorn.Server(config).run(sockets=[listening])
 
 
-def _demand_tokens(settings: Settings, any_token: bool) -> None:
+def _demand_tokens(settings: Settings) -> None:
     """Refuse to let others in where nobody could have a token."""
     from planner.service.errors import ServiceError
+    from planner.service.store import opened
 
-    if not settings.local and not any_token:
+    if settings.local:
+        return
+    with opened(settings) as store:
+        any_token = bool(store.tokens())
+    if not any_token:
         raise ServiceError(
             f"The host {settings.host} lets other machines in, and there is no token for them; make one with headland "
             "token new --scope control, or leave out --host.",
@@ -119,5 +127,5 @@ def _listening(settings: Settings) -> socket.socket:
         raise ServiceError(
             f"Nothing can listen on {settings.host} port {settings.port}: {why}; give another --port or --host."
         ) from None
-    listening.set_inheritable(False)
+    listening.listen(BACKLOG)
     return listening

@@ -9,6 +9,7 @@ import typer
 from planner.commands.serve import Data, DatabaseOption, settings_of
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from planner.service.store import Store
@@ -36,8 +37,9 @@ def new(
 
     Example: headland token new --scope control --name office
     """
-    store = _store(data, database)
-    typer.echo(store.new_token(name or _free_name(store, scope), scope))
+    with _store(data, database) as store:
+        text = store.new_token(name or _free_name(store, scope), scope)
+    typer.echo(text)
     typer.echo("Keep it: it is shown this once. Whoever has it may do what its scope says.", err=True)
 
 
@@ -47,7 +49,9 @@ def list_all(data: Data = None, database: DatabaseOption = "") -> None:
 
     Example: headland token list
     """
-    for row in _store(data, database).tokens():
+    with _store(data, database) as store:
+        rows = store.tokens()
+    for row in rows:
         typer.echo(f"{row.name}  {row.scope}  {row.created}")
 
 
@@ -61,14 +65,15 @@ def revoke(
 
     Example: headland token revoke office
     """
-    _store(data, database).revoke_token(name)
+    with _store(data, database) as store:
+        store.revoke_token(name)
     typer.echo(f"The token {name} is worth nothing any more.")
 
 
-def _store(data: Path | None, database: str) -> Store:
-    from planner.service.store import Store
+def _store(data: Path | None, database: str) -> AbstractContextManager[Store]:
+    from planner.service.store import opened
 
-    return Store(settings_of(data, database))
+    return opened(settings_of(data, database))
 
 
 def _free_name(store: Store, scope: str) -> str:

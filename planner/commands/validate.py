@@ -19,14 +19,14 @@ Png = Annotated[Optional[Path], typer.Option(help="Write the pictures of one exp
 def validate(
     experiment: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Argument(help="circles, step, zigzag, navigation, fixed, changing or slip; all when left out."),
+        typer.Argument(help="circles, step, zigzag, navigation, fixed, changing, slip or twin; all when left out."),
     ] = None,
     html: Html = None,
     png: Png = None,
     seed: Annotated[int, typer.Option(help="Seed of the GNSS errors.")] = 1,
     json: AsJson = False,
 ) -> None:
-    """Repeat the experiments of chapters 3 and 4 of the thesis and print every number beside the printed one.
+    """Repeat the experiments of chapters 3 to 5 of the thesis and print every number beside the printed one.
 
     Example: headland validate zigzag --html zigzag.html
     """

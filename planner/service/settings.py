@@ -36,7 +36,7 @@ class Settings:
 
     `database` is a URL of SQLAlchemy, "" for a file of SQLite in the folder `data`. `workers` are jobs at a time,
     `processes` those that one job may use. A job whose worker does not report for `lease_s` is given to another, and
-    fails once `tries` were begun. `kinds` names more kinds of jobs, by functions as of planner.service.jobs.kinds.
+    fails once `tries` were begun. `kinds` names more kinds of jobs, by functions as of planner.service.jobs.work.
     Raises ServiceError.
     """
 

@@ -8,4 +8,5 @@ rolling       the tractor rolled along held commands, with what was learnt of it
 belief        a Kalman filter over pose, turn and slip, and how surprising each fix is
 doubt         the sequential test that says when a twin is wrong
 record        a run as a log in the project's columns
+cause         from the recorded log to the cause, and to the amended tractor
 """

@@ -8,8 +8,10 @@ receivers are parts of the state; here step by step, as fixes come in. The same 
 - the witness believes that the tractor is as its file says, on ordinary soil, with ordinary instruments. What still
   surprises it is what noise does not explain (vehicle.twin.doubt).
 
-State (8,): east, north (m) of the centre of mass, heading (rad), turn besides the model's (rad per m driven), slip
-ahead (share of the way), drift of heading, east, north. Measured: east and north of the antenna, heading, speed.
+State (10,): east, north (m) of the centre of mass, heading (rad), turn besides the model's (rad per m driven), slip
+ahead (share of the way), drift of heading, east, north, and how much later than taken commands come into force, as a
+share of the time between two that were seen: always, and just now. Measured: east and north of the antenna, heading,
+speed.
 """
 
 from __future__ import annotations
@@ -22,8 +24,11 @@ import numpy as np
 from vehicle.jit import compiled
 from vehicle.twin.motion import DRIFT_MEMORY_S, SOIL_MEMORY_S, Array, Noise
 
-SIZE, SEEN = 8, 4
-TURN, SLIP, HEADING_DRIFT, EAST_DRIFT, NORTH_DRIFT = range(3, 8)
+SIZE, SEEN = 10, 4
+TURN, SLIP, HEADING_DRIFT, EAST_DRIFT, NORTH_DRIFT, LATER, LATER_NOW = range(3, 10)
+# Commands come into force at any time between two that were seen (sd 1 / root 12, rounded up); the beat of a link and
+# of a tractor's controller stay in step for minutes, what one manoeuvre meets is forgotten after it.
+LATER_SD, LATER_S, LATER_NOW_S = 0.35, 600.0, 3.0
 # What would shift a pose, per typical size of an effect of the catalogue; see vehicle.twin.doubt.
 OFFSET, GAIN, LEFT, LATE_TURN, SLIPPING, SLOPE_EAST, SLOPE_NORTH, DRAFT, TOOL_SLIP = range(9)
 BIAS, FORWARD, RIGHT, LATE = range(9, 13)
@@ -69,7 +74,7 @@ def witnessing(noise: Noise) -> Trust:
 
 
 class Belief:
-    """Estimate (8,), its covariance (8, 8) and the trust as an array."""
+    """Estimate (10,), its covariance (10, 10) and the trust as an array."""
 
     def __init__(self, trust: Trust, pose: Array) -> None:
         self.spec = np.array(astuple(trust))
@@ -81,18 +86,19 @@ class Belief:
         spec = self.spec
         self.estimate[:] = 0.0
         self.estimate[:3] = pose
-        sure = [position_m, position_m, heading_rad, spec[0], spec[2], spec[5], spec[6], spec[6]]
+        sure = [position_m, position_m, heading_rad, spec[0], spec[2], spec[5], spec[6], spec[6], LATER_SD, LATER_SD]
         self.cov[:] = np.diag(np.square(sure))
 
 
 @compiled
 def spread(  # type: ignore[no-untyped-def]
-    estimate, cov, spec, angle, nominal, dt, own, working, shifts, sizes
+    estimate, cov, spec, angle, nominal, dt, own, working, rear, shifts, sizes
 ) -> None:  # fmt: skip
     """Let a belief follow a piece of motion `nominal` (vehicle.twin.rolling) that began at the heading `angle`.
 
-    `own` moves the pose of the estimate too. `shifts` (k, 8) are how far the truth would be from the estimate with each
-    effect at its size in `sizes` (k,).
+    `own` moves the pose of the estimate too. What the wheels do turns a tractor about its rear axle, `rear` m behind
+    the centre of mass. `shifts` (k, 10) are how far the truth would be from the estimate with each effect at its size
+    in `sizes` (k,).
     """
     f, r, turned, way = nominal[0], nominal[1], nominal[2], nominal[3]
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -101,20 +107,25 @@ def spread(  # type: ignore[no-untyped-def]
     slow = math.exp(-dt / spec[7])
     step = np.eye(SIZE)
     step[0, 2], step[1, 2] = -north, east
-    # A turn along the way carries the end of the piece aside by half its angle.
+    # Turning besides carries the end of the piece aside by half its angle.
     step[2, TURN], step[0, TURN], step[1, TURN] = way, -0.5 * way * north, 0.5 * way * east
     step[0, SLIP], step[1, SLIP] = east, north
     step[TURN, TURN], step[SLIP, SLIP] = turn, slip
     step[HEADING_DRIFT, HEADING_DRIFT] = step[EAST_DRIFT, EAST_DRIFT] = step[NORTH_DRIFT, NORTH_DRIFT] = slow
+    beat, now = math.exp(-dt / LATER_S), math.exp(-dt / LATER_NOW_S)
+    for late, keep in ((LATER, beat), (LATER_NOW, now)):
+        ahead, bend = -nominal[6] * nominal[5], -nominal[6] * nominal[4]
+        step[0, late], step[1, late] = ahead * cosine - rear * bend * sine, ahead * sine + rear * bend * cosine
+        step[2, late], step[late, late] = bend, keep
     if own:
-        extra = way * estimate[TURN]
-        estimate[0] += east * (1.0 + estimate[SLIP]) - 0.5 * extra * north
-        estimate[1] += north * (1.0 + estimate[SLIP]) + 0.5 * extra * east
-        estimate[2] += turned + extra
-    estimate[TURN] *= turn
-    estimate[SLIP] *= slip
-    for drift in range(HEADING_DRIFT, SIZE):
-        estimate[drift] *= slow
+        for i in range(3):
+            for j in range(TURN, SIZE):
+                estimate[i] += step[i, j] * estimate[j]
+        estimate[0] += east
+        estimate[1] += north
+        estimate[2] += turned
+    for j in range(TURN, SIZE):
+        estimate[j] *= step[j, j]
     cov[:] = step @ cov @ step.T
     cov[TURN, TURN] += spec[0] ** 2 * (1.0 - turn * turn)
     cov[SLIP, SLIP] += spec[2] ** 2 * (1.0 - slip * slip)
@@ -127,13 +138,12 @@ def spread(  # type: ignore[no-untyped-def]
     cov[1, 1] += push * sine * sine + side * cosine * cosine
     cov[0, 1] += (push - side) * cosine * sine
     cov[1, 0] += (push - side) * cosine * sine
-    # A command seen now and then came into force some time before: turning and speed may have changed that much sooner.
-    bent, hurried = nominal[7] * nominal[5], nominal[7] * nominal[6]
-    cov[2, 2] += bent * bent
-    cov[0, 0] += hurried * hurried * dt * cosine * cosine
-    cov[1, 1] += hurried * hurried * dt * sine * sine
-    cov[0, 1] += hurried * hurried * dt * cosine * sine
-    cov[1, 0] += hurried * hurried * dt * cosine * sine
+    # Between two that were seen there may have been others: turning is as unsure again where it changes.
+    bend = nominal[6] * nominal[4]
+    swing = np.array([-rear * bend * sine, rear * bend * cosine, bend])
+    cov[:3, :3] += np.outer(swing, swing)
+    cov[LATER, LATER] += LATER_SD**2 * (1.0 - beat * beat)
+    cov[LATER_NOW, LATER_NOW] += LATER_SD**2 * (1.0 - now * now)
     for k in range(len(shifts)):
         shifts[k] = step @ shifts[k]
         bend = ahead = 0.0
@@ -142,7 +152,7 @@ def spread(  # type: ignore[no-untyped-def]
         elif k == GAIN or (k == LEFT and turned > 0.0):
             bend = turned
         elif k == LATE_TURN:
-            bend = nominal[4] - turned / dt
+            bend = -nominal[4]
         elif k == DRAFT:
             bend = way * working
         elif k == SLIPPING:
@@ -151,14 +161,14 @@ def spread(  # type: ignore[no-untyped-def]
             ahead = -working
         aside = way * (sine if k == SLOPE_EAST else -cosine if k == SLOPE_NORTH else 0.0)
         bend, ahead, aside = bend * sizes[k], ahead * sizes[k], aside * sizes[k]
-        shifts[k, 0] += ahead * east - 0.5 * bend * north + aside * sine
-        shifts[k, 1] += ahead * north + 0.5 * bend * east - aside * cosine
+        shifts[k, 0] += ahead * east - 0.5 * bend * north - rear * bend * sine + aside * sine
+        shifts[k, 1] += ahead * north + 0.5 * bend * east + rear * bend * cosine - aside * cosine
         shifts[k, 2] += bend
 
 
 @compiled
 def scalar_update(estimate, cov, h, surprise, variance, shifts, shown, means) -> float:  # type: ignore[no-untyped-def]
-    """One measured number: `h` (8,) how it depends on the state, `surprise` what it is more than expected.
+    """One measured number: `h` (10,) how it depends on the state, `surprise` what it is more than expected.
 
     Each effect would have shown `shown` (k,) more; `means` (k,) gets what it makes of the whitened surprise, which is
     handed back. Shifts are corrected as the estimate is.
@@ -178,13 +188,14 @@ def scalar_update(estimate, cov, h, surprise, variance, shifts, shown, means) ->
 
 @compiled
 def measure(  # type: ignore[no-untyped-def]
-    estimate, cov, spec, fix, ahead, aside, forward, spin, with_speed, shifts, sizes, gate, whitened, means
+    estimate, cov, spec, fix, ahead, aside, forward, spin, unsure, shifts, sizes, gate, whitened, means
 ) -> bool:  # fmt: skip
     """Take a fix (4,): east, north of the antenna, heading, speed. False, and nothing is taken, where it is absurd.
 
-    `ahead` and `aside` are the antenna's lever, `forward` and `spin` the model's speed and turning rate. `whitened`
-    (4,) gets the surprises, each over what was expected of it, and independent of each other where the belief is right;
-    `means` (4, k) what each effect makes of them. A fix is absurd where one of them is beyond `gate`.
+    `ahead` and `aside` are the antenna's lever, `forward` and `spin` the model's speed and turning rate, `unsure`
+    by how much that speed may be wrong (m/s); below 0 the measured speed is left out. `whitened` (4,) gets the
+    surprises, each over what was expected of it, and independent of each other where the belief is right; `means`
+    (4, k) what each effect makes of them. A fix is absurd where one of them is beyond `gate`.
     """
     cosine, sine = math.cos(estimate[2]), math.sin(estimate[2])
     lever_east, lever_north = ahead * cosine + aside * sine, ahead * sine - aside * cosine
@@ -199,8 +210,8 @@ def measure(  # type: ignore[no-untyped-def]
         math.atan2(math.sin(turned), math.cos(turned)),
         fix[3] - forward * (1.0 + estimate[SLIP]),
     ])
-    variance = np.array([spec[8] ** 2, spec[8] ** 2, spec[9] ** 2, spec[10] ** 2])
-    seen = SEEN if with_speed else SEEN - 1
+    variance = np.array([spec[8] ** 2, spec[8] ** 2, spec[9] ** 2, spec[10] ** 2 + unsure * unsure])
+    seen = SEEN if unsure >= 0.0 else SEEN - 1
     for i in range(seen):
         if abs(surprise[i]) > gate * math.sqrt(rows[i] @ cov @ rows[i] + variance[i]):
             return False

@@ -18,7 +18,7 @@ import numpy as np
 from vehicle.effects import effect
 from vehicle.jit import compiled
 from vehicle.tractor import Tractor
-from vehicle.twin.belief import SEEN, SHIFTS
+from vehicle.twin.belief import SEEN, SHIFTS, SIZE
 from vehicle.twin.motion import Array
 
 FALSE_ALARM_S = 200.0 * 3600.0  # at most one false alarm in so long a drive on average, if noise is as it is said to be
@@ -102,7 +102,7 @@ class Test:
 
     def __init__(self, tractor: Tractor, time_s: float) -> None:
         self.sizes = shift_sizes(tractor)
-        self.shifts = np.zeros((SHIFTS, 8))
+        self.shifts = np.zeros((SHIFTS, SIZE))
         self.whitened, self.means = np.zeros(SEEN), np.zeros((SEEN, SHIFTS))
         self.restart(time_s)
 

@@ -15,11 +15,12 @@ from vehicle.twin.motion import Array, Machine, Records, move, turn_body
 
 RING = 1024  # steps that commands are kept for: 17 s, four times as long as any fix may be late
 STEER, SPEED, WORKING, GAP = range(4)
+SETTLED_S = 1.0  # in which an error of the speed after a change of its command is forgotten
 PIECE = 6  # steps between two looks at how sure a pose is: 0.1 s
-# Motion over a piece as the model has it: m ahead, m to the right, rad, m along; turning rate before it (rad/s), change
-# of turning rate and of speed (m/s) in it, and how long before its command was seen it may have come into force (s).
-WAY, ASIDE, TURNED, PATH, SPIN, SPIN_CHANGE, SPEED_CHANGE, UNSEEN_S = range(8)
-NOMINAL = 8
+# Motion over a piece as the model has it: m ahead, m to the right, rad, m along; change of the turning rate (rad/s) and
+# of speed (m/s) in it, and how long before its command was seen it may have come into force (s).
+WAY, ASIDE, TURNED, PATH, SPIN_CHANGE, SPEED_CHANGE, UNSEEN_S = range(7)
+NOMINAL = 7
 
 
 class Commands:
@@ -37,9 +38,18 @@ class Commands:
 
     def extend(self, step: int) -> None:
         """Hold the last command up to a step."""
-        for first in range(max(self.head, step - RING), step, RING):
-            self.ring[np.arange(first, min(step, first + RING)) % RING] = self.held
-        self.head = max(self.head, step)
+        if step > self.head:
+            self._fill(max(self.head, step - RING), step)
+            self.head = step
+
+    def _fill(self, first: int, end: int) -> None:
+        """Write the held command to the steps from `first` to before `end`, a ring's length of them at most."""
+        if first < end:
+            one, two = first % RING, (end - 1) % RING + 1
+            if one < two:
+                self.ring[one:two] = self.held
+            else:
+                self.ring[one:] = self.ring[:two] = self.held
 
     def set(self, step: int, command: Array) -> None:
         """A command from a step on, which may be gone by; one older than the last is not taken."""
@@ -49,18 +59,19 @@ class Commands:
         self.held = command
         self.since = step
         first = max(step, self.head - RING)
-        self.ring[np.arange(first, self.head) % RING] = command
+        self._fill(first, self.head)
 
 
 @compiled
 def roll(  # type: ignore[no-untyped-def]
-    steps, first, dt, state, body, learnt, nominal, ring, model, grounds, ground, table
+    steps, first, dt, states, body, learnt, nominal, ring, models, grounds, ground, tables
 ) -> None:  # fmt: skip
-    """Drive so many steps from the step `first` on by the commands in the ring.
+    """Drive the one of `states` (1,) so many steps from the step `first` on by the commands in the ring.
 
     `learnt` (2,) turns the tractor besides (rad per m driven, counter-clockwise) and lets it slip ahead (share of the
-    way). `nominal` (8,) gathers the motion without it, seen from the pose at the start, columns as above.
+    way). `nominal` (7,) gathers the motion without it, seen from the pose at the start, columns as above.
     """
+    state, model, table = states[0], models[0], tables[ground]
     force = np.zeros(3)
     size = len(ring)
     for step in range(first, first + steps):
@@ -83,38 +94,44 @@ def roll(  # type: ignore[no-untyped-def]
 
 @compiled
 def roll_believing(  # type: ignore[no-untyped-def]
-    steps, first, dt, state, body, ring, model, grounds, ground, table, before,
+    steps, first, dt, states, body, ring, models, grounds, ground, tables, before,
     estimate, spreading, spec, other, other_spreading, other_spec, shifts, sizes,
 ) -> None:  # fmt: skip
     """Roll, and let two beliefs follow piece by piece: the first one's pose is the body, the other's is its own.
 
-    `before` (1,) is the turning rate at the end of the last piece, carried on; `shifts` and `sizes` as in belief.
+    `before` (2,) is carried on: the turning rate at the end of the last piece, and how wrong the model's speed may be
+    (m/s) because a command came into force sooner or later than is known. `shifts` and `sizes` as in belief.
     """
+    state, rear = states[0], models[0].rear
     nominal = np.zeros(NOMINAL)
     done = 0
     while done < steps:
         now = min(PIECE, steps - done)
         nominal[:] = 0.0
-        nominal[SPIN], nominal[UNSEEN_S] = before[0], ring[(first + done) % len(ring), GAP]
+        nominal[UNSEEN_S] = ring[(first + done) % len(ring), GAP]
         angle, speed = body[2], state.forward
-        roll(now, first + done, dt, state, body, estimate[3:5], nominal, ring, model, grounds, ground, table)
+        roll(now, first + done, dt, states, body, estimate[3:5], nominal, ring, models, grounds, ground, tables)
         nominal[SPIN_CHANGE], nominal[SPEED_CHANGE] = body[5] - before[0], state.forward - speed
-        spread(estimate, spreading, spec, angle, nominal, now * dt, False, state.working, shifts[:0], sizes)
-        spread(other, other_spreading, other_spec, other[2], nominal, now * dt, True, state.working, shifts, sizes)
+        spread(estimate, spreading, spec, angle, nominal, now * dt, False, state.working, rear, shifts[:0], sizes)
+        spread(
+            other, other_spreading, other_spec, other[2], nominal, now * dt, True, state.working, rear, shifts, sizes
+        )  # fmt: skip
         before[0] = body[5]
+        unsure = 0.5 * nominal[UNSEEN_S] * abs(nominal[SPEED_CHANGE]) / (now * dt)
+        before[1] = max(before[1] * math.exp(-now * dt / SETTLED_S), unsure)
         done += now
 
 
 @compiled
 def roll_path(  # type: ignore[no-untyped-def]
-    first, every, dt, state, body, learnt, ring, model, grounds, ground, table, out
+    first, every, dt, states, body, learnt, ring, models, grounds, ground, tables, out
 ) -> None:  # fmt: skip
     """Poses `out` (n, 3) of the body, `every` steps apart, the first one as it stands."""
     nominal = np.zeros(NOMINAL)
     for row in range(len(out)):
         out[row] = body[:3]
         if row + 1 < len(out):
-            roll(every, first + row * every, dt, state, body, learnt, nominal, ring, model, grounds, ground, table)
+            roll(every, first + row * every, dt, states, body, learnt, nominal, ring, models, grounds, ground, tables)
 
 
 class Rolled:
@@ -125,19 +142,20 @@ class Rolled:
 
     def copy(self) -> Rolled:
         """One of its own."""
-        return Rolled(self.machine, self.ground, self.state.copy(), self.body.copy(), self.step)
+        state = self.state.view(np.uint8).copy().view(self.state.dtype)  # twenty times as fast as field by field
+        return Rolled(self.machine, self.ground, state, self.body.copy(), self.step)
 
     @property
     def parts(self) -> tuple[Any, Any, Any, Any]:
-        """Model, grounds, ground and table for the loop."""
-        return self.machine.models[0], self.machine.grounds, self.ground, self.machine.tables[self.ground]
+        """Models, grounds, ground and tables for the loop."""
+        return self.machine.models, self.machine.grounds, self.ground, self.machine.tables
 
     def to(self, step: int, commands: Commands, learnt: Array) -> None:
         """Drive up to a step."""
         if step > self.step:
             commands.extend(step)
             roll(
-                step - self.step, self.step, DT_S, self.state[0], self.body, learnt, np.zeros(NOMINAL), commands.ring,
+                step - self.step, self.step, DT_S, self.state, self.body, learnt, np.zeros(NOMINAL), commands.ring,
                 *self.parts,
             )  # fmt: skip
             self.step = step
@@ -146,7 +164,7 @@ class Rolled:
         """Poses (pieces + 1, 3) of the body from now on, 0.1 s apart, under the held command; it stays where it is."""
         ring = np.tile(commands.held, (RING, 1))
         copy, out = self.copy(), np.empty((pieces + 1, 3))
-        roll_path(self.step, PIECE, DT_S, copy.state[0], copy.body, learnt, ring, *self.parts, out)
+        roll_path(self.step, PIECE, DT_S, copy.state, copy.body, learnt, ring, *self.parts, out)
         return out
 
     @property

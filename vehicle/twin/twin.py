@@ -22,6 +22,7 @@ THESIS, PREDICT = "thesis", "predict"
 WAYS = (PREDICT, THESIS)
 APART_MPS, APART_S = 0.5 / 3.6, 3.0  # section 5.2.2: driven otherwise than commanded "consistently"; for 3 s here
 COLUMNS = ("time_s", "arrived_s", "ahead_m", "right_m", "heading_rad")
+UNTOLD_S = 0.4  # commands seen more rarely say too little of how a tractor was steered to doubt its file for that
 LONGEST_UNSEEN_S = 2.0  # a link that was silent for longer tells nothing of when a command came into force
 KEPT = 36_000  # corrections: an hour at 10 Hz
 
@@ -91,6 +92,7 @@ class Twin:
         self._step = 0
         self._waiting: list[Fix] = []
         self._seen_s, self._told = start.time_s, (0.0, start.speed_mps, 0.0)
+        self._unseen_s = 0.0
         self._apart_since: float | None = None
         self._instead: float | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -117,7 +119,7 @@ class Twin:
         lock = math.radians(self.tractor.max_steering_deg)
         told = (min(max(steering_rad, -lock), lock), speed_mps, float(implement))
         unseen = 0.0 if exact else min(time_s - self._seen_s, LONGEST_UNSEEN_S)
-        self._seen_s = time_s
+        self._seen_s, self._unseen_s = time_s, unseen
         if told == self._told:
             return
         self._told = told
@@ -142,13 +144,17 @@ class Twin:
         self._waiting.sort(key=lambda one: one.arrived_s)
 
     def advance(self, time_s: float) -> TwinState:
-        """Drive up to a time in steps of 1/60 s and take the fixes that have come in by then."""
+        """Drive up to a time in steps of 1/60 s and take the fixes that have come in by then.
+
+        A time gone by does nothing.
+        """
         end = self._at(time_s)
         while self._waiting and self._at(self._waiting[0].arrived_s) <= end:
             fix = self._waiting.pop(0)
-            self._to(max(self._at(fix.arrived_s), self._step))
+            self._to(self._at(fix.arrived_s))
             self._take(fix)
         self._to(end)
+        self._way.to(self._step)
         return self.state
 
     def _to(self, step: int) -> None:
@@ -166,11 +172,10 @@ class Twin:
             return
         self._anchor.to(step, self._commands)
         row = self._shifted_back(fix, seen_s - self._start_s - step * DT_S)
-        off = self._anchor.take(row, fix.time_s)
+        off = self._anchor.take(row, fix.time_s, self._unseen_s <= UNTOLD_S)
         self._heed_speed(fix)
         self.recording.measured(fix.time_s, fix.x_m, fix.y_m, fix.heading_rad, fix.speed_mps)
         self._way.corrected(step, row)
-        self._way.to(self._step)
         if self.way == PREDICT:
             self._note(fix.time_s, fix.arrived_s, off)
         else:
@@ -242,8 +247,16 @@ class Twin:
         return None if not self._rows else (self._rows[-1][2], self._rows[-1][3], self._rows[-1][4])
 
     def doubt(self) -> Doubt | None:
-        """Whether, and since when, the corrections exceed what noise explains."""
+        """Whether, and since when, the corrections exceed what noise explains.
+
+        Where commands are seen less often than every 0.4 s it cannot be told, and nothing is doubted.
+        """
         return self._test.doubt()
+
+    @property
+    def evidence_s(self) -> float:
+        """Noise alone would say as much against the twin once in so many seconds (vehicle.twin.doubt)."""
+        return self._test.seconds
 
     def trust_again(self) -> None:
         """Forget the doubt and its evidence; the corrections are kept."""

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from vehicle.layout import DT_S
-from vehicle.twin.belief import Belief, measure
+from vehicle.twin.belief import SIZE, Belief, measure
 from vehicle.twin.doubt import Test
 from vehicle.twin.motion import Array
 from vehicle.twin.rolling import Commands, Rolled, antenna_of, roll_believing
@@ -30,7 +30,7 @@ class Anchor:
 
     def __init__(self, rolled: Rolled, tracker: Belief, witness: Belief, test: Test) -> None:
         self.rolled, self.tracker, self.witness, self.test = rolled, tracker, witness, test
-        self._spin = np.zeros(1)
+        self._before = np.zeros(2)
         self._absurd = 0
         self.rejected = 0
         self.taken = 0
@@ -48,24 +48,28 @@ class Anchor:
             return
         commands.extend(step)
         roll_believing(
-            step - rolled.step, rolled.step, DT_S, rolled.state[0], rolled.body, commands.ring, *rolled.parts,
-            self._spin, one.estimate, one.cov, one.spec, two.estimate, two.cov, two.spec, self.test.shifts,
+            step - rolled.step, rolled.step, DT_S, rolled.state, rolled.body, commands.ring, *rolled.parts,
+            self._before, one.estimate, one.cov, one.spec, two.estimate, two.cov, two.spec, self.test.shifts,
             self.test.sizes,
         )  # fmt: skip
         rolled.step = step
         one.estimate[:3] = rolled.body[:3]
 
-    def take(self, fix: Array, time_s: float) -> Array:
-        """Correct by a fix (4,) of this very step; hands back measured less foretold (3,): ahead, right, turned."""
+    def take(self, fix: Array, time_s: float, telling: bool = True) -> Array:
+        """Correct by a fix (4,) of this very step; hands back measured less foretold (3,): ahead, right, turned.
+
+        One that is not `telling`, because too little is known of what was commanded before it, says nothing for or
+        against the tractor's file: the witness begins anew at the place.
+        """
         rolled, tracker, machine = self.rolled, self.tracker, self.rolled.machine
         off = self._apart(fix)
         pose, forward, spin = rolled.body[:3].copy(), rolled.forward_mps, float(rolled.body[5])
         whitened = np.zeros(4)
-        none = np.zeros((0, 8))
+        none = np.zeros((0, SIZE))
         lever = machine.ahead_m, machine.right_m
         good = measure(
-            tracker.estimate, tracker.cov, tracker.spec, fix, *lever, forward, spin, True, none, np.zeros(0), GATE,
-            whitened, self.clear,
+            tracker.estimate, tracker.cov, tracker.spec, fix, *lever, forward, spin, self._before[1], none,
+            np.zeros(0), GATE, whitened, self.clear,
         )  # fmt: skip
         if not good:
             self._lost(fix, time_s)
@@ -75,8 +79,12 @@ class Anchor:
         moved = tracker.estimate[:3] - pose
         rolled.shift(float(moved[0]), float(moved[1]), float(moved[2]))
         test = self.test
+        if not telling:
+            self.witness.start(tracker.estimate[:3], LOST_M, LOST_RAD)
+            test.shifts[:] = 0.0
+            return off
         measure(
-            self.witness.estimate, self.witness.cov, self.witness.spec, fix, *lever, forward, spin, False,
+            self.witness.estimate, self.witness.cov, self.witness.spec, fix, *lever, forward, spin, -1.0,
             test.shifts, test.sizes, math.inf, test.whitened, test.means,
         )  # fmt: skip
         test.take(time_s)
@@ -115,17 +123,20 @@ class Predicting:
         self.anchor, self.commands = anchor, commands
         self.rolled = anchor.rolled.copy()
 
+        self._stale = False
+
     def commanded(self, step: int, command: Array) -> None:
         """A command from a step on; what was driven since is driven again."""
-        if step < self.rolled.step:
-            self.rolled = self.anchor.rolled.copy()
+        self._stale = self._stale or step < self.rolled.step
 
     def corrected(self, step: int, fix: Array) -> None:
         """The anchor has taken a fix."""
-        self.rolled = self.anchor.rolled.copy()
+        self._stale = True
 
     def to(self, step: int) -> None:
         """Roll on to a step."""
+        if self._stale:
+            self.rolled, self._stale = self.anchor.rolled.copy(), False
         self.rolled.to(step, self.commands, self.anchor.learnt)
 
     @property

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
+from fastapi import Depends
+from fastapi.security import HTTPBearer
 from starlette.requests import HTTPConnection, Request
 from starlette.websockets import WebSocket
 
@@ -14,6 +17,9 @@ from planner.service.settings import Settings, is_loopback
 from planner.service.store import Store
 from planner.service.store.tokens import SCOPES
 
+BEARER = HTTPBearer(
+    auto_error=False, description="A token of headland token new; who reads from this machine needs none."
+)
 NOBODY = "this machine"
 FORWARDED = ("forwarded", "x-forwarded-for", "x-real-ip", "via")
 """Headers of a proxy: what comes through one does not come from this machine."""
@@ -47,10 +53,10 @@ class Who:
         )
 
 
-def needs(scope: str) -> Callable[[Request], Who]:
+def needs(scope: str) -> Callable[..., Who]:
     """A dependency of routes: who asks, refused without this scope by TokenError or ScopeError."""
 
-    def who(request: Request) -> Who:
+    def who(request: Request, _told: Annotated[object, Depends(BEARER)]) -> Who:
         asks = who_of(request, _bearer(request))
         asks.check(scope)
         return asks

@@ -23,6 +23,7 @@ from planner.service.jobs.reading import Reader
 from planner.service.jobs.supervisor import Supervisor
 from planner.service.links import fleets, link, twins
 from planner.service.links.hub import Hub
+from planner.service.pages import mount
 from planner.service.settings import Settings
 from planner.service.store import Store
 from planner.service.store.backup import sweep
@@ -52,6 +53,7 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     for router in parts:
         api.include_router(router)
     app.include_router(api)
+    mount(app)
     add_refusals(app, word_of)
     app.add_middleware(Limits, settings=settings)
     app.add_middleware(SecurityHeaders)

@@ -17,7 +17,7 @@ from planner.service.jobs.reading import Reader
 from planner.service.settings import MEGABYTE
 from planner.service.store import Store
 from planner.service.store.base import checked_name
-from planner.service.store.files import MEDIA, SUFFIXES
+from planner.service.store.files import MEDIA, SUFFIXES, checked_suffix
 from vehicle.tractor import tractor_names
 
 KINDS = {"fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log"}
@@ -60,7 +60,7 @@ def _add_uploads(router: APIRouter, kind: str) -> None:
         """Upload a file. It is read before it is kept, and refused in a sentence if it is not what it should be."""
         store: Store = request.app.state.store
         stem, suffix = _taken_apart(file.filename or "", kind)
-        called = checked_name(name or stem)
+        called, suffix = checked_name(name or stem), checked_suffix(kind, suffix)
         if called in _samples(kind):
             raise TakenError(f"{called!r} comes with Headland; choose another name.", parameter="name")
         content = file.file.read()

@@ -5,6 +5,7 @@
 requests    what is asked for, with the names of the command line
 inputs      the files that a request names, as they were when it was made; names only, never paths
 asking      a request as a scenario; the folder in which it is worked on
+work        one job as its function takes it
 kinds       which function does which kind of job
 plan, day, diagnosis  those functions
 made        results as bytes

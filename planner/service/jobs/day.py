@@ -8,9 +8,9 @@ from pathlib import Path
 from planner.day import load_day, plan_day, prepare_day
 from planner.day.cache import Cache
 from planner.pool import local_pool
-from planner.service.jobs.kinds import Work
 from planner.service.jobs.made import csv_of, html_of, json_of, png_of
 from planner.service.jobs.requests import DayRequest
+from planner.service.jobs.work import Work
 from planner.service.store.jobs import Made
 from planner.warmup import run_once
 from reports.day_export import day_csv, day_json

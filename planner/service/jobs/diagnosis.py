@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planner.diagnosis import demonstrate, diagnose
-from planner.service.jobs.kinds import Work
 from planner.service.jobs.made import html_of, json_of, toml_of
 from planner.service.jobs.requests import DiagnosisRequest
+from planner.service.jobs.work import Work
 from planner.service.store.jobs import Made
 from reports.diagnosis_export import diagnosis_json
 from reports.diagnosis_page import diagnosis_page

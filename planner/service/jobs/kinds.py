@@ -2,32 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
+from planner.service.jobs.work import Kind
 from planner.service.settings import Settings
-from planner.service.store.jobs import Made
 
 PLAN, DAY, DIAGNOSIS = "plan", "day", "diagnosis"
-Progress = Callable[[int, int, str], None]
-
-
-@dataclass(frozen=True)
-class Work:
-    """One job as its function takes it: the request, processes it may use, whom to tell (done, all, words).
-
-    The function is called in the folder of its input files, and gives the same bytes whenever it is called.
-    """
-
-    request: Mapping[str, Any]
-    processes: int
-    progress: Progress
-    cache: str
-
-
-Kind = Callable[[Work], Sequence[Made]]
-"""Does a job: its results, or a HeadlandError with the one sentence."""
 
 
 def kind_of(name: str, settings: Settings) -> Kind:

@@ -10,8 +10,8 @@ from planner.pool import local_pool
 from planner.rank import candidates
 from planner.saving import saved_plan
 from planner.service.jobs.asking import asked_of
-from planner.service.jobs.kinds import Work
 from planner.service.jobs.made import csv_of, html_of, json_of, png_of
+from planner.service.jobs.work import Work
 from planner.service.store.jobs import Made
 from planner.warmup import run_once
 from reports.export import ranking_csv, ranking_json

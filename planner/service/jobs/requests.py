@@ -6,8 +6,6 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from planner.scenario import MOST_DRAWS
-
 TEXT, LIST = 400, 64
 MOST_TOML = 400_000
 LARGEST_SEED = 2**53
@@ -82,6 +80,7 @@ class DayRequest(Request):
     def check(self) -> None:
         """Raise ScenarioError as the command does."""
         from planner.errors import ScenarioError, named
+        from planner.scenario import MOST_DRAWS
 
         if not 1 <= self.draws <= MOST_DRAWS:
             raise ScenarioError(f"{named('draws')} is {self.draws}; use 1 to {MOST_DRAWS}.")

@@ -20,7 +20,8 @@ from sqlalchemy.exc import DBAPIError
 from planner.errors import HeadlandError
 from planner.parameters import word_of
 from planner.service.jobs.inputs import lay
-from planner.service.jobs.kinds import Work, kind_of
+from planner.service.jobs.kinds import kind_of
+from planner.service.jobs.work import Work
 from planner.service.settings import Settings
 from planner.service.store import Store
 from planner.service.store.jobs import Made

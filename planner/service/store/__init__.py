@@ -11,6 +11,6 @@ whole      all of them
 backup     a copy of all while the service runs; bytes that nobody names swept away
 """
 
-from planner.service.store.whole import Store
+from planner.service.store.whole import Store, opened
 
-__all__ = ["Store"]
+__all__ = ["Store", "opened"]

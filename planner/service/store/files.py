@@ -21,6 +21,16 @@ MEDIA = {
 }  # fmt: skip
 
 
+def checked_suffix(kind: str, suffix: str) -> str:
+    """The ending of a file of a kind; raises ServiceError for one of others."""
+    if suffix not in SUFFIXES[kind]:
+        raise ServiceError(
+            f"A {kind} does not end in {suffix[:20]!r}; give a file that ends in {' or '.join(SUFFIXES[kind])}.",
+            parameter="file",
+        )
+    return suffix
+
+
 class Files(Part):
     """The files."""
 
@@ -30,12 +40,7 @@ class Files(Part):
         The same bytes again under the same name change nothing. Raises ServiceError for a name or ending that cannot
         be, TakenError where other bytes have the name.
         """
-        name, suffix = checked_name(name), suffix or SUFFIXES[kind][0]
-        if suffix not in SUFFIXES[kind]:
-            raise ServiceError(
-                f"A {kind} does not end in {suffix!r}; give a file that ends in {' or '.join(SUFFIXES[kind])}.",
-                parameter="file",
-            )
+        name, suffix = checked_name(name), checked_suffix(kind, suffix or SUFFIXES[kind][0])
         row = File(
             kind=kind, name=name, suffix=suffix, sha256=self.blobs.put(content), size=len(content), media=MEDIA[suffix],
             created=now(),

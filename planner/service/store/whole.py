@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from planner.service.settings import Settings
 from planner.service.store.database import migrate
 from planner.service.store.files import Files
@@ -19,8 +22,22 @@ class Store(Tokens, Files, Jobs, Fleets):
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
-        migrate(self.database.engine)
+        try:
+            migrate(self.database.engine)
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Let go of the database."""
         self.database.close()
+
+
+@contextmanager
+def opened(settings: Settings) -> Iterator[Store]:
+    """A store for as long as the body takes."""
+    store = Store(settings)
+    try:
+        yield store
+    finally:
+        store.close()

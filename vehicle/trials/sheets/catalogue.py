@@ -9,7 +9,7 @@ from vehicle.errors import VehicleError
 from vehicle.tractor import Tractor, load_tractor
 from vehicle.trials.sheets.sheet import Sheet
 
-EXPERIMENTS = ("circles", "step", "zigzag", "navigation", "fixed", "changing", "slip")
+EXPERIMENTS = ("circles", "step", "zigzag", "navigation", "fixed", "changing", "slip", "twin")
 STUDIES = ("tyres", "mass")
 
 
@@ -26,6 +26,7 @@ def validate(
     from vehicle.trials.sheets.circles import changing, circles, fixed
     from vehicle.trials.sheets.paths import navigation_sheet, slip, zigzag_sheet
     from vehicle.trials.sheets.step import step
+    from vehicle.trials.sheets.twin import twin_sheet
 
     tractor = load_tractor("eg105")
     runs: dict[str, Callable[[Tractor], Sheet]] = {
@@ -36,6 +37,7 @@ def validate(
         "fixed": fixed,
         "changing": changing,
         "slip": slip,
+        "twin": lambda machine: twin_sheet(machine, seed),
     }
     sheets = []
     for number, name in enumerate(names):

@@ -1,0 +1,80 @@
+// The service over HTTP. Its errors are the sentences it answers with.
+
+const TOKEN = "headland-token";
+const ROOT = new URL("api/v1/", document.baseURI);
+
+/** What the service refused, in its own words; `parameter` names the value that was wrong, where one was. */
+export class ServiceError extends Error {
+  constructor(sentence, status, parameter = null) {
+    super(sentence);
+    this.status = status;
+    this.parameter = parameter;
+  }
+}
+
+/** The token of this tab: it is forgotten when the tab is closed. */
+export const token = {
+  get: () => sessionStorage.getItem(TOKEN),
+  set: (value) => (value ? sessionStorage.setItem(TOKEN, value) : sessionStorage.removeItem(TOKEN)),
+};
+
+export function socketUrl(path) {
+  const url = new URL(path, ROOT);
+  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+  return url;
+}
+
+async function ask(method, path, body = null, headers = {}) {
+  const secret = token.get();
+  if (secret) headers.Authorization = `Bearer ${secret}`;
+  let answer;
+  try {
+    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache: "no-store", credentials: "omit" });
+  } catch {
+    throw new ServiceError("The service does not answer; see whether it is still running.", 0);
+  }
+  if (!answer.ok) throw await refusal(answer);
+  return answer;
+}
+
+async function refusal(answer) {
+  const body = await answer.json().catch(() => ({}));
+  const detail = typeof body.detail === "string" ? body.detail : null;
+  const sentence = body.error || detail || `The service answered with status ${answer.status}.`;
+  return new ServiceError(sentence, answer.status, body.parameter || null);
+}
+
+const json = async (answer) => (answer.status === 204 ? null : answer.json());
+
+export const get = async (path) => json(await ask("GET", path));
+export const text = async (path) => (await ask("GET", path)).text();
+export const bytes = async (path) => (await ask("GET", path)).blob();
+export const remove = async (path) => json(await ask("DELETE", path));
+export const post = async (path, body = {}) =>
+  json(await ask("POST", path, JSON.stringify(body), { "Content-Type": "application/json" }));
+
+/** Upload one file as form data, under a name if one is given. */
+export async function upload(path, file, name = null) {
+  const form = new FormData();
+  form.append("file", file, file.name);
+  if (name) form.append("name", name);
+  return json(await ask("POST", path, form));
+}
+
+/** Items of a list, none where the service has no such list. */
+export async function items(path) {
+  const answer = await get(path);
+  return Array.isArray(answer) ? answer : answer?.items ?? [];
+}
+
+export const part = (text) => encodeURIComponent(text);
+
+/** Save a result under a name: fetched with the token, so a plain link will not do. */
+export async function save(path, name) {
+  const url = URL.createObjectURL(await bytes(path));
+  const link = document.createElement("a");
+  link.href = url;
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(url), 10000);
+}

@@ -1,0 +1,125 @@
+// What stands beside the map: a row for each tractor, alarms, stop-all. Rows are made once and then only told anew.
+import { el, put, say, button, who, note } from "./dom.js";
+import { age, clock, kmh, legWords, moment, percent, span, timeOfDay, plural, DASH } from "./words.js";
+
+const CONNECTIONS = { online: ["online", "good"], offline: ["offline", "off"], broken: ["connection broken", "off"] };
+
+/** Say of a fix in words how it stands with its connection. */
+export function connectionOf(live, fix) {
+  if (live.link !== "online") return ["no link to the service", "off"];
+  return CONNECTIONS[fix.connection] ?? [fix.connection ?? DASH, ""];
+}
+
+export function waitsWords(fix) {
+  const list = fix.waits_for ?? [];
+  return list.length ? `waits for ${list.map((one) => `tractor ${one.tractor}`).join(" and ")}` : "";
+}
+
+/** A tile of one tractor that leads to its page; `told()` brings it up to date. */
+export function tractorTile(live, number, { fleetName = () => false } = {}) {
+  const badge = el("span", { class: "badge" }), title = el("b"), doing = el("span"), more = el("p", { class: "line" });
+  const cells = Object.fromEntries(["age", "speed", "error", "eta", "late"].map((key) => [key, el("span")]));
+  more.append(...Object.values(cells));
+  const node = el("a", { class: "tile tractor", href: `#/fleet/${encodeURIComponent(live.id)}/tractor/${number}` },
+    who(number), el("div", { class: "grow" }, el("p", { class: "row" }, title, badge), el("p", {}, doing), more));
+  const told = () => {
+    const fix = live.fixes.get(number) ?? {}, [words, look] = connectionOf(live, fix);
+    say(title, fleetName() ? `${live.name}, tractor ${number}` : `Tractor ${number}`);
+    say(badge, words);
+    badge.className = `badge ${look}`;
+    const legs = live.scene?.lanes[number - 1] ?? [];
+    const done = legs.length && fix.leg >= legs.length;
+    say(doing, [done ? "done" : legWords(live.leg(number)), waitsWords(fix), fix.mode && fix.mode !== "automatic" ? fix.mode : "", ...(fix.holds ?? []).filter((one) => one !== fix.mode)].filter(Boolean).join(", "));
+    say(cells.age, `fix ${age(live.age(number))}`);
+    say(cells.speed, kmh(fix.speed_mps));
+    say(cells.error, typeof fix.error_m === "number" ? `off by ${Math.round(100 * fix.error_m)}\u00A0cm` : "");
+    say(cells.eta, done ? "" : typeof fix.eta_s === "number" ? `done ${timeOfDay(fix.eta_s)}` : "");
+    say(cells.late, fix.late_s > 30 ? `${span(fix.late_s)} late` : fix.late_s < -30 ? `${span(fix.late_s)} early` : "");
+    cells.late.className = fix.late_s > 30 ? "late" : "";
+  };
+  told();
+  return { node, told };
+}
+
+/** Tiles of all tractors of fleets; `told()` adds those that came. */
+export function tractorTiles(lives, more = {}) {
+  const node = el("div", { class: "cards", role: "list", "aria-label": "Tractors" }), tiles = new Map();
+  const told = () => {
+    for (const live of lives()) for (const number of live.numbers()) {
+      const key = `${live.id}/${number}`;
+      if (!tiles.has(key)) {
+        tiles.set(key, tractorTile(live, number, more));
+        node.append(el("div", { role: "listitem" }, tiles.get(key).node));
+      }
+      tiles.get(key).told();
+    }
+  };
+  return { node, told };
+}
+
+/** Alarms of fleets, those not yet seen first, each with its acknowledgement. */
+export function alarmList(lives, { fleetName = () => false } = {}) {
+  const list = el("ul", { class: "cards", "aria-label": "Alarms" }), node = el("div", { "aria-live": "polite" }, list);
+  let shown = "";
+  const told = () => {
+    const all = lives().flatMap((live) => live.alarms.map((alarm) => ({ live, alarm })));
+    const key = JSON.stringify(all.map(({ live, alarm }) => [live.id, alarm, live.mayControl]));
+    if (key === shown) return;
+    shown = key;
+    const seen = (one) => Boolean(one.alarm.acknowledged), grave = (one) => one.alarm.level === "critical";
+    all.sort((a, b) => seen(a) - seen(b) || grave(b) - grave(a) || b.alarm.id - a.alarm.id);
+    if (!all.length) return put(list, el("li", { class: "soft" }, "No alarms."));
+    put(list, all.map(({ live, alarm }) => alarmTile(live, alarm, fleetName())));
+  };
+  told();
+  const count = () => lives().reduce((sum, live) => sum + live.alarms.filter((one) => !one.acknowledged).length, 0);
+  const sign = button("", () => node.scrollIntoView({ block: "center" }), "sign", { hidden: true });
+  // How many are new, for the head of the page; it leads to them.
+  const counted = () => { sign.hidden = !count(); say(sign, plural(count(), "new alarm")); };
+  return { node, sign, told: () => { told(); counted(); } };
+}
+
+function alarmTile(live, alarm, fleetName) {
+  const seen = alarm.acknowledged;
+  const look = `tile alarm ${alarm.level === "critical" ? "critical" : ""} ${seen ? "seen" : ""}`;
+  return el("li", { class: look },
+    el("div", { class: "grow" }, el("p", {}, el("b", {}, fleetName ? `${live.name}: ` : ""), alarm.sentence),
+      el("p", { class: "small soft" }, `since ${moment(alarm.since)}${seen ? `; seen${typeof seen === "string" ? ` by ${seen}` : ""}` : ""}${alarm.over ? "; over" : ""}`)),
+    !seen && button("Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
+}
+
+/** Stop-all: one press, nothing asked. It needs a token that may control, and says so where there is none. */
+export function stopAll(lives) {
+  const press = () => lives().forEach((live) => live.send({ kind: "stop_all" }));
+  const knob = button("STOP ALL", press, "stop", { "aria-label": "Stop all tractors at once" });
+  const node = el("div", { class: "stopbar" }, knob);
+  const told = () => {
+    const may = lives().some((live) => live.mayControl);
+    knob.disabled = !may;
+    knob.title = may ? "Stops every tractor at once" : "Reading only; enter a token that may control under Access";
+  };
+  told();
+  return { node, told };
+}
+
+/** What the service said last to this page, gone after a while. */
+export function refusals(live) {
+  const node = el("div", { class: "messages" });
+  live.watch((kind) => {
+    if (kind !== "refused" || !live.said) return;
+    put(node, note(live.said, "error", button("Close", () => put(node), "small")));
+  });
+  return node;
+}
+
+export function fleetFacts(live) {
+  const fleet = live.fleet ?? {};
+  const area = fleet.done_m2 >= 0 ? `${(fleet.done_m2 / 10000).toFixed(2)}\u00A0ha` : DASH;
+  const pairs = [["Worked", percent(fleet.done_pct)], ["Area done", area],
+    ["Done at", typeof fleet.eta_s === "number" && fleet.state !== "done" ? timeOfDay(fleet.eta_s) : DASH], ["Left", clock(fleet.state === "done" ? 0 : fleet.eta_s)]];
+  if (typeof fleet.deadline_s === "number") pairs.push([fleet.deadline_s < 0 ? "Past the deadline" : "To the deadline", span(fleet.deadline_s)]);
+  if (typeof fleet.probability === "number") pairs.push(["In time", percent(100 * fleet.probability)]);
+  return pairs;
+}
+
+export const tractorsWords = (live) => plural(live.numbers().length, "tractor");

@@ -1,0 +1,90 @@
+// Strip charts on a canvas: a line per series against the last seconds, zero and the largest values told.
+import { el } from "./dom.js";
+import { colours, onColours } from "./palette.js";
+
+const LEFT = 46, RIGHT = 8, TOP = 30, BOTTOM = 22;
+
+/** A round value not below one: 1, 2, 5, 10, ... */
+export function roundUp(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return [1, 2, 5, 10].map((k) => k * power).find((k) => k >= value * 0.999);
+}
+
+/** `series`: name, colour and unit each; `add(time, values)` in seconds, `last_s` seconds are shown. */
+export class StripChart {
+  constructor(title, { unit, series, last_s = 60, least = 0.1, both = false, decimals = 2 }) {
+    this.node = el("canvas", { class: "chart", role: "img", "aria-label": title });
+    Object.assign(this, { title, unit, series, last_s, least, both, decimals, rows: [] });
+    this.resizing = new ResizeObserver(() => this.draw());
+    this.resizing.observe(this.node);
+    this.forget = onColours(() => this.draw());
+  }
+
+  add(time, values) {
+    const last = this.rows[this.rows.length - 1];
+    if (last && time < last[0]) this.rows = [];
+    this.rows.push([time, ...values]);
+    while (this.rows.length && this.rows[0][0] < time - this.last_s) this.rows.shift();
+  }
+
+  set(rows) { this.rows = rows; this.draw(); }
+
+  draw() {
+    const { clientWidth: width, clientHeight: height } = this.node;
+    if (!width) return;
+    const ratio = window.devicePixelRatio || 1, ctx = this.node.getContext("2d");
+    this.node.width = Math.round(width * ratio);
+    this.node.height = Math.round(height * ratio);
+    ctx.scale(ratio, ratio);
+    ctx.font = "12px system-ui, sans-serif";
+    const values = this.rows.flatMap((row) => row.slice(1)).filter(Number.isFinite);
+    const top = roundUp(Math.max(this.least, ...values.map(Math.abs))), low = this.both ? -top : 0;
+    const end = this.rows.length ? this.rows[this.rows.length - 1][0] : this.last_s;
+    const x = (time) => LEFT + (1 - (end - time) / this.last_s) * (width - LEFT - RIGHT);
+    const y = (value) => TOP + ((top - value) / (top - low)) * (height - TOP - BOTTOM);
+    this.frame(ctx, width, height, x, y, top, low, end);
+    this.series.forEach((one, k) => this.lineOf(ctx, x, y, k + 1, one));
+  }
+
+  frame(ctx, width, height, x, y, top, low, end) {
+    ctx.fillStyle = colours.soft;
+    ctx.strokeStyle = colours.rule;
+    ctx.lineWidth = 1;
+    ctx.textAlign = "right";
+    for (const value of this.both ? [top, 0, low] : [top, top / 2, 0]) {
+      ctx.beginPath(); ctx.moveTo(LEFT, y(value)); ctx.lineTo(width - RIGHT, y(value)); ctx.stroke();
+      ctx.fillText(String(Number(value.toPrecision(2))), LEFT - 6, y(value) + 4);
+    }
+    ctx.fillText("now", width - RIGHT, height - 5);
+    ctx.textAlign = "left";
+    ctx.fillText(`${this.last_s} s ago`, LEFT, height - 5);
+    ctx.font = "600 12px system-ui, sans-serif";
+    ctx.fillStyle = colours.ink;
+    ctx.fillText(`${this.title}, ${this.unit}`, 2, 12);
+    let at = width - RIGHT;
+    ctx.textAlign = "right";
+    for (const [k, one] of [...this.series.entries()].reverse()) {
+      const value = this.rows.at(-1)?.[k + 1];
+      const words = `${one.name} ${Number.isFinite(value) ? value.toFixed(this.decimals) : "\u2013"}`;
+      ctx.fillStyle = colours[one.colour];
+      ctx.fillText(words, at, 12);
+      at -= ctx.measureText(words).width + 14;
+    }
+    ctx.textAlign = "left";
+  }
+
+  lineOf(ctx, x, y, column, one) {
+    ctx.strokeStyle = colours[one.colour];
+    ctx.lineWidth = 1.8;
+    ctx.beginPath();
+    let drawn = false;
+    for (const row of this.rows) {
+      if (!Number.isFinite(row[column])) { drawn = false; continue; }
+      if (drawn) ctx.lineTo(x(row[0]), y(row[column])); else ctx.moveTo(x(row[0]), y(row[column]));
+      drawn = true;
+    }
+    ctx.stroke();
+  }
+
+  close() { this.resizing.disconnect(); this.forget(); }
+}

@@ -1,0 +1,71 @@
+// Long work: how far it is, in words; cancel; the sentence it failed with; what came out.
+import { el, put, say, button, note } from "./dom.js";
+import { get, post, items, save, part } from "./api.js";
+import { capital, moment, size, DASH } from "./words.js";
+
+const LOOK_MS = 700, ENDS = new Set(["done", "failed", "cancelled"]);
+
+/** Follow a job until it ends; `done(job)` once it is done. Answers a node and how to stop looking. */
+export function followJob(kind, id, { done, again = null }) {
+  const node = el("div", { class: "stack" }), words = el("p", { role: "status" }), bar = el("progress", { "aria-label": "Progress" });
+  const path = `${kind}/${part(id)}`, error = el("div");
+  const cancel = button("Cancel", async () => { cancel.disabled = true; await post(`${path}/cancel`).catch(failed); }, "danger");
+  const running = el("div", { class: "panel stack" }, words, bar, el("div", { class: "row" }, cancel));
+  const failed = (why) => put(error, note(why.message, "error"));
+  let timer = 0, closed = false;
+  const look = async () => {
+    let job;
+    try { job = await get(path); put(error); } catch (why) {
+      if (closed) return;
+      failed(why);
+      if (why.status !== 404) timer = setTimeout(look, 3 * LOOK_MS);
+      return;
+    }
+    if (closed) return;
+    if (!ENDS.has(job.status)) {
+      tell(job);
+      timer = setTimeout(look, LOOK_MS);
+      return;
+    }
+    running.remove();
+    if (job.status === "done") return done(job, node);
+    const sentence = job.error || (job.status === "cancelled" ? "It was cancelled." : "It failed without a reason.");
+    put(node, note(sentence, job.status === "failed" ? "error" : ""), again && el("div", { class: "actions" }, again));
+  };
+  const tell = (job) => {
+    const { done: part = null, all = null, words: doing = "" } = job.progress ?? {};
+    if (all) { bar.max = all; bar.value = part; } else bar.removeAttribute("value");
+    say(words, job.status === "queued" ? "Waiting for its turn." : `${capital(doing || "At work")}${all ? ` (${part} of ${all})` : ""}`);
+  };
+  put(node, running, error);
+  look();
+  return { node, close: () => { closed = true; clearTimeout(timer); } };
+}
+
+/** Buttons that save what came out of a job. */
+export function results(kind, job, trouble) {
+  const names = (job.results ?? []).map((one) => (typeof one === "string" ? one : one.name));
+  return el("div", { class: "row" }, names.filter((name) => !/^plan-/.test(name)).map((name) =>
+    button(name, () => save(`${kind}/${part(job.id)}/results/${part(name)}`, `${job.name || kind}-${name}`).catch(trouble), "small", { "aria-label": `Save ${name}` })));
+}
+
+export const STATES = { queued: "", running: "warn", done: "good", failed: "off", cancelled: "" };
+
+/** Earlier jobs of a kind, newest first, as a list of links. */
+export async function earlier(kind, address, title) {
+  const jobs = await items(kind), node = el("div", { class: "cards" });
+  const newest = [...jobs].sort((a, b) => String(b.created).localeCompare(String(a.created)));
+  put(node, newest.length ? newest.slice(0, 12).map((job) => el("a", { class: "tile", href: `#/${address}/${part(job.id)}` },
+    el("div", { class: "grow" }, el("b", {}, job.name || job.id), el("p", { class: "small soft" }, moment(job.created))),
+    el("span", { class: `badge ${STATES[job.status] ?? ""}` }, job.status ?? DASH))) : el("p", { class: "soft" }, "None yet."));
+  return el("section", {}, el("h2", {}, title), node);
+}
+
+/** A report page of a job in a box that can reach nothing of this page; it has a policy of its own, so it has a URL. */
+export async function reportFrame(kind, id, title) {
+  const path = `${kind}/${part(id)}/results/page.html`;
+  const shown = await post(`${path}/view`).catch(() => null);
+  return el("iframe", { class: "report", title, sandbox: "allow-scripts", src: new URL(`api/v1/${shown?.path ?? path}`, document.baseURI) });
+}
+
+export const fileWords = (one) => [one.sample ? "sample" : size(one.size), one.created ? moment(one.created) : ""].filter(Boolean).join(", ");

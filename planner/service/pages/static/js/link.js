@@ -1,0 +1,78 @@
+// One WebSocket link to a fleet: says hello, comes back after it was lost, and knows when it hears nothing.
+import { socketUrl, token, part } from "./api.js";
+
+const FIRST_WAIT_MS = 400, LONGEST_WAIT_MS = 5000, SILENCE_MS = 3000;
+
+/** Calls `heard(frame)` with every frame and `changed(state)` with connecting, online, silent or lost. */
+export class Link {
+  constructor(fleet, { role = "viewer", tractor = null, heard, changed = () => {} }) {
+    Object.assign(this, { fleet, role, tractor, heard, changed, state: "", closed: false, wait: FIRST_WAIT_MS });
+    this.watch = setInterval(() => this.listen(), 500);
+    this.open();
+  }
+
+  open() {
+    if (this.closed) return;
+    this.tell("connecting");
+    const socket = (this.socket = new WebSocket(socketUrl(`fleets/${part(this.fleet)}/link`)));
+    socket.addEventListener("open", () => this.hello());
+    socket.addEventListener("message", (event) => this.take(event.data));
+    socket.addEventListener("close", (event) => this.lost(socket, event));
+  }
+
+  hello() {
+    this.last = performance.now();
+    this.welcomed = false;
+    this.send({ kind: "hello", role: this.role, tractor: this.tractor, token: token.get(), version: 1 });
+  }
+
+  take(data) {
+    this.last = performance.now();
+    let frame;
+    try {
+      frame = JSON.parse(data);
+    } catch {
+      return;
+    }
+    if (frame.kind === "welcome") {
+      this.welcomed = true;
+      this.wait = FIRST_WAIT_MS;
+      this.tell("online");
+    } else if (frame.kind === "refused" && !this.welcomed && this.role === "control") this.role = "viewer";
+    else if (this.state === "silent") this.tell("online");
+    this.heard(frame);
+  }
+
+  lost(socket, event) {
+    if (socket !== this.socket || this.closed) return;
+    // Who may not control may still look: the next attempt asks for less.
+    if (!this.welcomed && this.role === "control" && event.code !== 1006) this.role = "viewer";
+    this.tell("lost");
+    this.timer = setTimeout(() => this.open(), this.wait);
+    this.wait = Math.min(2 * this.wait, LONGEST_WAIT_MS);
+  }
+
+  listen() {
+    if (this.state === "online" && performance.now() - this.last > SILENCE_MS) this.tell("silent");
+  }
+
+  tell(state) {
+    if (state === this.state) return;
+    this.state = state;
+    this.changed(state);
+  }
+
+  /** Send a frame; false where there is no link to send it on (nothing is kept for later: commands are of now). */
+  send(frame) {
+    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(frame));
+    return true;
+  }
+
+  close() {
+    this.closed = true;
+    clearInterval(this.watch);
+    clearTimeout(this.timer);
+    this.socket?.close(1000);
+  }
+}

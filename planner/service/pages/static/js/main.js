@@ -1,0 +1,82 @@
+// The shell: which page the address names, its title, the tabs, the colours. Every page is a module of its own.
+import { put, note, heading, button, speak } from "./dom.js";
+import { ServiceError } from "./api.js";
+import { startTheme } from "./palette.js";
+
+const ROUTES = [
+  [/^\/?$/, "overview", "overview"],
+  [/^\/fleet\/([^/]+)$/, "fleet", "overview"],
+  [/^\/fleet\/([^/]+)\/tractor\/(\d+)$/, "tractor", "overview"],
+  [/^\/plan$/, "plan", "plan"],
+  [/^\/plan\/([^/]+)$/, "planned", "plan"],
+  [/^\/day$/, "day", "day"],
+  [/^\/day\/([^/]+)$/, "day", "day"],
+  [/^\/diagnose$/, "diagnose", "diagnose"],
+  [/^\/diagnose\/([^/]+)$/, "diagnose", "diagnose"],
+  [/^\/replay$/, "replay", "replay"],
+  [/^\/replay\/([^/]+)$/, "replay", "replay"],
+  [/^\/access$/, "access", "access"],
+];
+
+const main = document.getElementById("main");
+let close = () => {}, turn = 0;
+
+const shell = {
+  title(words) {
+    document.title = `${words} \u2013 Headland`;
+    speak(words);
+  },
+};
+
+function tab(name) {
+  for (const link of document.querySelectorAll("[data-tab]")) {
+    if (link.dataset.tab === name) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+}
+
+async function show(first = false) {
+  const path = location.hash.slice(1), mine = ++turn;
+  const found = ROUTES.map(([rule, page, tab]) => [path.match(rule), page, tab]).find(([match]) => match);
+  close();
+  close = () => {};
+  const box = document.createElement("div");
+  box.className = "stack page";
+  put(main, box);
+  tab(found?.[2]);
+  if (!found) return put(main, heading("No such page"), note("The address names no page of Headland; choose one above.", "warn"));
+  let ended = () => {};
+  try {
+    const page = await import(`./pages/${found[1]}.js`);
+    if (mine !== turn) return;
+    ended = (await page.open(box, shell, found[0].slice(1).map(decodeURIComponent))) ?? ended;
+  } catch (error) {
+    if (!(error instanceof ServiceError)) console.error(error);
+    if (mine === turn) trouble(box, error);
+  }
+  // Somebody may have gone on to another page while this one was waiting for the service.
+  if (mine !== turn) return ended();
+  close = ended;
+  if (!first) (main.querySelector("h1") ?? main).focus({ preventScroll: true });
+  if (!first) window.scrollTo(0, 0);
+}
+
+function trouble(box, error) {
+  const locked = error.status === 401 || error.status === 403;
+  put(box, heading(locked ? "Access is needed" : "This page could not be shown"), note(error instanceof ServiceError ? error.message : `The page has a fault (${error.message}); reload it, and tell of it if it stays.`, "error"));
+  const ways = document.createElement("div");
+  ways.className = "actions";
+  ways.append(button("Try again", () => show(), "main"));
+  if (locked) {
+    const link = document.createElement("a");
+    link.href = "#/access";
+    link.className = "button";
+    link.textContent = "Enter a token";
+    ways.append(link);
+  }
+  box.append(ways);
+}
+
+startTheme(document.getElementById("theme"));
+window.addEventListener("hashchange", () => show());
+show(true);

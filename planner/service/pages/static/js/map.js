@@ -1,0 +1,171 @@
+// A map in metres on a canvas: north up, moved and zoomed by pointer, wheel, keys and buttons. Layers draw on it.
+import { el, button, icon } from "./dom.js";
+import { colours, onColours } from "./palette.js";
+
+const NEAREST_PX = 60, FARTHEST_PX = 0.02, STEP = 1.3, PAN_PX = 60, CLICK_PX = 6;
+
+/** `view.at(x, y)` are pixels of a place in metres, `view.place(px, py)` the other way, `view.scale` pixels a metre. */
+export class MapView {
+  constructor(label, { short = false, keys = "" } = {}) {
+    this.canvas = el("canvas", { tabindex: "0", role: "application", "aria-label": `${label}. Arrow keys move it, plus and minus zoom, 0 shows all. ${keys}` });
+    this.tools = el("div", { class: "tools" },
+      button("+", () => this.zoom(STEP), "", { "aria-label": "Zoom in" }),
+      button("\u2212", () => this.zoom(1 / STEP), "", { "aria-label": "Zoom out" }),
+      button(icon("M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"), () => this.fit(), "", { "aria-label": "Show all" }));
+    this.node = el("div", { class: `map${short ? " short" : ""}` }, this.canvas, this.tools);
+    Object.assign(this, { layers: [], box: [0, 0, 100, 60], x: 50, y: 30, scale: 4, fitted: true, pointers: new Map(), clicked: null, dragged: null });
+    this.listen();
+    this.resizing = new ResizeObserver(() => this.resize());
+    this.resizing.observe(this.node);
+    this.forget = onColours(() => this.redraw());
+  }
+
+  listen() {
+    const canvas = this.canvas;
+    canvas.addEventListener("pointerdown", (event) => this.down(event));
+    canvas.addEventListener("pointermove", (event) => this.move(event));
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.up(event));
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(-event.deltaY / 500), [event.offsetX, event.offsetY]);
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  key(event) {
+    const ways = { ArrowLeft: [-PAN_PX, 0], ArrowRight: [PAN_PX, 0], ArrowUp: [0, -PAN_PX], ArrowDown: [0, PAN_PX] };
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (ways[event.key]) this.pan(...ways[event.key]);
+    else if (event.key === "+" || event.key === "=") this.zoom(STEP);
+    else if (event.key === "-") this.zoom(1 / STEP);
+    else if (event.key === "0") this.fit();
+    else return;
+    event.preventDefault();
+  }
+
+  down(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    this.from = [event.offsetX, event.offsetY];
+    this.moved = this.pointers.size > 1;
+    this.grabbed = this.pointers.size === 1 && this.dragged?.("start", this.place(...this.from), event);
+  }
+
+  move(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.offsetX, event.offsetY];
+    this.pointers.set(event.pointerId, now);
+    if (Math.hypot(now[0] - this.from[0], now[1] - this.from[1]) > CLICK_PX) this.moved = true;
+    if (this.grabbed) return this.dragged("move", this.place(...now), event);
+    if (this.pointers.size === 1) return this.moved && this.pan(before[0] - now[0], before[1] - now[1]);
+    const other = [...this.pointers].find(([id]) => id !== event.pointerId)[1];
+    const gap = (a) => Math.hypot(a[0] - other[0], a[1] - other[1]) || 1;
+    this.zoom(gap(now) / gap(before), other);
+  }
+
+  up(event) {
+    this.pointers.delete(event.pointerId);
+    if (this.grabbed) this.dragged("end", this.place(event.offsetX, event.offsetY), event);
+    else if (!this.moved && event.type === "pointerup") this.clicked?.(this.place(event.offsetX, event.offsetY), event);
+    this.grabbed = false;
+  }
+
+  pan(dx, dy) {
+    this.fitted = false;
+    this.x += dx / this.scale;
+    this.y -= dy / this.scale;
+    this.redraw();
+  }
+
+  zoom(factor, at = [this.width / 2, this.height / 2]) {
+    const [x, y] = this.place(...at);
+    this.fitted = false;
+    this.scale = Math.min(NEAREST_PX, Math.max(FARTHEST_PX, this.scale * factor));
+    this.x = x - (at[0] - this.width / 2) / this.scale;
+    this.y = y + (at[1] - this.height / 2) / this.scale;
+    this.redraw();
+  }
+
+  /** Show a box (west, south, east, north) whole; without one the last one. */
+  fit(box = this.box) {
+    this.box = box;
+    this.fitted = true;
+    if (!this.width) return;
+    const [w, h] = [Math.max(box[2] - box[0], 5), Math.max(box[3] - box[1], 5)];
+    this.scale = Math.min((this.width - 40) / w, (this.height - 96) / h, NEAREST_PX);
+    this.x = (box[0] + box[2]) / 2;
+    this.y = (box[1] + box[3]) / 2 + 12 / this.scale;
+    this.redraw();
+  }
+
+  /** Keep a place in the middle. */
+  centre(x, y) {
+    this.x = x;
+    this.y = y;
+    this.fitted = false;
+    this.redraw();
+  }
+
+  resize() {
+    const ratio = window.devicePixelRatio || 1;
+    this.width = this.node.clientWidth;
+    this.height = this.node.clientHeight;
+    this.canvas.width = Math.round(this.width * ratio);
+    this.canvas.height = Math.round(this.height * ratio);
+    if (this.fitted) this.fit();
+    this.draw();
+  }
+
+  at(x, y) { return [(x - this.x) * this.scale + this.width / 2, (this.y - y) * this.scale + this.height / 2]; }
+  place(px, py) { return [(px - this.width / 2) / this.scale + this.x, this.y - (py - this.height / 2) / this.scale]; }
+
+  redraw() {
+    if (this.waiting) return;
+    this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
+  }
+
+  draw() {
+    if (!this.width) return;
+    const ratio = window.devicePixelRatio || 1, ctx = this.canvas.getContext("2d");
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ctx.fillStyle = colours.ground;
+    ctx.fillRect(0, 0, this.width, this.height);
+    for (const layer of this.layers) {
+      ctx.save();
+      layer(ctx, this);
+      ctx.restore();
+    }
+    this.legend(ctx);
+  }
+
+  // A bar of round length at the bottom left, and which way is north.
+  legend(ctx) {
+    const most = 120 / this.scale, power = 10 ** Math.floor(Math.log10(most));
+    const metres = [5, 2, 1].map((k) => k * power).find((k) => k <= most), px = metres * this.scale, y = this.height - 14;
+    const words = metres >= 1000 ? `${metres / 1000} km` : `${metres} m`;
+    ctx.font = "600 12px system-ui, sans-serif";
+    ctx.strokeStyle = colours.halo;
+    ctx.lineWidth = 5;
+    const bar = () => { ctx.beginPath(); ctx.moveTo(14, y); ctx.lineTo(14 + px, y); ctx.stroke(); };
+    bar();
+    ctx.lineWidth = 3;
+    ctx.strokeText(words, 20 + px, y + 4);
+    ctx.strokeStyle = ctx.fillStyle = colours.ink;
+    bar();
+    ctx.fillText(words, 20 + px, y + 4);
+    const x = this.width - 24;
+    ctx.beginPath();
+    ctx.moveTo(x, y - 22); ctx.lineTo(x + 6, y - 8); ctx.lineTo(x - 6, y - 8);
+    ctx.fill();
+    ctx.textAlign = "center";
+    ctx.fillText("N", x, y + 4);
+    ctx.textAlign = "start";
+  }
+
+  close() {
+    this.resizing.disconnect();
+    this.forget();
+    cancelAnimationFrame(this.waiting);
+  }
+}

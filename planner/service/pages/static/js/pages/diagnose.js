@@ -1,0 +1,51 @@
+// Diagnose: upload measured logs, say which tractor they are of, and read what the simulation gets wrong and why.
+import { el, put, button, heading, note, labelled, option } from "../dom.js";
+import { get, post, items, upload, part } from "../api.js";
+import { filePicker } from "../files.js";
+import { earlier, fileWords, followJob, reportFrame, results } from "../jobs.js";
+
+export async function open(main, shell, [id = null]) {
+  shell.title("Diagnose");
+  if (id) return report(main, shell, id);
+  const list = el("div", { class: "cards" }), trouble = el("div"), chosen = new Set();
+  const draw = async () => {
+    const logs = await items("logs");
+    put(list, logs.length ? logs.map((log) => el("label", { class: "tile" },
+      el("input", { type: "checkbox", checked: chosen.has(log.name), onchange: (event) => (event.target.checked ? chosen.add(log.name) : chosen.delete(log.name)) }),
+      el("span", { class: "grow" }, el("b", {}, log.name), el("span", { class: "small soft" }, ` ${fileWords(log)}`)))) : el("p", { class: "soft" }, "No logs yet; add some above."));
+  };
+  const file = el("input", { type: "file", accept: ".csv,.parquet", multiple: true });
+  file.addEventListener("change", async () => {
+    put(trouble);
+    for (const one of file.files) {
+      try { chosen.add((await upload("logs", one)).name); } catch (error) { trouble.append(note(`${one.name}: ${error.message}`, "error")); }
+    }
+    file.value = "";
+    await draw();
+  });
+  await draw();
+  const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" });
+  const ground = el("select", { name: "ground" }, option("soil"), option("asphalt"));
+  const ask = async (request, knob) => {
+    knob.disabled = true;
+    try { location.hash = `#/diagnose/${part((await post("diagnoses", request)).id)}`; } catch (error) { put(trouble, note(error.message, "error")); } finally { knob.disabled = false; }
+  };
+  const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value }, run), "main");
+  const demo = button("Show me with made logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
+  put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."),
+    el("div", { class: "stack steps" },
+      el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run a file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
+      el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground))),
+      trouble, el("div", { class: "row" }, run, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
+}
+
+async function report(main, shell, id) {
+  const asked = await get(`diagnoses/${part(id)}`), trouble = el("div");
+  const job = followJob("diagnoses", id, {
+    again: el("a", { class: "button", href: "#/diagnose" }, "Choose other logs"),
+    done: async (done, node) => put(node, el("div", { class: "panel flush" }, await reportFrame("diagnoses", id, "Report of the diagnosis")),
+      el("section", { class: "panel" }, el("h2", {}, "Save"), results("diagnoses", done, (error) => put(trouble, note(error.message, "error"))), trouble)),
+  });
+  put(main, el("p", { class: "small" }, el("a", { href: "#/diagnose" }, "\u2039 Diagnose")), heading(asked.name || "Diagnosis", (asked.request?.logs ?? []).join(", ")), job.node);
+  return job.close;
+}

@@ -1,0 +1,116 @@
+// One fleet live: map, tractors, pause and resume, obstacles, a tractor that fails, the plan for the others.
+import { el, put, say, button, heading, facts, note, labelled, option } from "../dom.js";
+import { get, items, save, part } from "../api.js";
+import { FleetLive } from "../fleetlive.js";
+import { LiveMap } from "../livemap.js";
+import { tractorTiles, alarmList, stopAll, refusals, fleetFacts } from "../board.js";
+import { polygon, line } from "../layers.js";
+import { colours } from "../palette.js";
+import { capital, clock, moment, plural } from "../words.js";
+
+const TELL_MS = 250, LEAST_CORNERS = 3, LOOKS = { running: "good", stopped: "off" };
+
+export async function open(main, shell, [id]) {
+  const about = await get(`fleets/${part(id)}`);
+  const live = new FleetLive(id, about.name ?? id), one = () => [live];
+  shell.title(live.name);
+  const map = new LiveMap(`Map of ${live.name}`, { lives: one });
+  live.watch((kind) => { if (kind === "scene") { map.fit(); failing(); obstacles(); } if (kind === "proposal") proposed(); });
+  const tiles = tractorTiles(one), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
+  if (about.error) said.append(note(about.error, "error"));
+  const state = el("span", { class: "badge" }), figures = el("div"), log = el("ul", { class: "cards small" });
+  const start = button("Start", () => live.send({ kind: "start" }), "main"), pause = button("Pause all", () => live.send({ kind: "pause", tractor: null })),
+    resume = button("Resume", () => live.send({ kind: "resume", tractor: null }), "main");
+  const drawer = obstacleDrawer(live, map), proposal = el("div"), which = el("select", { "aria-label": "Tractor that failed" });
+  const failing = () => put(which, live.numbers().map((number) => option(String(number), `Tractor ${number}`)));
+  const fail = button("Plan without it", () => {
+    const tractor = Number(which.value);
+    if (live.send({ kind: "fail", tractor })) live.send({ kind: "replan", without: [tractor] });
+  }, "danger");
+  const proposed = () => put(proposal, live.proposal && proposalNote(live));
+  const inWay = el("ul", { class: "cards" });
+  const obstacles = () => put(inWay, live.scene.marked.map((one) => el("li", { class: "tile" }, el("span", { class: "grow" }, one.name),
+    button("It is gone", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
+  const recording = button("Save recording", () => save(`fleets/${part(id)}/recording`, `${live.name}.zip`).catch((error) => put(said, note(error.message, "error"))));
+  put(main, heading(live.name, "", state, alarms.sign, stop.node), said, proposal,
+    el("div", { class: "board rest-first" },
+      el("div", { class: "panel flush map-box" }, map.node, el("div", { class: "under" }, legend(), drawer.node)),
+      el("div", { class: "stack rest" }, figures,
+        el("div", { class: "actions" }, start, pause, resume, recording, el("a", { class: "button", href: `#/replay/${part(id)}` }, "Replay"))),
+      el("div", { class: "stack side" },
+        el("section", {}, el("h2", {}, "Alarms"), alarms.node),
+        el("section", {}, el("h2", {}, "Tractors"), tiles.node),
+        el("details", { class: "panel" }, el("summary", {}, "A tractor fails, something is in the way"),
+          el("p", { class: "small soft" }, "The rest of its tracks is planned for the others; you see the time before you accept."),
+          el("div", { class: "row" }, el("div", { class: "grow" }, which), fail), inWay),
+        el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
+  main.classList.add("has-stop");
+  const tell = () => {
+    const now = live.fleet.state ?? about.fleet?.state ?? "", held = live.numbers().some((number) => live.fixes.get(number).holds?.length);
+    say(state, capital(now || "not linked"));
+    state.className = `badge ${LOOKS[now] ?? ""}`;
+    start.hidden = now !== "ready";
+    pause.hidden = now !== "running";
+    resume.hidden = now !== "stopped" && !(now === "running" && held);
+    for (const knob of [start, pause, resume, fail, drawer.knob]) knob.disabled = !live.mayControl;
+    put(figures, facts(fleetFacts(live)));
+    put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
+    tiles.told(); alarms.told(); stop.told();
+  };
+  tell();
+  // What was done before this page was opened.
+  items(`events?fleet=${part(id)}`).then((known) => { live.events.push(...known.slice(-40).reverse()); }).catch(() => {});
+  const telling = setInterval(tell, TELL_MS);
+  return () => { clearInterval(telling); map.close(); live.close(); };
+}
+
+const eventWords = ({ time, who, what, data = {} }) =>
+  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).map(([key, value]) => `${key} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
+
+export const legend = () => el("ul", { class: "legend", "aria-label": "What is drawn" },
+  el("li", {}, el("i", { class: "area", style: { "--colour": "var(--t0)" } }), "worked"),
+  el("li", {}, el("i"), "released"), el("li", {}, el("i", { class: "thin" }), "announced"),
+  el("li", {}, el("i", { class: "dashed", style: { color: "var(--warn)" } }), "waits for"), el("li", {}, el("i", { class: "ring" }), "hollow: last known place"));
+
+function proposalNote(live) {
+  const one = live.proposal, gone = `tractor ${one.without.join(" and ")}`;
+  if (one.state === "accepted") return null;
+  if (one.state === "failed") return note(one.sentence ?? `There is no plan without ${gone}.`, "error");
+  if (one.state === "planning") return note(`The tracks of ${gone} are being planned for the others.`);
+  return note(`${one.sentence ?? `Without ${gone} the others take the rest.`} Done in ${clock(one.eta_s)}, as simulated.`, "warn",
+    button("Accept", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
+    button("Leave it", () => { live.proposal = null; live.tell("proposal"); }, "small"));
+}
+
+// An obstacle is drawn by its corners; the legs it touches are blocked, the rest goes on.
+function obstacleDrawer(live, map) {
+  let corners = null;
+  const words = el("span", { class: "small soft" });
+  const name = el("input", { "aria-label": "Name of the obstacle", placeholder: "What is it?", maxlength: "60" });
+  const end = () => { corners = null; map.node.classList.remove("drawing"); map.view.clicked = null; told(); map.view.redraw(); };
+  const done = button("Block it", () => {
+    const [east, north] = live.origin;
+    live.send({ kind: "obstacle", polygon_m: corners.map(([x, y]) => [x + east, y + north]), name: name.value.trim() || "obstacle" });
+    end();
+  }, "main small"), cancel = button("Cancel", end, "small");
+  const knob = button("Mark an obstacle", () => {
+    corners = [];
+    map.node.classList.add("drawing");
+    map.view.clicked = (place) => { corners.push(place); told(); map.view.redraw(); };
+    told();
+  }, "small");
+  const box = el("div", { class: "row", hidden: true }, words, el("div", { class: "grow" }, name), done, cancel);
+  const told = () => {
+    box.hidden = !corners;
+    knob.hidden = Boolean(corners);
+    done.disabled = !corners || corners.length < LEAST_CORNERS;
+    say(words, corners ? `Tap its corners on the map (${plural(corners.length, "corner")}).` : "");
+  };
+  map.extra = (ctx, view) => {
+    if (!corners?.length) return;
+    polygon(ctx, view, [corners], null, colours.off, 2.5);
+    line(ctx, view, corners, colours.off, 2.5);
+    for (const corner of corners) { const [x, y] = view.at(...corner); ctx.fillStyle = colours.off; ctx.fillRect(x - 4, y - 4, 8, 8); }
+  };
+  return { node: el("div", {}, knob, box), knob };
+}

@@ -1,0 +1,82 @@
+// All fleets on one map: who is where, who waits, how much is done, what is wrong; stop-all within reach.
+import { el, put, say, button, heading, note, facts } from "../dom.js";
+import { items } from "../api.js";
+import { FleetLive } from "../fleetlive.js";
+import { LiveMap, gridOf } from "../livemap.js";
+import { tractorTiles, alarmList, stopAll, refusals } from "../board.js";
+import { capital, percent, plural, timeOfDay, DASH } from "../words.js";
+
+const LOOK_AGAIN_MS = 5000, TELL_MS = 250, OVER = new Set(["done"]), LOOKS = { running: "good", stopped: "off" };
+const stateOf = (one) => one.fleet?.state ?? "";
+
+export async function open(main, shell) {
+  shell.title("Overview");
+  const known = await items("fleets");
+  if (!known.length) return empty(main);
+  const lives = new Map(), active = () => [...lives.values()];
+  const add = (one) => lives.has(one.id) || lives.set(one.id, begin(one));
+  const messages = el("div", { class: "messages stack" });
+  const begin = (one) => {
+    const live = new FleetLive(one.id, one.name ?? one.id);
+    messages.append(refusals(live));
+    live.watch((kind) => { if (kind === "scene") { grids(); map.fit(); } });
+    return live;
+  };
+  const map = new LiveMap("Map of all fleets", { lives: active });
+  map.view.clicked = (place) => { const hit = map.nearest(place); if (hit) location.hash = `#/fleet/${encodeURIComponent(hit.live.id)}/tractor/${hit.number}`; };
+  const tiles = tractorTiles(active, { fleetName: () => lives.size > 1 }), alarms = alarmList(active, { fleetName: () => lives.size > 1 }), stop = stopAll(active);
+  const fleets = el("div", { class: "cards" }), choice = el("div", { class: "row under", hidden: true, role: "group", "aria-label": "Fields that are far apart" });
+  const grids = () => {
+    const names = new Map(active().filter((live) => live.scene).map((live) => [gridOf(live), live.name]));
+    choice.hidden = names.size < 2;
+    put(choice, [...names].map(([grid, name]) => button(name, () => { map.grid = grid; map.fit(); grids(); }, "small", { "aria-pressed": String(grid === map.grid) })));
+  };
+  put(main, heading("Overview", "", alarms.sign, stop.node), messages,
+    el("div", { class: "board" },
+      el("div", { class: "panel flush map-box" }, map.node, choice),
+      el("div", { class: "stack side" }, el("section", {}, el("h2", {}, "Alarms"), alarms.node), el("section", {}, el("h2", {}, "Tractors"), tiles.node)),
+      el("section", { class: "rest" }, el("h2", {}, "Fleets"), fleets)));
+  main.classList.add("has-stop");
+  known.filter((one) => !one.error && !OVER.has(stateOf(one))).forEach(add);
+  if (!lives.size) known.slice(0, 1).forEach(add);
+  const rows = new Map();
+  const row = (one) => {
+    if (!rows.has(one.id)) { rows.set(one.id, fleetTile(one)); fleets.append(rows.get(one.id).node); }
+    rows.get(one.id).told(one, lives.get(one.id));
+  };
+  let listed = known;
+  const tell = () => {
+    listed.forEach(row);
+    tiles.told(); alarms.told(); stop.told();
+  };
+  tell();
+  const telling = setInterval(tell, TELL_MS);
+  const looking = setInterval(async () => {
+    listed = await items("fleets").catch(() => listed);
+    listed.filter((one) => !one.error && !OVER.has(stateOf(one))).forEach(add);
+  }, LOOK_AGAIN_MS);
+  return () => { clearInterval(telling); clearInterval(looking); map.close(); active().forEach((live) => live.close()); };
+}
+
+function fleetTile(one) {
+  const state = el("span", { class: "badge" }), more = el("p", { class: "small soft" }), name = el("b", {}, one.name ?? one.id);
+  const node = el("a", { class: "tile", href: `#/fleet/${encodeURIComponent(one.id)}` },
+    el("div", { class: "grow" }, el("p", { class: "row" }, name, state), more), el("span", { "aria-hidden": "true" }, "\u203A"));
+  const told = (item, live) => {
+    const now = live?.fleet?.state ? live.fleet : item.fleet ?? {}, words = now.state ?? DASH;
+    say(state, capital(words));
+    state.className = `badge ${LOOKS[words] ?? ""}`;
+    const count = live?.numbers().length || item.tractors?.length || 0;
+    say(more, item.error ?? [count ? plural(count, "tractor") : "", now.done_pct >= 0 ? `${percent(now.done_pct)} worked` : "",
+      typeof now.eta_s === "number" && words !== "done" ? `done ${timeOfDay(now.eta_s)}` : ""].filter(Boolean).join(" \u00B7 "));
+  };
+  return { node, told };
+}
+
+function empty(main) {
+  put(main, heading("Overview"), el("div", { class: "panel empty" },
+    el("h2", {}, "No fleet is out yet"),
+    el("p", {}, "Plan a field, pick a plan of the table, and send it out. Its tractors then appear here, on one map."),
+    el("div", { class: "actions" }, el("a", { class: "button main", href: "#/plan" }, "Plan a field"))));
+  return () => {};
+}

@@ -1,0 +1,140 @@
+// Plan a field: choose or draw it, say with what machines and by when, and run. The answer has a page of its own.
+import { el, put, button, heading, note, labelled, option, facts } from "../dom.js";
+import { post, upload, part } from "../api.js";
+import { filePicker, fieldSummary } from "../files.js";
+import { fieldEditor } from "../drawfield.js";
+import { earlier } from "../jobs.js";
+import { MapView } from "../map.js";
+import { colours } from "../palette.js";
+import { polygon, line, hatch } from "../layers.js";
+import { hectares, number } from "../words.js";
+
+const STRATEGIES = ["row-by-row", "row-by-row-optimised", "col-by-col", "split-field", "interleaved"];
+const USUAL = ["split-field", "interleaved"];
+const MORE = [
+  ["speed_kmh", "Working speed, km/h", "5"], ["turn_speed_kmh", "Turn speed, km/h", ""], ["headland", "Headland depth, m", "as the turn needs"],
+  ["bearing", "Direction of tracks, degrees", "the best one"], ["radius", "Turning radius, m", "of the tractor"], ["clearance", "Least distance between machines, m", "0.5"],
+  ["margin", "Distance to obstacles and fences, m", "0.3"], ["entrance", "Entrance: LON,LAT", "of the file"], ["price_per_hour", "Price of a tractor and hour", "40"],
+  ["price_per_tractor", "Price of bringing a tractor", "0"], ["budget", "Most that may be paid", ""], ["refill", "Refill: headland, tender or LON,LAT", ""], ["seed", "Seed", "1"],
+];
+const CHOICES = [["operation", "Work", ["till", "sow", "spray", "harvest", "mow"]], ["turn", "Turns", ["auto", "u", "omega", "switch-back"]], ["corners", "Corners", ["square", "round"]],
+  ["prefer", "Best is", ["", "fastest", "cheapest", "surest"]]];
+const NUMBERS = new Set(["width", "speed_kmh", "turn_speed_kmh", "headland", "bearing", "radius", "clearance", "margin", "price_per_hour", "price_per_tractor", "budget", "seed"]);
+
+export async function open(main, shell) {
+  shell.title("Plan");
+  const preview = fieldPreview(), closing = [preview.close];
+  const local = el("input", { type: "checkbox", name: "local", onchange: () => preview.show(field.value(), local.checked) });
+  const field = await filePicker("fields", "Field", { accept: ".geojson,.json", first: "iwamizawa", changed: (name) => preview.show(name, local.checked), hint: "GeoJSON in longitude and latitude, or in metres." });
+  const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" }), farm = await filePicker("farms", "Farm", { accept: ".toml", none: "no farm file" });
+  const trouble = el("div"), form = el("form", { class: "stack steps", novalidate: true });
+  const input = (name, title, value = "", hint = "", more = {}) => labelled(title, el("input", { name, value, ...more }), hint);
+  const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn);
+  drawing.addEventListener("toggle", () => {
+    if (!drawing.open || drawn.children.length) return;
+    const editor = fieldEditor(async (file, isLocal, where) => {
+      try {
+        const made = await upload("fields", file);
+        local.checked = isLocal;
+        await field.list(made.name);
+        drawing.open = false;
+      } catch (error) { put(where, note(error.message, "error")); }
+    });
+    closing.push(editor.close);
+    put(drawn, editor.node);
+  });
+  const strategies = el("fieldset", {}, el("legend", { class: "small" }, "Strategies"), el("div", { class: "grid" }, STRATEGIES.map((name) =>
+    el("label", { class: "check" }, el("input", { type: "checkbox", name: "strategy", value: name, checked: USUAL.includes(name) }), name))));
+  const run = el("button", { class: "main" }, "Run the plan");
+  put(form,
+    el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("label", { class: "check" }, local, "The file is in local metres"), drawing), preview.node)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Machines"),
+      el("div", { class: "grid" }, input("width", "Working width, m", "3", "", { inputmode: "decimal" }), input("tractors", "Tractors", "1-3", "3, 1-6 or 1,3,5"), input("implement", "Implement of the farm", "", "by its name")),
+      strategies, el("details", {}, el("summary", {}, "Tractor and farm files"), el("div", { class: "two even" }, tractor.node, farm.node))),
+    el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"),
+      el("div", { class: "grid" }, input("start", "Start", "", "13:00"), input("before", "Done by", "", "17:00; the next day if not after the start"), input("rain", "Rain", "", "17:00, or 16:30=20,17:00=50 in percent")),
+      el("details", {}, el("summary", {}, "More options"),
+        el("div", { class: "grid" }, CHOICES.map(([name, title, all]) => labelled(title, el("select", { name }, all.map((one) => option(one, one || "as asked"))))), MORE.map(([name, title, hint]) => input(name, title, "", hint))),
+        el("div", { class: "grid" }, [["tracks_only", "Tracks only, headland left"], ["all", "Simulate every plan, however slow"], ["gnss", "Positions err as a receiver's"]].map(([name, words]) =>
+          el("label", { class: "check" }, el("input", { type: "checkbox", name }), words))))),
+    trouble, el("div", { class: "row" }, run));
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    run.disabled = true;
+    put(trouble);
+    for (const marked of form.querySelectorAll("[aria-invalid]")) marked.removeAttribute("aria-invalid");
+    try {
+      const job = await post("plans", requestOf(form, { field: field.value(), tractor: tractor.value(), farm: farm.value() }));
+      location.hash = `#/plan/${part(job.id)}`;
+    } catch (error) {
+      refused(form, trouble, error);
+    } finally {
+      run.disabled = false;
+    }
+  });
+  put(main, heading("Plan a field", "Every fleet and strategy is simulated and ranked by time, count and price."), form, await earlier("plans", "plan", "Earlier plans"));
+  return () => closing.forEach((close) => close());
+}
+
+// What was typed, under the names of the service; numbers that are none go as they stand, and are refused in a sentence.
+function requestOf(form, files) {
+  const request = {}, given = new FormData(form);
+  for (const [name, value] of given) {
+    const text = String(value).trim();
+    if (!text || ["strategy", "fields", "tractors_file", "farms"].includes(name) || value instanceof File) continue;
+    const isFile = form.elements[name] instanceof RadioNodeList;
+    if (isFile) continue;
+    request[name] = form.elements[name].type === "checkbox" ? true : NUMBERS.has(name) && Number.isFinite(Number(text)) ? Number(text) : text;
+  }
+  request.tractors = form.querySelector("input[name=tractors]").value.trim() || "1-6";
+  request.strategies = given.getAll("strategy").join(",") || "all";
+  request.field = files.field;
+  if (files.tractor && !(files.farm && files.tractor === "eg105")) request.tractor = files.tractor;
+  if (files.farm) request.farm = files.farm;
+  for (const name of ["operation", "turn", "corners"]) if (request[name] === form.elements[name].options[0].value) delete request[name];
+  return request;
+}
+
+function refused(form, trouble, error) {
+  const name = error.parameter === "strategies" ? "strategy" : error.parameter;
+  const control = name ? form.querySelector(`[name="${CSS.escape(name)}"]`) : null;
+  put(trouble, note(error.message, "error"));
+  control?.closest("details")?.setAttribute("open", "");
+  control?.setAttribute("aria-invalid", "true");
+  (control ?? trouble).scrollIntoView({ block: "center" });
+  control?.focus();
+}
+
+// The field as the reader has it: rings, obstacles, area, remarks.
+function fieldPreview() {
+  const view = new MapView("Map of the chosen field", { short: true }), under = el("div", { class: "under" });
+  let shape = null, asked = 0;
+  view.layers = [(ctx) => {
+    if (!shape) return;
+    polygon(ctx, view, shape.rings_m, colours.field, colours.edge, 2);
+    for (const ring of shape.obstacles_m ?? []) polygon(ctx, view, [ring], colours.obstacle);
+    if (shape.obstacles_m?.length) hatch(ctx, view, shape.obstacles_m, colours.ink);
+    for (const fence of shape.fences_m ?? []) line(ctx, view, fence, colours.ink, 3, [6, 3]);
+    if (shape.entrance_m) { const [x, y] = view.at(...shape.entrance_m); ctx.fillStyle = colours.ink; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x - 7, y - 14); ctx.lineTo(x + 7, y - 14); ctx.fill(); }
+  }];
+  const show = async (name, local) => {
+    if (!name) return;
+    const mine = ++asked;
+    shape = null;
+    try {
+      const summary = await fieldSummary(name, local);
+      if (mine !== asked) return;
+      shape = summary.field;
+      if (!shape) return put(under, note(summary.error, "warn"));
+      const points = shape.rings_m.flat();
+      view.fit([0, 1].map((k) => Math.min(...points.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...points.map((p) => p[k])))));
+      put(under, facts([["Area", hectares(1e4 * shape.area_ha)], ["Corners", number(shape.rings_m[0].length - 1)], ["Obstacles", number((shape.obstacles_m ?? []).length)]]),
+        (shape.remarks ?? []).map((one) => el("p", { class: "small soft" }, one)));
+    } catch (error) {
+      if (mine === asked) put(under, note(error.message, "error"));
+    } finally {
+      view.redraw();
+    }
+  };
+  return { node: el("div", { class: "panel flush" }, view.node, under), show, close: () => view.close() };
+}

@@ -1,0 +1,89 @@
+// A plan that was asked for: how far it is, then the ranked table, any plan of it on the map, played, and sent out.
+import { el, put, button, heading, note, labelled, facts } from "../dom.js";
+import { get, post, part } from "../api.js";
+import { followJob, results, reportFrame } from "../jobs.js";
+import { PlanMap } from "../planmap.js";
+import { sheet } from "../table.js";
+import { clock, number, percent, plural } from "../words.js";
+
+export async function open(main, shell, [id]) {
+  const asked = await get(`plans/${part(id)}`), closing = [];
+  const name = asked.name || asked.request?.field || "Plan";
+  shell.title(`Plan of ${name}`);
+  const again = el("a", { class: "button", href: "#/plan" }, "Change and plan again");
+  const job = followJob("plans", id, { again, done: (done, node) => shown(done, node, closing).catch((error) => put(node, note(error.message, "error"))) });
+  put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), heading(name, askedWords(asked.request)), job.node);
+  closing.push(job.close);
+  return () => closing.forEach((close) => close());
+}
+
+const askedWords = (request = {}) =>
+  [request.field, request.width && `${request.width} m wide`, request.tractors && `tractors ${request.tractors}`, request.before && `done by ${request.before}`].filter(Boolean).join(" \u00B7 ");
+
+async function shown(job, node, closing) {
+  const path = `plans/${part(job.id)}/results/`, trouble = el("div");
+  const [answer, maps] = await Promise.all([get(`${path}result.json`), get(`${path}maps.json`).catch(() => ({ plans: [] }))]);
+  const plans = answer.plans.filter((one) => one.feasible), refused = answer.plans.filter((one) => !one.feasible);
+  const best = answer.best ?? plans[0];
+  if (!best) return put(node, note(answer.unmet ?? "No plan is feasible.", "warn"), refusedTable(refused), results("plans", job, (error) => put(trouble, note(error.message, "error"))), trouble);
+  const map = new PlanMap(), figures = el("div"), send = el("div");
+  closing.push(() => map.close());
+  let chosen = best;
+  const mapOf = (plan) => maps.plans.find((one) => one.strategy === plan.strategy && one.tractors === plan.tractors);
+  const choose = (plan, scroll = true) => {
+    chosen = plan;
+    const found = mapOf(plan);
+    map.node.hidden = !found;
+    if (found) map.show(found);
+    put(figures, facts(figuresOf(plan)));
+    put(send, sendOut(job, plan, plan.strategy === best.strategy && plan.tractors === best.tractors));
+    table.draw();
+    if (scroll) map.node.scrollIntoView({ block: "start" });
+  };
+  const table = sheet("Ranked plans", columnsOf(plans, (plan) => button(plan === chosen ? "on map" : "show", () => choose(plan), "small",
+    { "aria-pressed": String(plan === chosen), "aria-label": `Show plan ${plan.rank} on the map`, disabled: !mapOf(plan) })), plans, { chosen: (plan) => plan === chosen });
+  const report = el("details", { class: "panel" }, el("summary", {}, "The whole report, to read or print"));
+  report.addEventListener("toggle", async () => { if (report.open && !report.querySelector("iframe")) report.append(await reportFrame("plans", job.id, "Report of the plan")); });
+  put(node, el("p", {}, [answer.advice, answer.unmet].flat().filter(Boolean).join(" ") || `Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`),
+    map.node, figures, send,
+    el("section", { class: "panel" }, el("h2", {}, "Plans, best first"), table.node, plans.some((one) => one.remark) && el("p", { class: "small soft" }, "Remarks of single plans are in the report.")),
+    refusedTable(refused), report,
+    el("section", { class: "panel" }, el("h2", {}, "Save"), results("plans", job, (error) => put(trouble, note(error.message, "error"))), trouble));
+  choose(plans.find((one) => one.rank === best.rank) ?? best, false);
+}
+
+const figuresOf = (plan) => [["Time", clock(plan.time_s)], ["Fleet", plural(plan.tractors, "tractor")], ["Strategy", plan.strategy], ["Cost", number(plan.cost, 2)], ["Worked", percent(plan.worked_pct)],
+  ["Left open", number(plan.missed_m2, 0, "m\u00B2")], ["Waiting", clock(plan.waiting_s)], ...(plan.finish_probability === null || plan.finish_probability === undefined ? [] : [["In time", percent(100 * plan.finish_probability)]])];
+
+function columnsOf(plans, knob) {
+  const has = (key) => plans.some((plan) => plan[key] !== null && plan[key] !== undefined);
+  const column = (head, key, text, more = {}) => ({ head, value: (plan) => plan[key], text: (plan) => text(plan[key]), ...more });
+  return [
+    column("Rank", "rank", String), { head: "Map", node: knob, words: true }, column("Tractors", "tractors", String), column("Strategy", "strategy", String, { words: true }),
+    column("Time", "time_s", clock), column("To finish", "finished_s", clock, { title: "Time with the ground that is left worked as well" }), column("Cost", "cost", (value) => number(value, 2)),
+    ...(has("meets_deadline") ? [column("In time", "meets_deadline", (value) => (value ? "yes" : "no"))] : []),
+    ...(has("finish_probability") ? [column("In time %", "finish_probability", (value) => number(100 * value, 1)), column("P80", "p80_s", clock), column("Expected cost", "expected_cost", (value) => number(value, 2))] : []),
+    column("Worked %", "worked_pct", (value) => number(value, 1)), column("Left m\u00B2", "missed_m2", (value) => number(value, 0)), column("Turning", "turning_s", clock),
+    column("Waiting", "waiting_s", clock), column("Clearance m", "min_clearance_m", (value) => number(value, 2)),
+  ];
+}
+
+const refusedTable = (rows) => rows.length > 0 && el("details", { class: "panel" }, el("summary", {}, `${plural(rows.length, "plan")} not possible, with the reason`),
+  sheet("Plans that are not possible", [{ head: "Tractors", text: (row) => String(row.tractors) }, { head: "Strategy", text: (row) => row.strategy, words: true }, { head: "Reason", text: (row) => row.reason ?? "", words: true, wrap: true }], rows).node);
+
+// The chosen plan becomes a fleet.
+function sendOut(job, plan, best) {
+  const name = el("input", { value: `${job.name || job.request?.field || "fleet"}`.slice(0, 60), maxlength: "60" }), trouble = el("div");
+  const go = button("Send out", async () => {
+    go.disabled = true;
+    try {
+      const fleet = await post("fleets", { name: name.value, plan: job.id, result: best ? "plan.json" : `plan-${plan.strategy}-${plan.tractors}.json` });
+      location.hash = `#/fleet/${part(fleet.id)}`;
+    } catch (error) {
+      put(trouble, note(error.message, "error"));
+      go.disabled = false;
+    }
+  }, "main");
+  return el("details", { class: "panel" }, el("summary", {}, "Send this plan out"), el("p", { class: "small soft" }, "Makes a fleet of it: its tractors link up, and you start it from its page."),
+    el("div", { class: "row" }, el("div", { class: "grow" }, labelled("Name of the fleet", name)), go), trouble);
+}

@@ -1,0 +1,109 @@
+// One tractor: its twin against what it reports, how far apart they are, what its camera would see, and its controls.
+import { el, put, say, button, heading, facts, note, who } from "../dom.js";
+import { get, post, part } from "../api.js";
+import { FleetLive } from "../fleetlive.js";
+import { LiveMap } from "../livemap.js";
+import { StripChart } from "../charts.js";
+import { Camera } from "../camera.js";
+import { remotePanel } from "../remote.js";
+import { alarmList, stopAll, refusals, connectionOf, waitsWords } from "../board.js";
+import { colours } from "../palette.js";
+import { age, capital, kmh, legWords, number as figure, span, timeOfDay, DASH } from "../words.js";
+
+const TELL_MS = 200, TWIN_MS = 2000, CAMERA_MS = 100;
+
+export async function open(main, shell, [id, text]) {
+  const number = Number(text), about = await get(`fleets/${part(id)}`);
+  const live = new FleetLive(id, about.name ?? id), one = () => [live];
+  shell.title(`Tractor ${number} of ${live.name}`);
+  let follow = true;
+  const map = new LiveMap(`Map around tractor ${number}`, { lives: one, chosen: () => ({ live, number }), short: true, follow: () => (follow ? { live, number } : null) });
+  const following = el("input", { type: "checkbox", checked: true, onchange: () => { follow = following.checked; if (!follow) map.fit(); } });
+  live.watch((kind) => { if (kind === "scene") { map.fit(); map.view.scale = Math.max(map.view.scale, 9); } });
+  const camera = new Camera(`View along the heading of tractor ${number}`);
+  const charts = [
+    new StripChart("Place", { unit: "cm", least: 5, decimals: 1, series: [{ name: "distance", colour: "t0" }] }),
+    new StripChart("Heading", { unit: "degrees", least: 1, both: true, decimals: 2, series: [{ name: "difference", colour: "t1" }] }),
+  ];
+  const corrected = new StripChart("Corrections", { unit: "cm", least: 5, both: true, decimals: 1, series: [{ name: "ahead", colour: "t2" }, { name: "right", colour: "t3" }] });
+  const figures = el("div"), badge = el("span", { class: "badge" }), remote = remotePanel(live, number), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
+  const doubt = el("div"), twin = twinPanel(id, number, doubt, corrected);
+  const pause = button("Pause", () => live.send({ kind: "pause", tractor: number })), resume = button("Resume", () => live.send({ kind: "resume", tractor: number }));
+  const head = heading(`Tractor ${number}`, "", badge, alarms.sign, stop.node);
+  head.querySelector("h1").prepend(who(number), " ");
+  put(main, el("p", { class: "small" }, el("a", { href: `#/fleet/${part(id)}` }, `\u2039 ${live.name}`)), head, said, doubt,
+    el("div", { class: "board" },
+      el("div", { class: "stack map-box" },
+        el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Keep it in the middle"), el("span", { class: "small soft" }, "dashed outline: its twin"))),
+        figures),
+      el("div", { class: "stack side" },
+        el("section", { class: "panel" }, el("h2", {}, "Camera"), camera.node),
+        el("div", { class: "row" }, pause, resume), remote.node),
+      el("div", { class: "stack rest" },
+        el("section", { class: "panel" }, el("h2", {}, "Twin against real"), el("div", { class: "strips" }, charts.map((chart) => chart.node), corrected.node), twin.node),
+        el("section", {}, el("h2", {}, "Alarms"), alarms.node))));
+  main.classList.add("has-stop");
+  const tell = () => {
+    const fix = live.fixes.get(number) ?? {}, [words, look] = connectionOf(live, fix);
+    say(badge, words);
+    badge.className = `badge ${look}`;
+    put(figures, facts([["Doing", capital(legWords(live.leg(number)))], ["Waits", waitsWords(fix).replace("waits for ", "for ") || "no"], ["Speed", kmh(fix.speed_mps)],
+      ["Mode", capital(fix.mode ?? DASH)], ["Age of fix", age(live.age(number))], ["Leg", Number.isInteger(fix.leg) ? `${fix.leg + 1} of ${live.scene?.lanes[number - 1]?.length ?? DASH}` : DASH],
+      ["Done at", typeof fix.eta_s === "number" ? timeOfDay(fix.eta_s) : DASH], ["Against plan", fix.late_s > 5 ? `${span(fix.late_s)} late` : fix.late_s < -5 ? `${span(fix.late_s)} early` : "on time"],
+      ["Twin off by", figure(100 * fix.error_m, 1, "cm")]]));
+    if (typeof fix.error_m === "number" && fix.connection === "online") {
+      const now = performance.now() / 1000;
+      charts[0].add(now, [100 * fix.error_m]);
+      charts[1].add(now, [fix.error_deg]);
+      charts.forEach((chart) => chart.draw());
+    }
+    for (const knob of [pause, resume]) knob.disabled = !live.mayControl;
+    alarms.told(); stop.told(); remote.tell();
+  };
+  const look = () => { const pose = live.pose(number); if (pose && live.scene) camera.draw(pose, live.scene, linesOf(live, number), othersOf(live, number)); };
+  const beats = [setInterval(tell, TELL_MS), setInterval(look, CAMERA_MS), setInterval(twin.look, TWIN_MS)];
+  tell();
+  twin.look();
+  return () => { beats.forEach(clearInterval); [...charts, corrected, camera, remote, map, live].forEach((each) => each.close()); };
+}
+
+// The worked strips near by, the released legs of this tractor, and where they lead next.
+function linesOf(live, number) {
+  const fix = live.fixes.get(number) ?? {}, legs = live.scene.lanes[number - 1] ?? [];
+  const painted = live.coverage.lines.map(({ tractor, points, width }) => ({ points, colour: colours.tractor(tractor), alpha: 0.35, strip_m: width }));
+  const ahead = legs.slice(fix.leg ?? 0, (fix.leg ?? 0) + 6).map((leg, k) => ({ points: leg.points, colour: colours.tractor(number), width: k + (fix.leg ?? 0) < (fix.released ?? 0) ? 4 : 1.5 }));
+  return [...painted, ...ahead];
+}
+
+const othersOf = (live, number) =>
+  live.numbers().filter((other) => other !== number).map((other) => ({ ...live.pose(other), number: other })).filter((other) => other.x !== undefined);
+
+// What the service says of the twin: its doubt with the cause, and the way into the tractor file.
+function twinPanel(id, number, doubt, chart) {
+  const path = `twins/${part(id)}/${number}`, node = el("div");
+  let shown = "";
+  const look = async () => {
+    let answer;
+    try { answer = await get(path); } catch { return; }
+    chart.set(correctionRows(answer.corrections));
+    const key = JSON.stringify([answer.doubt, answer.finding]);
+    if (key === shown) return;
+    shown = key;
+    const finding = answer.finding, words = sentenceOf(answer.doubt), cause = sentenceOf(finding);
+    const mend = button("Take it into the tractor file", async () => {
+      try { const made = await post(`${path}/mend`); put(doubt, note(`Saved as tractor file ${made.name ?? made.tractor ?? ""}.`)); } catch (error) { put(doubt, note(error.message, "error")); }
+    }, "small main");
+    put(doubt, (words || cause) && note([words, cause].filter(Boolean).join(" "), "warn", finding && mend));
+    put(node, !answer.doubt && el("p", { class: "small soft" }, "The corrections are no larger than noise explains."));
+  };
+  return { node, look };
+}
+
+const sentenceOf = (one) => (!one ? "" : typeof one === "string" ? one : one.sentence ?? one.words ?? one.effect ?? "");
+
+/** Rows of time, ahead and to the right in centimetres, from columns. */
+export function correctionRows(given) {
+  if (!given) return [];
+  const along = given.ahead_m ?? given.along_m ?? [], across = given.right_m ?? given.across_m ?? [];
+  return (given.time_s ?? []).map((time, k) => [time, 100 * along[k], 100 * across[k]]);
+}

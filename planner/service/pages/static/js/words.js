@@ -1,0 +1,63 @@
+// How figures read. What is not known is a dash.
+
+export const DASH = "\u2013";
+const known = (value) => typeof value === "number" && Number.isFinite(value);
+const two = (value) => String(value).padStart(2, "0");
+
+export const number = (value, decimals = 0, unit = "") =>
+  known(value) ? `${value.toFixed(decimals)}${unit ? "\u00A0" + unit : ""}` : DASH;
+
+/** Seconds as 1:02:03. */
+export function clock(seconds) {
+  if (!known(seconds)) return DASH;
+  const whole = Math.round(Math.abs(seconds));
+  const text = `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
+  return seconds < -0.5 ? `-${text}` : text;
+}
+
+/** Seconds as a length of time in words: 45 s, 12 min, 1 h 05 min. */
+export function span(seconds) {
+  if (!known(seconds)) return DASH;
+  const whole = Math.round(Math.abs(seconds));
+  if (whole < 60) return `${whole}\u00A0s`;
+  if (whole < 3600) return `${Math.round(whole / 60)}\u00A0min`;
+  const minutes = Math.round(whole / 60);
+  return `${Math.floor(minutes / 60)}\u00A0h\u00A0${two(minutes % 60)}\u00A0min`;
+}
+
+/** The age of a fix. */
+export const age = (seconds) =>
+  !known(seconds) ? "no fix yet" : seconds < 1 ? `${seconds.toFixed(1)}\u00A0s` : `${span(seconds)}`;
+
+/** Time of day so many seconds from now, or of a moment as the service writes it (ISO 8601 or seconds of UTC). */
+export function timeOfDay(seconds, from = Date.now()) {
+  if (!known(seconds)) return DASH;
+  const at = new Date(from + 1000 * seconds);
+  return `${two(at.getHours())}:${two(at.getMinutes())}`;
+}
+
+export function moment(value) {
+  const at = typeof value === "number" ? new Date(value * 1000) : new Date(value);
+  if (value === null || value === undefined || Number.isNaN(at.getTime())) return DASH;
+  const day = at.toDateString() === new Date().toDateString() ? "" : `${at.toLocaleDateString()} `;
+  return `${day}${two(at.getHours())}:${two(at.getMinutes())}:${two(at.getSeconds())}`;
+}
+
+export const hectares = (m2) => (known(m2) ? `${(m2 / 10000).toFixed(2)}\u00A0ha` : DASH);
+export const kmh = (mps) => (known(mps) ? `${(mps * 3.6).toFixed(1)}\u00A0km/h` : DASH);
+export const percent = (value) => (known(value) ? `${value.toFixed(value < 10 ? 1 : 0)}\u00A0%` : DASH);
+export const size = (bytes) =>
+  !known(bytes) ? DASH : bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))}\u00A0kB` : `${(bytes / 1e6).toFixed(1)}\u00A0MB`;
+export const plural = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;
+export const capital = (text) => text.slice(0, 1).toUpperCase() + text.slice(1);
+
+const LEGS = {
+  track: (n) => `track ${n}`, round: (n) => `round ${n}`, turn: (n) => `turning to track ${n}`,
+  enter: () => "coming in", leave: () => "going out", "drive-in": (n) => `lining up for track ${n}`,
+};
+/** What a leg of a plan is, in words; its task counts from 0. */
+export function legWords(leg) {
+  if (!leg) return DASH;
+  const number = known(leg.number) ? leg.number + 1 : "";
+  return LEGS[leg.kind] ? LEGS[leg.kind](number).trim() : String(leg.kind || "driving").replaceAll("-", " ");
+}

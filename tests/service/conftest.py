@@ -1,0 +1,76 @@
+"""A service of each test's own: folder, database, tokens, and a client on this machine."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi import FastAPI
+from starlette.testclient import TestClient
+
+from planner.service.api import create_app
+from planner.service.settings import Settings
+from planner.service.store import Store
+from tests.service.databases import KINDS, database
+
+HERE = "http://127.0.0.1:8765"
+SMALL = json.dumps(
+    {"type": "Polygon", "coordinates": [[[0.0, 0.0], [45.0, 0.0], [45.0, 80.0], [0.0, 80.0], [0.0, 0.0]]]}
+).encode()
+
+
+@pytest.fixture(params=KINDS)
+def both(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Settings]:
+    """Settings on each database in turn, without workers."""
+    with database(request.param) as url:
+        yield Settings(data=tmp_path / "data", database=url, workers=0, lease_s=1.0)
+
+
+@pytest.fixture
+def store(both: Settings) -> Iterator[Store]:
+    """An empty store, on each database in turn."""
+    store = Store(both)
+    yield store
+    store.close()
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    """Settings of a small service on SQLite, without workers."""
+    return Settings(data=tmp_path / "data", workers=0, upload_mb=1, jobs_waiting=3)
+
+
+@pytest.fixture
+def app(settings: Settings) -> FastAPI:
+    """A service whose files are read in this process."""
+    return create_app(settings, inline=True)
+
+
+@pytest.fixture
+def client(app: FastAPI) -> Iterator[TestClient]:
+    """A client on this machine, without a token."""
+    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+        yield client
+
+
+@pytest.fixture
+def token(app: FastAPI) -> dict[str, str]:
+    """The header of a token that may control."""
+    return bearer(app, "control")
+
+
+Shared = tuple[TestClient, dict[str, str]]
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
+    """A client and the header of a token that may control, for tests that leave nothing behind."""
+    settings = Settings(data=tmp_path_factory.mktemp("shared"), workers=0, upload_mb=1, jobs_waiting=1000)
+    app = create_app(settings, inline=True)
+    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+        yield client, bearer(app, "control")
+
+
+def bearer(app: FastAPI, scope: str) -> dict[str, str]:
+    """The header of a new token of a scope."""
+    return {"Authorization": f"Bearer {app.state.store.new_token(f'a {scope}', scope)}"}

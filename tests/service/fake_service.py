@@ -1,0 +1,358 @@
+"""A service that speaks the interface with made-up data, for the pages alone: REST, link, files, jobs."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from contextlib import suppress
+from typing import Any
+
+from fastapi import FastAPI, Request, WebSocket, WebSocketDisconnect
+from fastapi.responses import HTMLResponse, JSONResponse, Response
+
+from planner.service.access.headers import REPORT_POLICY, SecurityHeaders
+from planner.service.pages import mount
+from tests.service import made_field
+
+BEGUN_S, BEAT_S = 200.0, 0.1
+CONTROL = "hl_control"
+NASTY = '<img src=x onerror="document.title=1">'
+REPORT = (
+    '<!doctype html><title>r</title><style>p{color:green}</style><p id="p">no</p>'
+    '<script>document.getElementById("p").textContent="the report runs"</script>'
+)
+
+
+class Made:
+    """What the service was told, for tests to look at."""
+
+    def __init__(self) -> None:
+        self.frames: list[dict[str, Any]] = []
+        self.requests: list[tuple[str, Any]] = []
+        self.files = {
+            "fields": ["iwamizawa", "north field", NASTY],
+            "tractors": ["eg105"],
+            "farms": ["farm"],
+            "logs": ["run-1"],
+        }
+        self.polls = 0
+        self.holder: str | None = None
+        self.acknowledged: str | None = None
+
+
+def fake_app() -> FastAPI:
+    """The app; `app.state.made` is what it was told."""
+    app = FastAPI()
+    made = app.state.made = Made()
+    lanes = [made_field.lane_of(number) for number in range(1, made_field.COUNT + 1)]
+    app.add_middleware(SecurityHeaders)
+
+    @app.get("/api/v1/health")
+    def health() -> dict[str, Any]:
+        return {"status": "ok", "version": "0.2.0", "tokens_needed": False}
+
+    _fleets(app, made)
+    _files(app, made)
+    _jobs(app, made)
+
+    @app.websocket("/api/v1/fleets/{fleet}/link")
+    async def link(socket: WebSocket, fleet: str) -> None:
+        await socket.accept()
+        with suppress(WebSocketDisconnect, RuntimeError):
+            await _served(socket, made, lanes)
+
+    mount(app)
+    return app
+
+
+def _files(app: FastAPI, made: Made) -> None:
+    @app.get("/api/v1/{kind}", include_in_schema=False)
+    def listed(kind: str) -> Any:
+        if kind in made.files:
+            return {
+                "items": [
+                    {"name": name, "sample": name in ("iwamizawa", "eg105"), "size": 41_000}
+                    for name in made.files[kind]
+                ]
+            }
+        if kind == "events":
+            return {
+                "items": [
+                    {
+                        "id": 1,
+                        "time": "2026-11-20T08:30:00Z",
+                        "fleet": "f1",
+                        "who": "office",
+                        "what": "start",
+                        "data": {},
+                    }
+                ]
+            }
+        if kind == "fleets":
+            return {"items": [_fleet()]}
+        if kind in ("plans", "days", "diagnoses"):
+            return {"items": [_job(kind, "old", "done", made)]}
+        return JSONResponse({"error": f"There is no list {kind}.", "parameter": None}, 404)
+
+    @app.post("/api/v1/{kind}", include_in_schema=False)
+    async def added(kind: str, request: Request) -> Any:
+        if request.headers.get("content-type", "").startswith("multipart"):
+            sent = (await request.form())["file"]
+            assert not isinstance(sent, str)
+            made.files[kind].append(str(sent.filename).rsplit(".", 1)[0])
+            made.requests.append((kind, (await sent.read()).decode()))
+            await sent.close()
+            return {"name": made.files[kind][-1]}
+        body = await request.json()
+        made.requests.append((kind, body))
+        if body.get("width") == -1:
+            return JSONResponse({"error": "width is -1; use metres above 0.", "parameter": "width"}, 422)
+        return JSONResponse({"id": "made", "name": body.get("name")}, 202)
+
+    @app.get("/api/v1/fields/{name}/summary")
+    def summary(name: str) -> dict[str, Any]:
+        field = {
+            "name": name,
+            "area_ha": 0.72,
+            "rings_m": [made_field.RING],
+            "obstacles_m": [made_field.POND],
+            "fences_m": [],
+            "entrance_m": [0.0, 0.0],
+            "remarks": [f"The field is called {name}."],
+        }
+        return {"fields": [], "field": field, "error": None}
+
+
+def _job(kind: str, name: str, status: str, made: Made) -> dict[str, Any]:
+    return {
+        "id": name,
+        "kind": kind,
+        "name": f"{kind} {NASTY}",
+        "status": status,
+        "error": "The field has no room for a track; use a narrower implement." if status == "failed" else None,
+        "progress": {"done": made.polls, "all": 3, "words": "Simulating plans"},
+        "created": "2026-11-20T09:00:00Z",
+        "request": {"field": "north field", "width": 3, "tractors": "1-3"},
+        "results": ["result.json", "result.csv", "page.html", "map.png", "plan.json", "plan-split-field-2.json"],
+    }
+
+
+def _jobs(app: FastAPI, made: Made) -> None:
+    @app.get("/api/v1/{kind}/{name}/results/{result}")
+    def result(kind: str, name: str, result: str) -> Any:
+        if result == "page.html":
+            return HTMLResponse(
+                REPORT, headers={"content-security-policy": REPORT_POLICY, "x-frame-options": "SAMEORIGIN"}
+            )
+        return made_field.maps() if result == "maps.json" else made_field.result()
+
+    @app.post("/api/v1/{kind}/{name}/results/{result}/view")
+    def view(kind: str, name: str, result: str) -> dict[str, str]:
+        return {"path": f"{kind}/{name}/results/{result}"}
+
+    @app.post("/api/v1/{kind}/{name}/cancel")
+    def cancel(kind: str, name: str) -> Any:
+        made.requests.append((f"{kind}/{name}/cancel", None))
+        made.polls = -1
+        return {}
+
+    @app.get("/api/v1/{kind}/{name}")
+    def one(kind: str, name: str) -> Any:
+        if kind == "events":
+            return {
+                "items": [
+                    {
+                        "id": 1,
+                        "time": "2026-11-20T08:30:00Z",
+                        "fleet": "f1",
+                        "who": "office",
+                        "what": "start",
+                        "data": {},
+                    }
+                ]
+            }
+        if kind == "fleets":
+            return _fleet()
+        made.polls += made.polls >= 0
+        status = (
+            "cancelled"
+            if made.polls < 0
+            else "failed"
+            if name == "bad"
+            else "running"
+            if name == "made" and made.polls < 3
+            else "done"
+        )
+        return _job(kind, name, status, made)
+
+
+def _fleet() -> dict[str, Any]:
+    return {
+        "id": "f1",
+        "name": "North field, till",
+        "created": "2026-11-20T08:00:00Z",
+        "error": None,
+        "fleet": {"state": "running"},
+        "tractors": [{}, {}, {}],
+    }
+
+
+def _fleets(app: FastAPI, made: Made) -> None:
+    @app.get("/api/v1/fleets/{fleet}/recording")
+    def recording(fleet: str) -> Response:
+        return Response(made_field.recording(), media_type="application/zip")
+
+    @app.get("/api/v1/twins/{fleet}/{tractor}")
+    def twin(fleet: str, tractor: int) -> dict[str, Any]:
+        rows = [float(k) for k in range(60)]
+        return {
+            "corrections": {
+                "time_s": rows,
+                "ahead_m": [0.03 * math.sin(k / 4) for k in rows],
+                "right_m": [0.02 * math.cos(k / 3) for k in rows],
+            },
+            "doubt": {
+                "sentence": "The corrections are larger than noise explains, 9 cm across on the left, since 40 s."
+            }
+            if tractor == 2
+            else None,
+            "finding": {"sentence": "Steering offset of 1.2 degrees to the right is named."} if tractor == 2 else None,
+        }
+
+    @app.post("/api/v1/twins/{fleet}/{tractor}/mend")
+    def mend(fleet: str, tractor: int) -> dict[str, Any]:
+        return {"name": "eg105-mended"}
+
+
+async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) -> None:
+    hello = await socket.receive_json()
+    role = hello["role"] if hello.get("token") == CONTROL else "viewer"
+    await socket.send_json(
+        {"kind": "welcome", "fleet": "f1", "role": role, "settings": {"remote_mps": 1.4}, "beat_s": 0.2}
+    )
+    await socket.send_json(made_field.scene())
+    for number, lane in enumerate(lanes, start=1):
+        until = [p for p, t in zip(lane["points_m"], lane["time_s"], strict=True) if t <= BEGUN_S]
+        x, y, _ = made_field.place(lane, BEGUN_S)
+        await socket.send_json(_painted(number, [*until, [x, y]]))
+    listening = asyncio.create_task(_listen(socket, made))
+    begun, loop = asyncio.get_running_loop().time(), asyncio.get_running_loop()
+    try:
+        while not listening.done():
+            now = BEGUN_S + loop.time() - begun
+            await socket.send_json(_tick(lanes, now))
+            await socket.send_json({"kind": "alarms", "items": _alarms(made)})
+            await asyncio.sleep(BEAT_S)
+    finally:
+        listening.cancel()
+
+
+def _painted(number: int, points: list[Any]) -> dict[str, Any]:
+    return {
+        "kind": "painted",
+        "tractor": number,
+        "first": 0,
+        "points": [[x + made_field.EAST, y + made_field.NORTH] for x, y in points],
+    }
+
+
+def _alarms(made: Made) -> list[dict[str, Any]]:
+    return [
+        {
+            "id": 1,
+            "level": "critical",
+            "tractor": 3,
+            "sentence": "Tractor 3 has not been heard of for 42 s; it finishes its released leg and stops.",
+            "since": 1_790_000_000.0,
+            "acknowledged": made.acknowledged,
+            "over": False,
+        },
+        {
+            "id": 2,
+            "level": "warning",
+            "tractor": 2,
+            "sentence": f"An obstacle {NASTY} is on track 9.",
+            "since": 1_790_000_100.0,
+            "acknowledged": "office",
+            "over": True,
+        },
+    ]
+
+
+def _tick(lanes: list[dict[str, Any]], now: float) -> dict[str, Any]:
+    rows = []
+    for number, lane in enumerate(lanes, start=1):
+        gone = number == 3
+        x, y, heading = made_field.place(lane, BEGUN_S - 40 if gone else now)
+        leg = sum(step["from_s"] + step["seconds"] <= now for step in lane["steps"])
+        rows.append(
+            {
+                "tractor": number,
+                "easting_m": made_field.EAST + x,
+                "northing_m": made_field.NORTH + y,
+                "heading_deg": heading,
+                "speed_mps": 0.0 if gone else made_field.SPEED_MPS,
+                "connection": "broken" if gone else "online",
+                "age_s": 42.0 if gone else 0.1,
+                "mode": "automatic",
+                "leg": leg,
+                "leg_m": 3.0,
+                "released": leg + 2,
+                "waits_for": [{"tractor": 1, "leg": 4}] if number == 2 else [],
+                "eta_s": 1260.0 + 60 * number,
+                "late_s": 95.0 if gone else 4.0,
+                "error_m": 0.03 + 0.02 * math.sin(now),
+                "error_deg": 0.3 * math.cos(now),
+                "done_pct": 40.0,
+                "holds": [],
+                "holder": None,
+                "twin": {
+                    "easting_m": made_field.EAST + x + 0.7,
+                    "northing_m": made_field.NORTH + y + 0.3,
+                    "heading_deg": heading + 1.0,
+                },
+            }
+        )
+    fleet = {
+        "state": "running",
+        "eta_s": 1440.0,
+        "done_pct": 41.7,
+        "done_m2": 3004.0,
+        "deadline_s": 3600.0,
+        "probability": 0.93,
+    }
+    return {"kind": "tick", "time": "2026-11-20T09:10:00.000Z", "tractors": rows, "fleet": fleet}
+
+
+async def _listen(socket: WebSocket, made: Made) -> None:
+    while True:
+        frame = await socket.receive_json()
+        made.frames.append(frame)
+        if frame["kind"] == "lease":
+            made.holder = "me"
+            mine = frame["takeover"]
+            await socket.send_json(
+                {"kind": "lease", "tractor": frame["tractor"], "holder": "office" if mine else "the yard", "mine": mine}
+            )
+        elif frame["kind"] == "acknowledge":
+            made.acknowledged = "office"
+        elif frame["kind"] == "replan":
+            await socket.send_json(
+                {
+                    "kind": "proposal",
+                    "id": 7,
+                    "state": "ready",
+                    "without": frame["without"],
+                    "eta_s": 1870.0,
+                    "sentence": "Tractors 1 and 2 take over 2 tracks of tractor 3.",
+                }
+            )
+            await socket.send_json(
+                {
+                    "kind": "event",
+                    "time": "2026-11-20T09:11:00Z",
+                    "who": "office",
+                    "what": "replan",
+                    "data": {"without": [3]},
+                }
+            )

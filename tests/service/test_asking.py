@@ -1,0 +1,178 @@
+"""Requests: what cannot be asked is refused at once, in the sentence of the command line; what can, reads its files."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from starlette.testclient import TestClient
+
+from planner.parameters import word_of
+from planner.service.jobs.asking import asked_of
+from planner.service.jobs.worker import do_job
+from tests.service.conftest import SMALL, Shared
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"width": -1}, "width"),
+    ({"tractors": "3-1"}, "tractors"),
+    ({"tractors": "0"}, "tractors"),
+    ({"strategies": "split"}, "strategies"),
+    ({"turn": "v"}, "turn"),
+    ({"start": "25:00"}, "start"),
+    ({"before": "12:00"}, "start"),
+    ({"speed_kmh": 99}, "speed_kmh"),
+    ({"price_per_hour": -3}, "price_per_hour"),
+    ({"cell_bearing": ["x"]}, "cell_bearing"),
+    ({"entrance": "here"}, "entrance"),
+    ({"draws": 0, "prefer": "surest"}, "draws"),
+    ({"prefer": "best"}, "prefer"),
+    ({"headland_first": True, "headland_last": True}, "headland_first"),
+    ({"operation": "plough"}, "operation"),
+    ({"margin": 1000}, "margin"),
+]
+OF_SERVICE: list[tuple[dict[str, Any], str]] = [
+    ({"field": "../../etc/passwd"}, "field"),
+    ({"field": "/etc/passwd"}, "field"),
+    ({"tractor": "/etc/passwd"}, "tractor"),
+    ({"farm": "../farm.toml"}, "farm"),
+    ({"rain": "rain.csv"}, "rain"),
+    ({"widht": 3}, "widht"),
+    ({"width": "wide"}, "width"),
+    ({"gnss_table": "/etc/passwd"}, "gnss_table"),
+    ({"implement": "plough"}, "implement"),
+]
+
+
+def words(request: dict[str, Any]) -> list[str]:
+    """A request as words of the command line."""
+    found = []
+    for name, value in request.items():
+        option = "--" + name.replace("_", "-")
+        found += [option] if value is True else [option, *(value if isinstance(value, list) else [str(value)])]
+    return found
+
+
+@pytest.mark.parametrize("request_, parameter", REFUSED, ids=[str(request) for request, _ in REFUSED])
+def test_refusals_are_those_of_the_command_line(
+    shared: Shared, run: Callable[..., str], request_: dict[str, Any], parameter: str
+) -> None:
+    client, token = shared
+    answer = client.post("/api/v1/plans", json=request_, headers=token)
+    assert answer.status_code == 422 and answer.json()["parameter"] == parameter
+    told = run("plan", *words(request_))
+    for name in ("headland-first", "headland-last", *(one.replace("_", "-") for one in (parameter, *request_))):
+        told = told.replace(f"--{name}", name.replace("-", "_"))
+    assert answer.json()["error"].replace("headland-", "headland_") in told
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """What the command line says to words that it refuses."""
+
+    def refusal(*arguments: str) -> str:
+        from planner.main import main
+
+        monkeypatch.setattr("sys.argv", ["headland", *arguments])
+        with pytest.raises(SystemExit) as end:
+            main()
+        assert end.value.code == 2
+        return capsys.readouterr().err
+
+    return refusal
+
+
+@pytest.mark.parametrize("request_, parameter", OF_SERVICE, ids=[str(request) for request, _ in OF_SERVICE])
+def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], parameter: str) -> None:
+    client, token = shared
+    answer = client.post("/api/v1/plans", json=request_, headers=token)
+    assert answer.status_code == 422 and answer.json()["parameter"] == parameter
+    assert answer.json()["error"].endswith(".") and client.get("/api/v1/plans").json()["items"] == []
+
+
+@pytest.mark.parametrize(
+    "path, body",
+    [
+        ("days", {"day": "fields = 3"}),
+        ("days", {"day": "not toml"}),
+        ("days", {"day": "[[fields]]\nfile = '../../north.geojson'\n[[fleets]]\nname = 'a'"}),
+        ("days", {"day": "farm = '/etc/passwd'"}),
+        ("days", {"day": "rain = '/etc/rain.csv'"}),
+        ("days", {"day": "", "draws": 0}),
+        ("days", {}),
+        ("diagnoses", {}),
+        ("diagnoses", {"logs": ["../x"]}),
+        ("diagnoses", {"logs": ["*"]}),
+        ("diagnoses", {"demo": True, "fix": ["time-ms"]}),
+        ("diagnoses", {"demo": True, "tractor": "../x.toml"}),
+        ("diagnoses", {"logs": ["x"], "seed": 3}),
+    ],
+)
+def test_days_and_diagnoses_that_cannot_be_asked(shared: Shared, path: str, body: dict[str, Any]) -> None:
+    client, token = shared
+    answer = client.post(f"/api/v1/{path}", json=body, headers=token)
+    assert answer.status_code == 422 and answer.json()["error"].endswith(".")
+
+
+@pytest.mark.parametrize(
+    "body", [b"{", b"\xff\xfe", b"[]", b"null", b'{"field": "\\ud800"}', b'{"width": NaN}', b'{"width": 1e999}']
+)
+def test_bodies_that_are_no_requests(shared: Shared, body: bytes) -> None:
+    client, token = shared
+    answer = client.post("/api/v1/plans", content=body, headers={**token, "content-type": "application/json"})
+    assert answer.status_code == 422 and answer.json()["error"]
+
+
+def test_what_is_given_wins_over_the_farm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    farm = "[times]\nshift_start = '06:00'\n[[implements]]\nname = 'harrow'\nwidth_m = 6.0\nspeed_kmh = 8.0\n"
+    Path("own.toml").write_text(farm)
+    asked = asked_of({"farm": "own.toml", "speed_kmh": 5.0, "before": "18:00"})
+    scenario = asked.scenario
+    assert scenario.width_m == 6.0 and scenario.speed_mps == pytest.approx(5 / 3.6) and scenario.start_s == 6 * 3600
+    assert word_of("turn_speed_mps") == "turn_speed_kmh"
+
+
+def test_only_so_many_jobs_may_wait(client: TestClient, token: dict[str, str]) -> None:
+    statuses = [client.post("/api/v1/plans", json={}, headers=token).status_code for _ in range(4)]
+    assert statuses == [202, 202, 202, 429]
+
+
+def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
+    client: TestClient, app: FastAPI, token: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    client.post("/api/v1/fields", files={"file": ("small.geojson", SMALL)}, headers=token)
+    body = {"field": "small", "local": True, "tractors": "1", "strategies": "split-field", "tracks_only": True}
+    job = client.post("/api/v1/plans", json=body, headers=token).json()
+    assert (job["status"], job["name"], job["request"]) == ("queued", "small", body)
+    client.delete("/api/v1/fields/small", headers=token)  # the job keeps it
+    store = app.state.store
+    claimed = store.claim_job("here")
+    do_job(store, "here", claimed)
+    done = client.get(f"/api/v1/plans/{job['id']}").json()
+    assert (done["status"], done["error"]) == ("done", None)
+    names = {"result.json", "result.csv", "page.html", "maps.json", "map.png", "plan.json", "plan-split-field-1.json"}
+    assert set(done["results"]) == names
+    results = {name: client.get(f"/api/v1/plans/{job['id']}/results/{name}") for name in names}
+    assert results["plan.json"].content == results["plan-split-field-1.json"].content
+    assert results["map.png"].content.startswith(b"\x89PNG")
+    page = results["page.html"]
+    assert page.headers["content-security-policy"].startswith("sandbox allow-scripts; default-src 'none'")
+    assert page.headers["x-frame-options"] == "SAMEORIGIN"
+    view = client.post(f"/api/v1/plans/{job['id']}/results/page.html/view").json()["path"]
+    assert client.get(f"/api/v1/{view}").content == page.content and client.get(f"/api/v1/{view}").status_code == 404
+
+    (tmp_path / "field").mkdir()
+    (tmp_path / "field" / "small.geojson").write_bytes(SMALL)
+    monkeypatch.chdir(tmp_path)
+    arguments = ["field/small.geojson", "--local", "--tractors", "1", "--strategies", "split-field", "--tracks-only"]
+    monkeypatch.setattr("sys.argv", ["headland", "plan", *arguments, "--json", "--save", "plan.json"])
+    from planner.main import main
+
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code in (None, 0)
+    assert json.loads(capsys.readouterr().out) == results["result.json"].json()
+    assert (tmp_path / "plan.json").read_bytes() == results["plan.json"].content

@@ -1,0 +1,92 @@
+"""The commands of the service: tokens, backups, and the service itself from outside."""
+
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from planner.service.settings import Settings
+from planner.service.store import Store
+
+COMMAND = [sys.executable, "-W", "error", "-c", "from planner.main import main; main()"]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, str, str]]:
+    """Exit status and what is printed, of the command in this process."""
+
+    def headland(*arguments: str | Path) -> tuple[int, str, str]:
+        from planner.main import main
+
+        monkeypatch.setattr("sys.argv", ["headland", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        out, err = capsys.readouterr()
+        return int(end.value.code or 0), out, err
+
+    return headland
+
+
+def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    status, out, _ = run("token", "new", "--scope", "control", "--data", tmp_path)
+    token = out.strip()
+    assert status == 0 and token.startswith("hl_")
+    _, listed, _ = run("token", "list", "--data", tmp_path)
+    assert listed.startswith("control-1  control  ") and token not in listed
+    assert all(token.encode() not in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
+    store = Store(Settings(data=tmp_path))
+    assert store.token(token) is not None
+    assert run("token", "revoke", "control-1", "--data", tmp_path)[0] == 0
+    assert store.token(token) is None
+    store.close()
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["token", "new", "--scope", "all"], "use read, control, admin"),
+        (["token", "new", "--scope", "read", "--name", "../x"], "cannot be used"),
+        (["token", "revoke", "nobody"], "There is no token 'nobody'"),
+        (["serve", "--port", "99999"], "use 1 to 65535"),
+        (["serve", "--host", "no host"], "is no address"),
+        (["serve", "--host", "0.0.0.0", "--port", "0"], "there is no token"),
+        (["serve", "--database", "mysql://x", "--port", "0"], "use SQLite or PostgreSQL"),
+        (["backup", "copy.tar"], "does not end in .zip"),
+    ],
+)
+def test_refusals_are_one_sentence(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path, arguments: list[str], words: str
+) -> None:
+    status, out, err = run(*arguments, "--data", tmp_path / "data")
+    assert (status, out) == (2, "") and words in err and len(err.splitlines()) == 1
+
+
+def test_a_backup_holds_the_database(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    file = tmp_path / "copy.zip"
+    assert run("backup", file, "--data", tmp_path / "data")[0] == 0
+    assert zipfile.ZipFile(file).namelist() == ["headland.db"]
+    assert run("backup", file, "--data", tmp_path / "data")[0] == 2
+    assert run("backup", file, "--data", tmp_path / "data", "--force")[0] == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="ends the service by a signal")
+def test_the_service_serves_until_it_is_ended(tmp_path: Path) -> None:
+    words = [*COMMAND, "serve", "--port", "0", "--data", str(tmp_path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None and process.stderr is not None
+            said = process.stdout.readline()
+            address = next(word for word in said.split() if word.startswith("http://127.0.0.1:"))
+            with urllib.request.urlopen(f"{address}api/v1/health", timeout=30) as answer:
+                assert answer.status == 200 and b'"ok"' in answer.read()
+            assert answer.headers["server"] is None
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 0
+        assert process.stderr.read() == ""

@@ -1,0 +1,109 @@
+"""Files over HTTP: uploaded, read before they are kept, summed up, never a path."""
+
+import json
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from planner.farm import example_text
+from tests.service.conftest import SMALL, Shared
+
+LOG = "time_s,easting_m,northing_m,steering_deg,speed_mps\n" + "".join(
+    f"{row / 10:.1f},{row / 7:.3f},0.0,0.0,1.4\n" for row in range(400)
+)
+
+
+def upload(client: TestClient, path: str, token: dict[str, str], file: str, content: bytes, **form: str) -> Any:
+    return client.post(f"/api/v1/{path}", files={"file": (file, content)}, data=form, headers=token)
+
+
+def test_a_field_is_uploaded_read_and_deleted(client: TestClient, token: dict[str, str]) -> None:
+    answer = upload(client, "fields", token, "C:\\farm\\north.geojson", SMALL)
+    assert answer.status_code == 201 and answer.json()["name"] == "north" and answer.json()["size"] == len(SMALL)
+    assert [each["name"] for each in client.get("/api/v1/fields").json()["items"]][-1] == "north"
+    assert client.get("/api/v1/fields/north").content == SMALL
+    found = client.get("/api/v1/fields/north/summary?local=true").json()
+    assert found["field"]["area_ha"] == 0.36 and found["field"]["rings_m"][0][1] == [45.0, 0.0]
+    assert found["field"]["rings_deg"] is None and found["error"] is None
+    assert upload(client, "fields", token, "north.geojson", SMALL).status_code == 201  # the same again
+    other = SMALL.replace(b"80.0", b"90.0")
+    assert upload(client, "fields", token, "north.geojson", other).status_code == 409
+    assert upload(client, "fields", token, "north.geojson", other, name="south").status_code == 201
+    assert client.delete("/api/v1/fields/north", headers=token).status_code == 204
+    assert client.get("/api/v1/fields/north").status_code == 404
+    what = [each["what"] for each in client.get("/api/v1/events").json()["items"]]
+    assert what == ["field uploaded"] * 3 + ["field deleted"]
+
+
+def test_samples_are_listed_and_stay(client: TestClient, token: dict[str, str]) -> None:
+    found = client.get("/api/v1/fields/netherlands/summary").json()
+    lon, lat = found["field"]["rings_deg"][0][0]
+    assert 3.0 < lon < 8.0 and 50.0 < lat < 54.0 and found["field"]["crs"].startswith("EPSG:")
+    assert client.get("/api/v1/tractors/eg105/summary").json()["name"] == "Yanmar EG105"
+    assert b"mass_kg" in client.get("/api/v1/tractors/eg105").content
+    assert upload(client, "fields", token, "denmark.geojson", SMALL).status_code == 409
+    assert client.delete("/api/v1/tractors/eg105", headers=token).status_code == 409
+
+
+def test_several_fields_of_a_file(client: TestClient, token: dict[str, str]) -> None:
+    square = json.loads(SMALL)["coordinates"][0]
+    parcels = [
+        {"type": "Feature", "properties": {"id": name}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+        for name, ring in (("a", square), ("b", [[x + 100.0, y] for x, y in square]))
+    ]
+    content = json.dumps({"type": "FeatureCollection", "features": parcels}).encode()
+    assert upload(client, "fields", token, "two.geojson", content).status_code == 201
+    found = client.get("/api/v1/fields/two/summary?local=true").json()
+    assert [each["key"] for each in found["fields"]] == ["a", "b"] and found["field"] is None
+    assert "choose one" in found["error"]
+    assert client.get("/api/v1/fields/two/summary?local=true&key=b").json()["field"]["name"] == "b"
+    assert client.get("/api/v1/fields/two/summary?local=true&key=c").status_code == 422
+
+
+@pytest.mark.parametrize(
+    "path, name, content, words",
+    [
+        ("fields", "x.geojson", b"{", "JSON"),
+        ("fields", "x.shp", SMALL, "does not end in '.shp'"),
+        ("fields", "..geojson", SMALL, "cannot be used"),
+        ("tractors", "x.toml", b"mass_kg = -1", "mass_kg"),
+        ("farms", "x.toml", b"[prices]\nnothing = 1", "nothing"),
+        ("farms", "x.toml", b"[[tractors]]\nname = 'a'\nfile = '/etc/passwd'", "no tractor '/etc/passwd'"),
+        ("farms", "x.toml", b"[[tractors]]\nname = 'a'\nfile = '../../a.toml'", "no tractor '../../a'"),
+        ("logs", "x.csv", b"a,b\n1,2\n3,4\n", "time_s"),
+        ("logs", "x.csv", b"", "empty"),
+    ],
+)
+def test_what_is_no_file_of_its_kind_is_refused_in_a_sentence(
+    shared: Shared, path: str, name: str, content: bytes, words: str
+) -> None:
+    client, token = shared
+    answer = upload(client, path, token, name, content)
+    assert answer.status_code == 422 and words in answer.json()["error"], answer.json()
+    assert answer.json()["error"].endswith(".") and "\n" not in answer.json()["error"]
+    assert [each for each in client.get(f"/api/v1/{path}").json()["items"] if not each["sample"]] == []
+
+
+def test_a_farm_brings_the_tractors_that_were_uploaded(client: TestClient, token: dict[str, str]) -> None:
+    tractor = client.get("/api/v1/tractors/eg105").content
+    assert upload(client, "tractors", token, "mine.toml", tractor).status_code == 201
+    farm = b"[[tractors]]\nname = 'own'\nfile = 'mine.toml'\ncount = 2\n"
+    assert upload(client, "farms", token, "farm.toml", farm).status_code == 201
+    assert client.get("/api/v1/farms/farm/summary").json()["tractors"][0]["name"] == "own"
+    assert upload(client, "farms", token, "example.toml", example_text().encode()).status_code == 201
+
+
+def test_a_log_says_what_it_is(client: TestClient, token: dict[str, str]) -> None:
+    assert upload(client, "logs", token, "run 1.csv", LOG.encode()).status_code == 201
+    found = client.get("/api/v1/logs/run 1/summary").json()
+    assert found["rows"] == 400 and found["seconds"] == pytest.approx(39.9) and found["error"] is None
+
+
+@pytest.mark.parametrize("name", ["..%2F..%2Fetc%2Fpasswd", "%2Fetc%2Fpasswd", "..", "%00", "%ff", "a" * 5000])
+def test_names_in_addresses_lead_nowhere_else(shared: Shared, name: str) -> None:
+    client, _ = shared
+    for path in ("fields/{}", "fields/{}/summary", "tractors/{}", "plans/{}", "plans/x/results/{}", "views/{}"):
+        answer = client.get(f"/api/v1/{path.format(name)}")
+        assert answer.status_code in (404, 405) or answer.url.path in ("/api/v1/", "/api/v1/plans/x/results/")
+        assert b"root:" not in answer.content

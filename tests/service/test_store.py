@@ -1,0 +1,234 @@
+"""The store, on both databases: names, tokens, files, jobs, fleets, migrations, backups."""
+
+import threading
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.service.errors import BusyError, DatabaseError, MissingError, ServiceError, TakenError
+from planner.service.settings import Settings
+from planner.service.store import Store
+from planner.service.store.backup import back_up, sweep
+from planner.service.store.base import checked_name
+from planner.service.store.models import Base, Job, Result
+
+
+def test_migrations_lead_to_the_tables_of_the_models(store: Store) -> None:
+    with store.database.engine.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
+
+
+def test_a_store_is_opened_again_with_all_it_had(both: Settings, store: Store) -> None:
+    store.add_file("field", "Große Breite", b"{}")
+    again = Store(both)
+    assert [row.name for row in again.files("field")] == ["Große Breite"]
+    again.close()
+
+
+def test_a_newer_or_strange_database_is_refused(both: Settings, store: Store) -> None:
+    with store.database.writes() as session:
+        session.execute(sa.text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(DatabaseError, match=r"newer Headland \(its version is 9999"):
+        Store(both)
+    with store.database.writes() as session:
+        session.execute(sa.text("DROP TABLE alembic_version"))
+    with pytest.raises(DatabaseError, match="tables of other software"):
+        Store(both)
+
+
+def test_tokens_are_kept_as_digests_alone(store: Store, both: Settings) -> None:
+    text = store.new_token("office", "control")
+    row = store.token(text)
+    assert row is not None and (row.name, row.scope) == ("office", "control")
+    assert text.startswith("hl_") and len(text) > 40 and text not in repr(vars(row))
+    assert store.token(text[:-1]) is None
+    with pytest.raises(TakenError):
+        store.new_token("office", "read")
+    with pytest.raises(ServiceError, match="read, control, admin"):
+        store.new_token("other", "all")
+    store.revoke_token("office")
+    assert store.token(text) is None
+    with pytest.raises(MissingError):
+        store.revoke_token("office")
+
+
+def test_a_file_keeps_its_name_until_it_is_deleted(store: Store) -> None:
+    first = store.add_file("field", "north", b"one")
+    assert store.add_file("field", "north", b"one").id == first.id
+    with pytest.raises(TakenError):
+        store.add_file("field", "north", b"two")
+    store.add_file("log", "north", b"two")
+    assert store.blobs.get(store.file("field", "north").sha256) == b"one"
+    store.delete_file("field", "north")
+    with pytest.raises(MissingError):
+        store.file("field", "north")
+    for odd in ("", "\0", "\ud800", "n" * 10_000):
+        with pytest.raises(MissingError):
+            store.file("field", odd)
+
+
+@given(st.text(st.sampled_from("aZ9ä漢 ._()+-/\\:~\0\n\"<>|?*"), max_size=12))
+def test_names_are_never_paths(name: str) -> None:
+    try:
+        kept = checked_name(name)
+    except ServiceError:
+        return
+    assert len(Path(kept).parts) == 1 and not set(kept) & set('/\\:\0\n"<>|?*') and not kept.startswith(".")
+    assert checked_name(kept) == kept
+
+
+@pytest.mark.parametrize("name", ["../x", "..", ".hidden", "a/b", "a\\b", "C:", "/etc/passwd", " a", "a\n", "x" * 101])
+def test_paths_are_no_names(name: str) -> None:
+    with pytest.raises(ServiceError):
+        checked_name(name)
+
+
+def test_a_job_goes_its_way(store: Store) -> None:
+    job = store.add_job("plan", "first", {"width": 3.0})
+    assert (job.status, store.claim_job("w1").id) == ("queued", job.id)  # type: ignore[union-attr]
+    assert store.claim_job("w2") is None
+    assert store.report_job(job.number, "w1", (1, 4, "At work")) and not store.report_job(job.number, "w2")
+    assert not store.finish_job(job.number, "w2", [("a", b"2", "text/plain")])
+    assert store.finish_job(job.number, "w1", [("a", b"1", "text/plain"), ("b", b"2", "text/plain")])
+    done = store.job(job.id, "plan")
+    assert (done.status, done.done, done.all, [each.name for each in done.results]) == ("done", 1, 4, ["a", "b"])
+    assert store.blobs.get(store.result(job.id, "b").sha256) == b"2"
+    assert not store.finish_job(job.number, "w1", [])
+    with pytest.raises(MissingError):
+        store.job(job.id, "day")
+    store.delete_job(job.id)
+    with store.database.reads() as session:
+        assert session.scalar(sa.select(sa.func.count()).select_from(Result)) == 0
+
+
+def test_a_cancelled_job_is_nobodys(store: Store) -> None:
+    job = store.add_job("plan", "first", {})
+    store.claim_job("w1")
+    with pytest.raises(TakenError, match="cancel it first"):
+        store.delete_job(job.id)
+    assert store.cancel_job(job.id).status == "cancelled"
+    assert not store.report_job(job.number, "w1") and not store.fail_job(job.number, "w1", "why")
+    with pytest.raises(TakenError):
+        store.cancel_job(job.id)
+
+
+def test_what_a_lost_worker_had_is_done_by_another_and_given_up_at_last(store: Store) -> None:
+    job, other = store.add_job("plan", "first", {}), store.add_job("plan", "second", {})
+    for attempt in range(3):
+        while (claimed := store.claim_job(f"w{attempt}")) is not None and claimed.id != job.id:
+            assert attempt > 0  # what was begun before comes after what was not
+            store.finish_job(claimed.number, f"w{attempt}", [])
+        assert claimed is not None and claimed.tries == attempt + 1
+        store.release_jobs(f"w{attempt}", blame=True)
+    ended = store.job(job.id)
+    assert ended.status == "failed" and ended.error is not None and "ended 3 times" in ended.error
+    assert store.job(other.id).status == "done"
+
+
+def test_a_try_that_nobody_is_to_blame_for_is_not_counted(store: Store) -> None:
+    job = store.add_job("plan", "first", {})
+    for _ in range(5):
+        assert store.claim_job("w") is not None
+        store.release_jobs("w", blame=False)
+    assert (store.job(job.id).status, store.job(job.id).tries) == ("queued", 0)
+
+
+def test_a_worker_that_does_not_report_loses_its_job(store: Store) -> None:
+    job = store.add_job("plan", "first", {})
+    store.claim_job("w1")
+    store.release_expired()
+    assert store.job(job.id).status == "running"
+    with store.database.writes() as session:
+        session.execute(sa.update(Job).values(lease=time.time() - 0.001))
+    store.release_expired()
+    assert store.job(job.id).status == "queued" and not store.report_job(job.number, "w1")
+
+
+def test_no_job_is_claimed_twice(store: Store) -> None:
+    wanted = {store.add_job("plan", f"job {number}", {}).id for number in range(30)}
+    claimed: list[str] = []
+
+    def work(worker: str) -> None:
+        while (job := store.claim_job(worker)) is not None:
+            claimed.append(job.id)
+
+    threads = [threading.Thread(target=work, args=(f"w{number}",)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(claimed) == 30 and set(claimed) == wanted
+
+
+def test_only_so_many_jobs_wait(tmp_path: Path) -> None:
+    store = Store(Settings(data=tmp_path, jobs_waiting=2))
+    for number in range(2):
+        store.add_job("plan", f"job {number}", {})
+    with pytest.raises(BusyError):
+        store.add_job("plan", "one more", {})
+    store.close()
+
+
+def test_fleets_recordings_and_events(store: Store) -> None:
+    store.save_fleet("f1", "north", "{}", {"times": 1})
+    store.save_progress("f1", {"leg": 3})
+    store.save_fleet("f1", "north", '{"legs": []}', {"times": 2})
+    fleet = store.fleet("f1")
+    assert (fleet.plan, fleet.settings, fleet.progress) == ('{"legs": []}', {"times": 2}, {"leg": 3})
+    store.add_recording("f1", 1, [[0.0, 1.5], [0.1, None]])
+    store.add_recording("f1", 2, [[0.0, 9.0]])
+    store.add_recording("f1", 1, [[0.2, 2.5]])
+    assert store.recording("f1", 1) == [[0.0, 1.5], [0.1, None], [0.2, 2.5]]
+    first = store.add_event("f1", "office", "stop all")
+    second = store.add_event("f2", "office", "resume", {"tractor": 2})
+    assert [each.id for each in store.events()] == [first, second]
+    assert [each.data for each in store.events(first)] == [{"tractor": 2}]
+    assert [each.id for each in store.events(0, "f1")] == [first]
+    store.delete_fleet("f1")
+    assert store.fleets() == [] and store.recording("f1", 1) == [] and len(store.events()) == 2
+    with pytest.raises(MissingError):
+        store.save_progress("f1", {})
+
+
+def test_a_backup_is_a_folder_for_another_service(store: Store, tmp_path: Path) -> None:
+    store.add_file("field", "north", b"bytes of the field")
+    job = store.add_job("plan", "first", {"width": 3.0}, {"field/north.geojson": store.blobs.put(b"as it was")})
+    store.claim_job("w")
+    store.finish_job(job.number, "w", [("result.json", b"made", "application/json")])
+    text = store.new_token("office", "admin")
+    assert back_up(store, tmp_path / "copy.zip") == 3
+    with zipfile.ZipFile(tmp_path / "copy.zip") as packed:
+        packed.extractall(tmp_path / "copy")
+    again = Store(Settings(data=tmp_path / "copy"))
+    assert again.blobs.get(again.file("field", "north").sha256) == b"bytes of the field"
+    kept = again.job(job.id)
+    assert kept.request == {"width": 3.0} and again.blobs.get(kept.results[0].sha256) == b"made"
+    assert again.blobs.get(kept.inputs["field/north.geojson"]) == b"as it was"
+    assert again.token(text) is not None
+    again.close()
+    assert not list(tmp_path.glob(".headland-*"))
+
+
+def test_bytes_that_nobody_names_are_swept(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    store.add_file("field", "north", b"kept")
+    job = store.add_job("plan", "first", {}, {"field/x": store.blobs.put(b"input")})
+    stray = store.blobs.put(b"stray")
+    assert sweep(store) == 0  # what is new may be about to be named
+    monkeypatch.setattr("planner.service.store.backup.KEPT_S", -1.0)
+    assert sweep(store) == 1 and not store.blobs.path(stray).exists()
+    store.delete_job(job.id)
+    assert sweep(store) == 1 and store.blobs.get(store.file("field", "north").sha256) == b"kept"
+
+
+@pytest.mark.parametrize("url", ["mysql://x", "nonsense", "postgresql+nodriver://x/y"])
+def test_other_databases_are_refused_in_a_sentence(url: str, tmp_path: Path) -> None:
+    with pytest.raises(ServiceError) as refusal:
+        Store(Settings(data=tmp_path, database=url))
+    assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)

@@ -1,0 +1,87 @@
+"""Drives that the tests of the twin share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vehicle.missions import TRACK, Leg, Mission, Task
+from vehicle.tractor import Implement, load_tractor
+from vehicle.twin.motion import Noise
+from vehicle.twin.stepper import Stepper, StepperState
+from vehicle.twin.twin import Fix, Twin
+
+
+def hook(speed_mps: float = 1.1) -> Mission:
+    """Straight ahead, a quarter circle to the left, straight on: three legs."""
+    angles = np.linspace(0.0, 0.5 * math.pi, 31)
+    arc = np.stack([8.0 * np.cos(angles) - 8.0, 15.0 + 8.0 * np.sin(angles)], axis=1)
+    first, last = np.array([[0.0, 0.0], [0.0, 15.0]]), np.array([[-8.0, 23.0], [-25.0, 23.0]])
+    return Mission((
+        Leg(first, speed_mps, implement=True, task=Task(TRACK)), Leg(arc, speed_mps),
+        Leg(last, speed_mps, implement=True, task=Task(TRACK)),
+    ))  # fmt: skip
+
+
+def fix_of(state: StepperState, age_s: float = 0.0) -> Fix:
+    """What comes in of a state, so late."""
+    return Fix(state.time_s, state.x_m, state.y_m, state.heading_rad, state.speed_mps, state.time_s + age_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Twin less truth at every frame: distance (m) and heading (rad), (k,) each; and the twin."""
+
+    distance_m: np.ndarray
+    heading_rad: np.ndarray
+    twin: Twin
+
+
+def follow(
+    way: str, rate_hz: float, age_s: float, *, hidden: Mapping[str, float] | None = None, noise: Noise | None = None,
+    exact: bool = False, mission: Mission | None = None, master: str = "eg105",
+) -> Followed:  # fmt: skip
+    """A twin of the EG105 that follows a mission driven by a master; with `exact` it knows when commands changed."""
+    mission = mission or hook()
+    real = Stepper(mission, load_tractor(master), Implement(), hidden=hidden, noise=noise, seed=3)
+    real.released = len(mission.legs)
+    twin = Twin(load_tractor("eg105"), Implement(), fix_of(real.state), way=way)
+    frames: list[StepperState] = []
+    apart, step = [], 0
+    while not real.state.done:
+        step += 1
+        if exact:
+            real.advance((step - 1) / rate_hz + 0.5 / 60.0 + 1e-6)
+            told = real.state
+            twin.command((step - 1) / rate_hz, told.steering_command_rad, told.speed_command_mps, exact=True)
+        now = step / rate_hz
+        frames.append(real.advance(now))
+        while frames and frames[0].time_s + age_s <= now + 1e-9:
+            frame = frames.pop(0)
+            twin.advance(frame.time_s + age_s)
+            if not exact:
+                twin.command(frame.time_s, frame.steering_command_rad, frame.speed_command_mps, frame.implement)
+            twin.measured(fix_of(frame, age_s))
+        mine, true = twin.advance(now), real.truth
+        apart.append((math.hypot(mine.x_m - true.x_m, mine.y_m - true.y_m), mine.heading_rad - true.heading_rad))
+    table = np.array(apart)
+    return Followed(table[:, 0], table[:, 1], twin)
+
+
+@pytest.fixture(scope="session")
+def following() -> Callable[..., Followed]:
+    """`follow`, each drive once."""
+    kept: dict[Any, Followed] = {}
+
+    def once(*words: Any, **more: Any) -> Followed:
+        key = (words, tuple(sorted((name, str(value)) for name, value in more.items())))
+        if key not in kept:
+            kept[key] = follow(*words, **more)
+        return kept[key]
+
+    return once

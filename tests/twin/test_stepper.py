@@ -1,0 +1,92 @@
+"""The simulated robot: the world's own drive, legs as they are released, commands by hand."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.twin.conftest import hook
+from vehicle.errors import MissionError, VehicleError
+from vehicle.missions import Mission, Plan
+from vehicle.tractor import Implement, load_tractor
+from vehicle.twin.motion import Noise
+from vehicle.twin.stepper import AUTOMATIC, REMOTE, STOPPED, Stepper
+from vehicle.world import World
+
+
+def stepper(**more: object) -> Stepper:
+    made = Stepper(hook(), load_tractor("eg105"), Implement(), **more)  # type: ignore[arg-type]
+    made.released = 3
+    return made
+
+
+def test_it_drives_as_the_world_does_bit_for_bit() -> None:
+    run = World(Plan((hook(),)), load_tractor("eg105"), Implement()).run()
+    one = stepper()
+    for row in range(len(run.record)):
+        one.advance(row / 10.0)
+        assert one.body[:3].tolist() == run.record[row, 0, :3].tolist()
+    one.advance(one.time_s + 0.2)
+    assert one.state.done and one.state.leg == 2
+
+
+def test_it_stands_at_the_end_of_what_is_released_and_rolls_on_when_there_is_more() -> None:
+    one = Stepper(hook(), load_tractor("eg105"), Implement())
+    assert one.advance(5.0).leg_m == 0.0 and one.state.speed_mps == 0.0
+    one.released = 1
+    for step in range(60, 300):
+        one.advance(step / 10.0)
+    assert (one.state.leg, one.state.speed_mps) == (0, 0.0) and one.state.leg_m == pytest.approx(15.0, abs=0.2)
+    one.released = 3
+    speeds = [abs(one.advance(30.0 + step / 10.0).speed_mps) for step in range(400)]
+    assert one.state.done and min(speeds[50:200]) > 1.0, "it does not stop between released legs"
+
+
+def test_a_limit_a_halt_and_a_hand_at_the_wheel() -> None:
+    one = stepper()
+    one.limit_mps = 0.5
+    assert one.advance(6.0).speed_mps == pytest.approx(0.5, abs=0.02)
+    one.halt()
+    assert one.advance(9.0).speed_mps == pytest.approx(0.0, abs=0.01) and one.state.mode == STOPPED
+    one.remote(math.radians(20.0), -0.8)
+    one.advance(16.0)
+    assert one.state.mode == REMOTE and one.state.speed_mps == pytest.approx(-0.8, abs=0.02)
+    assert one.state.wheel_angle_rad == pytest.approx(math.radians(20.0), abs=math.radians(0.2))
+    one.automatic()
+    assert one.advance(16.5).mode == AUTOMATIC
+
+
+def test_the_way_it_is_asked_for_does_not_change_the_drive() -> None:
+    """Soil and guidance errors belong to steps, not to calls."""
+    often, seldom = stepper(noise=Noise(), seed=5), stepper(noise=Noise(), seed=5)
+    for step in range(1, 101):
+        often.advance(step / 10.0)
+    seldom.advance(10.0)
+    assert often.body.tolist() == seldom.body.tolist()
+    assert often.body.tolist() != stepper(noise=Noise(), seed=6).body.tolist()
+
+
+def test_instruments_are_off_by_what_is_hidden_in_them() -> None:
+    one = stepper(hidden={"antenna_right": 0.5, "heading_bias": 2.0})
+    one.remote(0.0, 1.0)
+    shown, true = one.advance(4.0), one.truth
+    # Heading north, right is east; a compass too far to the right shows less of the mathematical angle.
+    assert (shown.x_m - true.x_m, shown.y_m - true.y_m) == pytest.approx((0.5, 0.0), abs=1e-3)
+    assert math.degrees(shown.heading_rad - true.heading_rad) == pytest.approx(-2.0)
+    with pytest.raises(VehicleError, match="is unknown"):
+        stepper(hidden={"steering_ofset": 1.0})
+
+
+def test_a_new_mission_keeps_what_was_driven() -> None:
+    one = stepper()
+    one.advance(20.0)
+    assert one.state.leg == 1
+    legs = hook().legs
+    end = replace(legs[2], points=np.array([[-8.0, 23.0], [-15.0, 23.0]]))
+    one.follow(Mission((*legs[:2], end)))
+    for step in range(201, 500):
+        one.advance(step / 10.0)
+    assert one.state.done and one.state.x_m == pytest.approx(-15.0, abs=0.2)
+    with pytest.raises(MissionError, match="differs in leg 0"):
+        one.follow(Mission((replace(legs[0], points=legs[0].points + 1.0), *legs[1:])))
