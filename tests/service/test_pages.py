@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -13,8 +14,11 @@ from typing import Any
 
 import pytest
 import uvicorn
+from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from planner.service.api import create_app
+from planner.service.settings import Settings
 from tests.service.fake_service import CONTROL, NASTY, Made, fake_app
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -37,20 +41,33 @@ PAGES = {
     "/access": "text=needed to control",
 }
 """What each page has when it is whole."""
+EMPTY = {
+    "/": "text=No fleet is out yet",
+    "/diagnose": "text=No logs yet",
+    "/replay": "text=No fleet was out yet",
+}
+"""The same of a service that is new."""
+
+
+@contextlib.contextmanager
+def served(app: FastAPI) -> Iterator[str]:
+    """The address of an app that is served in a thread of its own."""
+    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        assert thread.is_alive()
+        time.sleep(0.01)
+    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/"
+    server.should_exit = server.force_exit = True
+    thread.join()
 
 
 @pytest.fixture(scope="module")
 def service() -> Iterator[tuple[str, Made]]:
     app = fake_app()
-    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    while not server.started:
-        time.sleep(0.01)
-    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/", app.state.made
-    server.should_exit = True
-    server.force_exit = True
-    thread.join()
+    with served(app) as base:
+        yield base, app.state.made
 
 
 @pytest.fixture(scope="module")
@@ -231,6 +248,7 @@ def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, se
     page.evaluate("window.dispatchEvent(new Event('blur'))")
     page.wait_for_selector("text=Let go: it stands")
     until(page, lambda: made.frames[-1]["speed_command_mps"] == 0)
+    page.locator(".pad").scroll_into_view_if_needed()
     pad = page.locator(".pad").bounding_box()
     assert pad is not None
     page.mouse.move(pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] * 0.9)
@@ -395,3 +413,33 @@ def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_ther
     assert told[0] == told[3] == still, "no button held, and no gamepad any more"
     assert told[1] == {"steering_command_deg": 15, "speed_command_mps": 0, "shuttle": 0, "start": 0}
     assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}
+
+
+def test_the_pages_speak_with_the_service_itself(browser: Browser, tmp_path: Path) -> None:
+    app = create_app(Settings(data=tmp_path, workers=0), inline=True)
+    token = app.state.store.new_token("office", "control")
+    with served(app) as base:
+        watched = Watched(browser, base, token)
+        for path, whole in EMPTY.items():
+            watched.open(path).wait_for_selector(whole)
+        page = watched.open("/plan")
+        page.wait_for_selector("text=1.89\xa0ha")
+        page.click("summary:has-text('Draw a field')")
+        for east, north in ((0, 0), (100, 0), (100, 50), (0, 50)):
+            page.fill("[aria-label='Metres east']", str(east))
+            page.fill("[aria-label='Metres north']", str(north))
+            page.click("text=Add corner")
+        page.click("text=Use this field")
+        page.wait_for_selector(".under >> text=0.50\xa0ha")
+        watched.well()
+        page.fill("input[name=width]", "-1")
+        page.click("text=Run the plan")
+        page.wait_for_selector("text=it must be above 0")
+        page.fill("input[name=width]", "3")
+        page.click("text=Run the plan")
+        page.wait_for_selector("text=Waiting for its turn.")
+        asked = app.state.store.jobs("plan")[0].request
+        assert asked["field"] == "myfield" and asked["local"] is True and asked["width"] == 3
+        page.click("text=Cancel")
+        page.wait_for_selector("text=It was cancelled.")
+        page.context.close()
