@@ -202,7 +202,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
     page.click("summary:has-text('Failures, obstacles')")
     page.select_option("select[aria-label='Tractor that failed']", "3")
     page.click("text=Plan without it")
-    page.click("text=Accept")
+    page.click("button:text-is('Accept')")
     wanted = [
         {"kind": "acknowledge", "alarm": 1},
         {"kind": "stop_all"},
@@ -257,6 +257,16 @@ def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, se
     until(page, lambda: made.frames[-1]["shuttle"] == -1)
     page.mouse.up()
     page.wait_for_selector("text=Let go: it stands")
+    watched.well()
+
+
+def test_a_twin_in_doubt_is_diagnosed_and_mended(watched: Watched) -> None:
+    page = watched.open("/fleet/f1/tractor/2")
+    page.click("text=Find the cause")
+    page.wait_for_selector("text=The diagnosis of its recording is ready.")
+    assert page.get_attribute("text=Read the diagnosis", "href") == "#/diagnose/old"
+    page.click("text=Take it into the tractor file")
+    page.wait_for_selector("text=Saved as the tractor file eg105 mended")
     watched.well()
 
 
