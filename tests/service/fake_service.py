@@ -36,6 +36,7 @@ class Made:
             "logs": ["run-1"],
         }
         self.polls = 0
+        self.diagnosed = False
         self.holder: str | None = None
         self.acknowledged: str | None = None
 
@@ -205,23 +206,22 @@ def _fleets(app: FastAPI, made: Made) -> None:
     @app.get("/api/v1/twins/{fleet}/{tractor}")
     def twin(fleet: str, tractor: int) -> dict[str, Any]:
         rows = [float(k) for k in range(60)]
+        ahead, right = [0.03 * math.sin(k / 4) for k in rows], [0.02 * math.cos(k / 3) for k in rows]
+        doubt = {"words": "The corrections are larger than noise explains, 9 cm across.", "since_s": 40.0}
         return {
-            "corrections": {
-                "time_s": rows,
-                "ahead_m": [0.03 * math.sin(k / 4) for k in rows],
-                "right_m": [0.02 * math.cos(k / 3) for k in rows],
-            },
-            "doubt": {
-                "sentence": "The corrections are larger than noise explains, 9 cm across on the left, since 40 s."
-            }
-            if tractor == 2
-            else None,
-            "finding": {"sentence": "Steering offset of 1.2 degrees to the right is named."} if tractor == 2 else None,
+            "corrections": {"time_s": rows, "ahead_m": ahead, "right_m": right},
+            "doubt": doubt if tractor == 2 else None,
+            "diagnosis": {"id": "old", "status": "done", "error": None} if made.diagnosed else None,
         }
+
+    @app.post("/api/v1/twins/{fleet}/{tractor}/diagnose")
+    def diagnose(fleet: str, tractor: int) -> dict[str, Any]:
+        made.diagnosed = True
+        return {}
 
     @app.post("/api/v1/twins/{fleet}/{tractor}/mend")
     def mend(fleet: str, tractor: int) -> dict[str, Any]:
-        return {"name": "eg105-mended"}
+        return {"tractor": "eg105 mended"}
 
 
 async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) -> None:

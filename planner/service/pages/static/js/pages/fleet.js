@@ -1,6 +1,6 @@
 // One fleet live: map, tractors, pause and resume, obstacles, a tractor that fails, the plan for the others.
 import { el, put, say, button, heading, facts, note, labelled, option } from "../dom.js";
-import { get, items, save, part } from "../api.js";
+import { get, items, remove, save, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
 import { tractorTiles, alarmList, stopAll, refusals, fleetFacts } from "../board.js";
@@ -32,6 +32,10 @@ export async function open(main, shell, [id]) {
   const obstacles = () => put(inWay, live.scene.marked.map((one) => el("li", { class: "tile" }, el("span", { class: "grow" }, one.name),
     button("It is gone", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
   const recording = button("Save recording", () => save(`fleets/${part(id)}/recording`, `${live.name}.zip`).catch((error) => put(said, note(error.message, "error"))));
+  const away = button("Remove this fleet", async () => {
+    if (!confirm(`Remove ${live.name} with its recording?`)) return;
+    try { await remove(`fleets/${part(id)}`); location.hash = "#/"; } catch (error) { put(said, note(error.message, "error")); }
+  }, "danger small");
   put(main, heading(live.name, "", state, alarms.sign, stop.node), said, proposal,
     el("div", { class: "board rest-first" },
       el("div", { class: "panel flush map-box" }, map.node, el("div", { class: "under" }, legend(), drawer.node)),
@@ -40,9 +44,9 @@ export async function open(main, shell, [id]) {
       el("div", { class: "stack side" },
         el("section", {}, el("h2", {}, "Alarms"), alarms.node),
         el("section", {}, el("h2", {}, "Tractors"), tiles.node),
-        el("details", { class: "panel" }, el("summary", {}, "A tractor fails, something is in the way"),
+        el("details", { class: "panel" }, el("summary", {}, "Failures, obstacles, removal"),
           el("p", { class: "small soft" }, "The rest of its tracks is planned for the others; you see the time before you accept."),
-          el("div", { class: "row" }, el("div", { class: "grow" }, which), fail), inWay),
+          el("div", { class: "row" }, el("div", { class: "grow" }, which), fail), inWay, el("div", { class: "row" }, away)),
         el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
   main.classList.add("has-stop");
   const tell = () => {
@@ -51,8 +55,9 @@ export async function open(main, shell, [id]) {
     state.className = `badge ${LOOKS[now] ?? ""}`;
     start.hidden = now !== "ready";
     pause.hidden = now !== "running";
+    away.hidden = now === "running";
     resume.hidden = now !== "stopped" && !(now === "running" && held);
-    for (const knob of [start, pause, resume, fail, drawer.knob]) knob.disabled = !live.mayControl;
+    for (const knob of [start, pause, resume, fail, away, drawer.knob]) knob.disabled = !live.mayControl;
     put(figures, facts(fleetFacts(live)));
     put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
     tiles.told(); alarms.told(); stop.told();

@@ -78,28 +78,32 @@ function linesOf(live, number) {
 const othersOf = (live, number) =>
   live.numbers().filter((other) => other !== number).map((other) => ({ ...live.pose(other), number: other })).filter((other) => other.x !== undefined);
 
-// What the service says of the twin: its doubt with the cause, and the way into the tractor file.
+// What the service says of the twin: its doubt, the diagnosis of its cause, and the way into the tractor file.
 function twinPanel(id, number, doubt, chart) {
   const path = `twins/${part(id)}/${number}`, node = el("div");
-  let shown = "";
+  let shown = "", gone = false;
+  const ask = (what, done) => async (event) => {
+    event.target.disabled = true;
+    try { done(await post(`${path}/${what}`)); } catch (error) { put(doubt, note(error.message, "error")); }
+  };
   const look = async () => {
     let answer;
-    try { answer = await get(path); } catch { return; }
+    if (gone) return;
+    try { answer = await get(path); } catch (error) { gone = error.status === 404; return; }
     chart.set(correctionRows(answer.corrections));
-    const key = JSON.stringify([answer.doubt, answer.finding]);
+    const { doubt: wrong, diagnosis } = answer, key = JSON.stringify([wrong?.words, diagnosis]);
     if (key === shown) return;
     shown = key;
-    const finding = answer.finding, words = sentenceOf(answer.doubt), cause = sentenceOf(finding);
-    const mend = button("Take it into the tractor file", async () => {
-      try { const made = await post(`${path}/mend`); put(doubt, note(`Saved as tractor file ${made.name ?? made.tractor ?? ""}.`)); } catch (error) { put(doubt, note(error.message, "error")); }
-    }, "small main");
-    put(doubt, (words || cause) && note([words, cause].filter(Boolean).join(" "), "warn", finding && mend));
-    put(node, !answer.doubt && el("p", { class: "small soft" }, "The corrections are no larger than noise explains."));
+    put(node, !wrong && el("p", { class: "small soft" }, "The corrections are no larger than noise explains."));
+    const find = button("Find the cause", ask("diagnose", look), "small main");
+    const mend = button("Take it into the tractor file", ask("mend", (made) => put(doubt, note(`Saved as the tractor file ${made.tractor}; plan with it from now on.`))), "small main");
+    const read = diagnosis && el("a", { class: "button", href: `#/diagnose/${part(diagnosis.id)}` }, "Read the diagnosis");
+    const steps = { done: [read, mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
+    const more = !diagnosis ? "" : { done: "The diagnosis of its recording is ready.", failed: diagnosis.error ?? "" }[diagnosis.status] ?? "Its recording is being diagnosed.";
+    put(doubt, (wrong || diagnosis) && note([wrong?.words, more].filter(Boolean).join(" "), "warn", ...steps));
   };
   return { node, look };
 }
-
-const sentenceOf = (one) => (!one ? "" : typeof one === "string" ? one : one.sentence ?? one.words ?? one.effect ?? "");
 
 /** Rows of time, ahead and to the right in centimetres, from columns. */
 export function correctionRows(given) {
