@@ -75,7 +75,8 @@ def test_what_one_has_left_is_worked_by_the_others(half: tuple[Centre, Proposal]
     report = centre.states[1].report
     assert report is not None
     standing = shapely.Point(report.x_m, report.y_m).buffer(9.0)
-    assert shapely.difference(shapely.difference(left, taken), standing).area < 0.02 * left.area
+    # Driven the other way, the guided point is on a track a tool's distance earlier.
+    assert shapely.difference(shapely.difference(left, taken), standing).area < 0.05 * left.area
     assert proposal.moved_m > 50.0 and proposal.left_m == 0.0 and proposal.sentence is None
 
 

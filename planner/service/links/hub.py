@@ -17,7 +17,7 @@ from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.orders import Event
 from planner.service.centre.progress import progress_of, restore
 from planner.service.centre.rules import Rules
-from planner.service.errors import MissingError
+from planner.service.errors import BusyError, MissingError
 from planner.service.links.live import LiveFleet
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import keep, rising
@@ -25,6 +25,7 @@ from planner.service.links.warming import warm
 from planner.service.store import Store
 
 STEP_S, KEEP_S = 0.05, 1.0
+MOST_FLEETS = 20
 X, Y, WORKS = 2, 3, 10  # columns of kept rows
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with the ending of its file."""
@@ -57,7 +58,7 @@ class Hub:
         Before that all that is compiled on first use is loaded, as nobody's frames are to wait for it later.
         """
         await asyncio.to_thread(warm)
-        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._take_up())]
+        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self.take_up())]
 
     async def stop(self) -> None:
         """Keep what there is and end."""
@@ -83,7 +84,9 @@ class Hub:
         return self.fleets[id]
 
     async def create(self, name: str, text: str, files: Files, settings: dict[str, Any]) -> LiveFleet:
-        """A new fleet, ready to start. Raises a HeadlandError for a plan that cannot be driven."""
+        """A new fleet, ready to start. Raises BusyError for one too many, a HeadlandError for what cannot be driven."""
+        if len(self.fleets) >= MOST_FLEETS:
+            raise BusyError(f"There are {len(self.fleets)} live fleets, as many as are taken; delete one first.")
         plan = await self.work(prepared_with, text, files)
         settings = settings | {"begin_s": time.time()}
         fleet = self._live(secrets.token_hex(8), name, plan, settings)
@@ -110,7 +113,7 @@ class Hub:
         if fleet is not None:
             fleet.proposals.close()
 
-    async def _take_up(self) -> None:
+    async def take_up(self) -> None:
         """Go on with the fleets of the store."""
         for row in await asyncio.to_thread(self.store.fleets):
             if row.id in self.fleets:

@@ -13,7 +13,8 @@ from planner.service.links.frames import State
 from vehicle.tractor import Tractor
 from vehicle.twin.twin import Fix, Twin
 
-CORRECT_S = 1.0  # between two fixes that a twin is given, as in section 5.2.2
+CORRECT_S = 1.0  # between two fixes that a twin is given, as in section 5.2.2, by its own clock
+PERIOD_S = 0.1  # between two states
 DOUBT_S = 1.0  # between two looks at whether a twin is wrong
 
 
@@ -46,8 +47,8 @@ class Twins:
             return
         speed = sign * abs(state.speed_command_mps)
         twin.command(time_s, math.radians(state.steering_command_deg), speed, bool(state.implement))
-        if clock_s - self._fixed_s[number] >= CORRECT_S:
-            self._fixed_s[number] = clock_s
+        if time_s - self._fixed_s[number] >= CORRECT_S - 0.5 * PERIOD_S:
+            self._fixed_s[number] = time_s
             twin.measured(fix)
 
     def commanded(self, number: int, steering_rad: float, speed_mps: float, clock_s: float) -> None:

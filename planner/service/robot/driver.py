@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
@@ -35,6 +36,7 @@ class Driver:
         self.sequence = -1
         self.reason = "nobody has told it to drive"
         self._begun_s: float | None = None
+        self._clock_s = 0.0  # of the clock on the wall when that of `now` was 0
         self._heard_s = -math.inf
         self._silent = False
 
@@ -76,13 +78,13 @@ class Driver:
     def step(self, now: float) -> dict[str, Any]:
         """Drive up to now; the state to be sent."""
         if self._begun_s is None:
-            self._begun_s = now
+            self._begun_s, self._clock_s = now, time.time() - now
         if now - self._heard_s > SILENCE_S and not self._silent:
             self._silent = True
             self._lost()
         self.stepper.advance((now - self._begun_s) * self.times)
         self.sequence += 1
-        return self._state()
+        return self._state(now)
 
     def _lost(self) -> None:
         """Nothing was heard of the centre for a second."""
@@ -91,13 +93,13 @@ class Driver:
             self.reason = "the centre is silent"
             self.stepper.halt()
 
-    def _state(self) -> dict[str, Any]:
+    def _state(self, now: float) -> dict[str, Any]:
         state = self.stepper.state
         east, north = self.origin_m
         velocity = state.speed_mps if abs(state.speed_mps) > STANDING_MPS else state.speed_command_mps
         backwards = velocity < 0.0 if velocity else state.gear < 0
         return {
-            "kind": "state", "id": self.name, "sequence": self.sequence, "time": utc_now(),
+            "kind": "state", "id": self.name, "sequence": self.sequence, "time": utc(self._clock_s + now),
             "easting_m": round(state.x_m + east, 4), "northing_m": round(state.y_m + north, 4),
             "heading_deg": round((90.0 - math.degrees(state.heading_rad)) % 360.0, 4),
             "speed_mps": round(abs(state.speed_mps), 4), "speed_command_mps": round(abs(state.speed_command_mps), 4),
@@ -109,6 +111,6 @@ class Driver:
         }  # fmt: skip
 
 
-def utc_now() -> str:
-    """Now as frames have it."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+def utc(clock_s: float) -> str:
+    """Seconds since 1970 as frames have them."""
+    return datetime.fromtimestamp(clock_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
