@@ -1,4 +1,4 @@
-"""The tracks of a tractor that has failed, given to the others and simulated."""
+"""A plan driven live by simulated tractors, and the tracks of one that has failed given to the others."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ from planner.service.centre.progress import progress_of, restore
 from planner.service.centre.replanning import Proposal, replanned, rest_of
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import Report
+from planner.service.links.converting import report_of
+from planner.service.links.frames import OF_ROLE
+from planner.service.robot.driver import Driver
 from planner.site import prepare
 from vehicle.plan_file import plan_from_json, plan_to_json
 
@@ -115,3 +118,28 @@ def test_what_cannot_be_planned_anew_is_refused_in_a_sentence(plan: FleetPlan) -
         rest_of(centre, [], 0.0)
     with pytest.raises(CentreError, match="No tractor is left"):
         rest_of(centre, [0, 1, 2], 0.0)
+
+
+def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(plan: FleetPlan) -> None:
+    """All but the network: steering, speed control and noise of every tractor, releases and orders."""
+    centre, now = Centre(plan, Rules()), 0.0
+    drivers = [
+        Driver(mission, plan.tractor, plan.implement, plan.saved.origin_m, name="robot", noise_m=0.02, seed=number)
+        for number, mission in enumerate(plan.plan.missions)
+    ]
+    for number in range(plan.tractors):
+        centre.joined(number, now)
+    centre.start("anna", now)
+    while centre.state != "done" and now < 1.2 * max(plan.finish_s):
+        now += 0.1
+        orders, events = centre.taken()
+        for order in orders:
+            drivers[order.tractor].heard({"kind": order.kind, "reason": ""} | order.data, now)
+        assert not [event for event in events if event.what == "too near another"]
+        for number, driver in enumerate(drivers):
+            driver.heard({"kind": "beat"}, now)
+            state = OF_ROLE["tractor"].validate_json(json.dumps(driver.step(now)))
+            centre.reported(number, report_of(state, plan), now)
+        centre.tick(now)
+    assert now == pytest.approx(max(plan.finish_s), rel=0.03)
+    assert centre.done_m() == pytest.approx(plan.worked_m)

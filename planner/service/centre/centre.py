@@ -12,9 +12,9 @@ from planner.service.centre.core import CENTRE, DONE, RUNNING
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.forecast import finish_in_s
-from planner.service.centre.guard import Danger
+from planner.service.centre.guard import MOVING_MPS, Danger
 from planner.service.centre.operated import Operated
-from planner.service.centre.releasing import base_end
+from planner.service.centre.releasing import base_end, closed_gates
 from planner.service.centre.tractors import AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
 from vehicle.speed import follower_speed
 
@@ -172,11 +172,22 @@ class Centre(Operated):
             if DRIVEN in state.holds and number not in close_to:
                 state.holds.discard(NEAR)  # what its operator may do is asked at every command
         waiting = [n for n, state in enumerate(self.states) if NEAR in state.holds]
-        for number in sorted(waiting, key=lambda n: self.courses[n].before_s[self.states[n].leg]):
+        reports = [self.states[n].report for n in waiting]
+        if any(report is not None and report.speed_mps > MOVING_MPS for report in reports):
+            return  # whoever goes on must know where the others stand
+        for number in sorted(waiting, key=lambda n: (-self._free_m(n, waiting), n)):
             if self.guard.may_go(number, self.states, self.courses):
                 self.states[number].holds.discard(NEAR)
                 self.note(CENTRE, "goes on", tractor=number + 1)
                 break  # the next one only once it is seen how this one drives
+
+    def _free_m(self, number: int, others: list[int]) -> float:
+        """Metres that a tractor drives before it has to wait for one of these; infinite for one that never has to."""
+        course, state = self.courses[number], self.states[number]
+        for leg in range(state.released, len(course.legs)):
+            if any(gate.tractor in others for gate in closed_gates(course, leg, self.states)):
+                return course.before_m[leg] - course.before_m[state.leg] - state.leg_m
+        return math.inf
 
     def _forecast(self) -> None:
         halted = [self.state != RUNNING or bool(s.holds - {NEAR}) or bool(self.blocked[n]) or s.failed

@@ -13,7 +13,7 @@ from planner.service.centre.course import Course
 from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.foresight import STEP_S, arc, braking_s, centres, foreseen, standing
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import NEAR, TractorState
+from planner.service.centre.tractors import AUTOMATIC, NEAR, TractorState
 from vehicle.approach import approaches, distances
 from vehicle.compile import compile_model
 from vehicle.missions import ENTER, LEAVE
@@ -21,6 +21,7 @@ from vehicle.missions import ENTER, LEAVE
 Array = npt.NDArray[np.float64]
 AWAY_M = 0.01  # rounding, of distances that must not become smaller
 MOVING_MPS = 0.05
+FORESEEN_M, CONTACT_M = 0.15, 0.05  # error of poses foreseen along legs; as good as touching
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Guard:
         """Everything that would go wrong within the time foreseen if nobody did anything."""
         there, paths = self.there(states, courses), self.paths(states, courses)
         speeds = [0.0 if s.report is None else abs(s.report.speed_mps) for s in states]
-        found = approaches(centres(paths, self.tractor), there, self.model, self.clearance_m, self.beside_m)
+        found = self._meetings(centres(paths, self.tractor), there, states)
         dangers = []
         for i, j, k, metres in found:
             if max(speeds[i], speeds[j]) < MOVING_MPS and k == 0:
@@ -75,6 +76,20 @@ class Guard:
             urgent = in_s <= braking_s(max(speeds[i], speeds[j]), self.rules) + STEP_S
             dangers.append(Danger(i, j, in_s, metres, urgent))
         return dangers + self._outside(there, paths, speeds)
+
+    def _meetings(
+        self, poses: Array, there: npt.NDArray[np.bool_], states: Sequence[TractorState]
+    ) -> list[tuple[int, int, int, float]]:
+        """Pairs that come too near.
+
+        For two that both drive by the plan that is nearer than the plan itself comes, by as much as what is foreseen
+        of them may be wrong: their gates keep them apart.
+        """
+        alone = [s.report is not None and s.report.mode == AUTOMATIC for s in states]
+        least_m = max(self.clearance_m - FORESEEN_M, CONTACT_M)
+        planned = approaches(poses, there, self.model, least_m, min(self.beside_m, least_m))
+        free = approaches(poses, there, self.model, self.clearance_m, self.beside_m)
+        return planned + [found for found in free if not (alone[found[0]] and alone[found[1]])]
 
     def _outside(self, there: npt.NDArray[np.bool_], paths: Array, speeds: list[float]) -> list[Danger]:
         inside = shapely.contains_xy(self.fence, paths[:, :, 0], paths[:, :, 1])
