@@ -425,7 +425,10 @@ def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_ther
     assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}
 
 
-def test_the_pages_speak_with_the_service_itself(browser: Browser, tmp_path: Path) -> None:
+def test_the_pages_speak_with_the_service_itself(
+    browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("planner.service.links.hub.warm", lambda: None)  # no fleet drives here: nothing to compile for
     app = create_app(Settings(data=tmp_path, workers=0), inline=True)
     token = app.state.store.new_token("office", "control")
     with served(app) as base:

@@ -92,11 +92,13 @@ function alarmTile(live, alarm, fleetName) {
 export function stopAll(lives) {
   const press = () => lives().forEach((live) => live.send({ kind: "stop_all" }));
   const knob = button("STOP ALL", press, "stop", { "aria-label": "Stop all tractors at once" });
-  const node = el("div", { class: "stopbar" }, knob);
+  const why = el("a", { class: "small why", href: "#/access", hidden: true }, "Looking only: enter a token to control");
+  const node = el("div", { class: "stopbar" }, why, knob);
   const told = () => {
     const may = lives().some((live) => live.mayControl);
     knob.disabled = !may;
-    knob.title = may ? "Stops every tractor at once" : "Reading only; enter a token that may control under Access";
+    // Said only once a link is there: before that nobody knows what the token may do.
+    why.hidden = may || !lives().some((live) => live.link === "online");
   };
   told();
   return { node, told };

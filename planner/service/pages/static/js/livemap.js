@@ -4,7 +4,7 @@ import { colours, onColours } from "./palette.js";
 import { boxOf } from "./fleetlive.js";
 import { polygon, line, hatch, tractor, word } from "./layers.js";
 
-const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250;
+const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250, APART_PX = 6;
 
 /** Fleets whose metres are of the same grid; local metres are a grid of their own. */
 export const gridOf = (live) => live.scene?.crs ?? `local ${live.id}`;
@@ -155,7 +155,7 @@ function drawTractor(ctx, view, live, number, chosen) {
     if (other) line(ctx, view, [[pose.x, pose.y], [other.x, other.y]], colours.warn, 2, [2, 5]);
   }
   tractor(ctx, view, pose, number, { hollow: fix.connection !== "online" || live.link !== "online", chosen, width });
-  if (twin && (chosen || Math.hypot(twin.x - pose.x, twin.y - pose.y) > 0.5)) tractor(ctx, view, twin, number, { ghost: true });
+  if (twin && (chosen || Math.hypot(twin.x - pose.x, twin.y - pose.y) * view.scale > APART_PX)) tractor(ctx, view, twin, number, { ghost: true });
   if (fix.connection !== "online") {
     const [px, py] = view.at(pose.x, pose.y);
     word(ctx, px, py + 26, fix.connection === "broken" ? "connection broken" : "offline, last here", colours.off);
