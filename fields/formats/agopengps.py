@@ -16,7 +16,7 @@ from pathlib import Path
 
 from fields.document import Document, Format
 from fields.errors import FieldError
-from fields.formats.archive import Members, is_archive
+from fields.formats.archive import Members
 from fields.formats.features import Feature, document_of
 from fields.formats.vector import WGS84
 
@@ -47,8 +47,7 @@ class Plane:
 
 
 def _read(path: str, label: str) -> Document:
-    place = Path(path)
-    members = Members(place if place.is_dir() or is_archive(place) else place.parent)
+    members = Members(path)
     notes: list[str] = []
     features: list[Feature] = []
     for name in [one for one in members if one.lower().split("/")[-1] == FIELD]:

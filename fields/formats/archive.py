@@ -28,14 +28,14 @@ def is_archive(path: str | Path) -> bool:
 class Members(Mapping[str, bytes]):
     """The files of a folder or ZIP archive by their path in it, with forward slashes, in the order of the names.
 
-    Nothing is read before it is asked for, and nothing is ever written. Raises FieldError for an archive that cannot
+    Folders in a folder are looked through `deepest` down. Nothing is read before it is asked for, and nothing is ever written. Raises FieldError for an archive that cannot
     be opened, that holds names leading out of it, or more than 256 MB when unpacked.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, deepest: int = DEEPEST) -> None:
         self.path = Path(path)
         self._archive = None if self.path.is_dir() else _opened(self.path)
-        self._names = _in_folder(self.path) if self._archive is None else _in_archive(self._archive, self.path)
+        self._names = _in_folder(self.path, deepest) if self._archive is None else _in_archive(self._archive, self.path)
 
     def __getitem__(self, name: str) -> bytes:
         if name not in self._names:
@@ -104,12 +104,12 @@ def _in_archive(archive: zipfile.ZipFile, path: Path) -> dict[str, str]:
     return dict(sorted(clean.items()))
 
 
-def _in_folder(folder: Path) -> dict[str, str]:
+def _in_folder(folder: Path, deepest: int) -> dict[str, str]:
     """Files of a folder and its folders, links and hidden ones left out."""
     found: dict[str, str] = {}
     for base, folders, files in os.walk(folder):
         below = PurePosixPath(Path(base).relative_to(folder).as_posix())
-        folders[:] = [] if len(below.parts) >= DEEPEST else sorted(folders)
+        folders[:] = [] if len(below.parts) >= deepest else sorted(folders)
         for name in sorted(files):
             if not _hidden(below / name):
                 found[str(below / name)] = name

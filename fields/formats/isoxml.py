@@ -38,7 +38,7 @@ def _read(path: str, label: str) -> Document:
     if place.is_dir() or is_archive(place):
         roots = list(_roots(Members(place), label))
     else:
-        roots = list(_roots(Members(place.parent), label, place.name))
+        roots = list(_roots(Members(place.parent, 0), label, place.name))
     features: list[Feature] = []
     notes: list[str] = []
     empty: list[str] = []

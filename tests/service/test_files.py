@@ -1,12 +1,15 @@
 """Files over HTTP: uploaded, read before they are kept, summed up, never a path."""
 
+import io
 import json
+import zipfile
 from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
 from planner.farm import example_text
+from tests.fields.farm_files import partfield, pattern, points, polygon, taskdata
 from tests.service.conftest import SMALL, Shared
 
 LOG = "time_s,easting_m,northing_m,steering_deg,speed_mps\n" + "".join(
@@ -92,6 +95,22 @@ def test_a_farm_brings_the_tractors_that_were_uploaded(client: TestClient, token
     assert upload(client, "farms", token, "farm.toml", farm).status_code == 201
     assert client.get("/api/v1/farms/farm/summary").json()["tractors"][0]["name"] == "own"
     assert upload(client, "farms", token, "example.toml", example_text().encode()).status_code == 201
+
+
+def test_a_field_of_task_data(client: TestClient, token: dict[str, str]) -> None:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        line = pattern("Main", "1", points((10, 0), (10, 200), kind="6"))
+        archive.writestr("TASKDATA/TASKDATA.XML", taskdata(partfield(polygon() + line)))
+    assert upload(client, "fields", token, "acre.zip", content.getvalue()).status_code == 201
+    found = client.get("/api/v1/fields/acre/summary").json()["field"]
+    assert (found["name"], len(found["rings_m"])) == ("Long acre", 2)
+    assert found["area_ha"] == pytest.approx(5.84, rel=1e-3)
+    assert [one["name"] for one in found["lines"]] == ["Main"]
+    both = {"field": "acre", "along": "Main", "bearing": 10.0}
+    answer = client.post("/api/v1/plans", json=both, headers=token)
+    assert answer.status_code == 422 and "along is a bearing, and so is bearing" in answer.json()["error"]
+    assert client.post("/api/v1/plans", json={"field": "acre", "along": "Main"}, headers=token).status_code == 202
 
 
 def test_a_log_says_what_it_is(client: TestClient, token: dict[str, str]) -> None:

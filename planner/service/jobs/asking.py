@@ -47,7 +47,7 @@ def check_day(values: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a day that cannot be asked."""
     from planner.day import load_day
 
-    load_day(values["day"], farm=values.get("farm"), rain=values.get("rain"))
+    load_day(values["day"], farm=values.get("farm"), rain=values.get("rain"), certainty_pct=values.get("certainty"))
 
 
 def check_diagnosis(values: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ from reports.figures import png_bytes
 def run_day(work: Work) -> list[Made]:
     """Plan a day; raises HeadlandError for one that cannot be planned."""
     request = DayRequest.model_validate(work.request)
-    asked, own = load_day(request.day, farm=request.farm, rain=request.rain)
+    asked, own = load_day(request.day, farm=request.farm, rain=request.rain, certainty_pct=request.certainty)
     ready = prepare_day(asked, own)
     cache = Cache(Path(work.cache))
     todo = ready.unknown(cache)

@@ -30,6 +30,9 @@ class PlanRequest(Request):
 
     field: Text = Field("iwamizawa", description="A sample or an uploaded field; NAME#ID picks one of several parcels.")
     local: bool = Field(False, description="The file holds local metres, not longitude and latitude.")
+    crs: Text | None = Field(None, description="Coordinate system of a file that names none, such as EPSG:25832.")
+    swap: bool = Field(False, description="The file has latitude or northing first: exchange the two.")
+    along: Text | None = Field(None, description="Lay the tracks along this guidance line of the file, by its name.")
     width: float = Field(3.0, description="Working width of the implement, metres.")
     tractors: Text = Field("1-6", description="Tractor counts to try: 3, 1-6 or 1,3,5.")
     strategies: Text = Field("all", description="Strategies to try, separated by commas; or all.")
@@ -74,6 +77,7 @@ class DayRequest(Request):
     day: Annotated[str, Field(max_length=MOST_TOML, description="The text of a day file (TOML).")]
     farm: Text | None = Field(None, description="An uploaded farm instead of the one that the day names.")
     rain: Text | None = Field(None, description="When it begins to rain, instead of the day's.")
+    certainty: float | None = Field(None, description="Plan by times that so many percent of the draws keep, 50 to 99.")
     draws: Annotated[int, Field(description="Draws of what varies.")] = 10_000
     seed: Seed = 1
 
@@ -82,6 +86,8 @@ class DayRequest(Request):
         from planner.errors import ScenarioError, named
         from planner.scenario import MOST_DRAWS
 
+        if self.certainty is not None and not 50.0 <= self.certainty <= 99.0:
+            raise ScenarioError(f"{named('certainty')} is {self.certainty:g}; use 50 to 99 percent.")
         if not 1 <= self.draws <= MOST_DRAWS:
             raise ScenarioError(f"{named('draws')} is {self.draws}; use 1 to {MOST_DRAWS}.")
 

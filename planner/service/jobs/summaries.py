@@ -58,6 +58,7 @@ def _field(field: Field) -> dict[str, Any]:
         "fences_m": _metres([np.asarray(line.coords) for line in field.fences]),
         "entrance_m": None if field.entrance is None else [round(value, 3) for value in field.entrance],
         "refill_m": None if field.refill is None else [round(value, 3) for value in field.refill],
+        "lines": [{"name": one.name, "bearing_deg": round(one.bearing_deg, 2)} for one in field.lines],
         "remarks": list(field.remarks),
     }
 

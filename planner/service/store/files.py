@@ -9,7 +9,7 @@ from planner.service.store.base import Part, checked_name, is_text, now
 from planner.service.store.models import File
 
 SUFFIXES = {
-    "field": (".geojson", ".json"),
+    "field": (".geojson", ".json", ".zip", ".kml", ".kmz", ".gpkg", ".fgb", ".gpx", ".xml"),
     "tractor": (".toml",),
     "farm": (".toml",),
     "log": (".csv",),
@@ -17,7 +17,9 @@ SUFFIXES = {
 }
 MEDIA = {
     ".geojson": "application/geo+json", ".json": "application/json", ".toml": "application/toml",
-    ".csv": "text/csv; charset=utf-8",
+    ".csv": "text/csv; charset=utf-8", ".zip": "application/zip", ".kml": "application/vnd.google-earth.kml+xml",
+    ".kmz": "application/vnd.google-earth.kmz", ".gpkg": "application/geopackage+sqlite3",
+    ".fgb": "application/octet-stream", ".gpx": "application/gpx+xml", ".xml": "application/xml",
 }  # fmt: skip
 
 

@@ -25,7 +25,7 @@ export async function open(main, shell) {
   shell.title("Plan");
   const preview = fieldPreview(), closing = [preview.close];
   const local = el("input", { type: "checkbox", name: "local", onchange: () => preview.show(field.value(), local.checked) });
-  const field = await filePicker("fields", "Field", { accept: ".geojson,.json", first: "iwamizawa", changed: (name) => preview.show(name, local.checked), hint: "GeoJSON in longitude and latitude, or in metres." });
+  const field = await filePicker("fields", "Field", { accept: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.gpx,.xml", first: "iwamizawa", changed: (name) => preview.show(name, local.checked), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
   const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" }), farm = await filePicker("farms", "Farm", { accept: ".toml", none: "no farm file" });
   const trouble = el("div"), form = el("form", { class: "stack steps", novalidate: true });
   const input = (name, title, value = "", hint = "", more = {}) => labelled(title, el("input", { name, value, ...more }), hint);
