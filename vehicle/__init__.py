@@ -23,5 +23,6 @@
 meetings          where on their ways two tractors cannot be at once
     instruments       what antenna and heading show of a pose, for control and for logs
     measured          from logs of a real tractor to what the simulation gets wrong
+    twin              the virtual tractor of a real one, kept to it by what is measured; a simulated robot
     trials            the experiments of the thesis
 """

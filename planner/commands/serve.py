@@ -76,6 +76,7 @@ def _run(settings: Settings) -> None:
     """Listen until somebody ends it."""
     import uvicorn
 
+    from planner.commands.show import warm_up
     from planner.service.api import create_app
 
     _demand_tokens(settings)
@@ -84,12 +85,24 @@ def _run(settings: Settings) -> None:
         app, log_level="warning", access_log=False, proxy_headers=False, server_header=False, ws="websockets-sansio",
         ws_max_size=MOST_FRAME_BYTES, timeout_graceful_shutdown=PATIENCE_S,
     )  # fmt: skip
+    class Telling(uvicorn.Server):
+        """Says where it listens once it does."""
+
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets)
+            if sockets and not self.should_exit:
+                typer.echo(_told(settings, sockets[0].getsockname()[1]))
+                sys.stdout.flush()
+
     with _listening(settings) as listening:
-        port = listening.getsockname()[1]
-        shown = f"[{settings.host}]" if ":" in settings.host else settings.host
-        typer.echo(f"Headland listens on http://{shown}:{port}/ and keeps all in {settings.data}; Ctrl-C ends it.")
-        sys.stdout.flush()
-        uvicorn.Server(config).run(sockets=[listening])
+        warm_up()
+        Telling(config).run(sockets=[listening])
+
+
+def _told(settings: Settings, port: int) -> str:
+    """Where the service is, in a sentence."""
+    shown = f"[{settings.host}]" if ":" in settings.host else settings.host
+    return f"Headland listens on http://{shown}:{port}/ and keeps all in {settings.data}; Ctrl-C ends it."
 
 
 def _demand_tokens(settings: Settings) -> None:

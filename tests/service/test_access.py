@@ -74,6 +74,23 @@ def test_scopes_include_those_below(app: FastAPI, client: TestClient) -> None:
     assert client.get("/api/v1/fields", headers=control).status_code == 401
 
 
+def test_who_administers_makes_tokens(app: FastAPI, client: TestClient) -> None:
+    control, admin = bearer(app, "control"), bearer(app, "admin")
+    body = {"name": "phone", "scope": "read"}
+    assert client.get("/api/v1/tokens").status_code == 401
+    assert client.post("/api/v1/tokens", json=body, headers=control).status_code == 403
+    made = client.post("/api/v1/tokens", json=body, headers=admin)
+    assert made.status_code == 201
+    phone = {"Authorization": f"Bearer {made.json()['token']}"}
+    assert client.post("/api/v1/tokens", json=body, headers=phone).status_code == 403
+    assert client.post("/api/v1/tokens", json=body, headers=admin).status_code == 409
+    listed = client.get("/api/v1/tokens", headers=admin)
+    assert [each["name"] for each in listed.json()["items"]] == ["a control", "a admin", "phone"]
+    assert made.json()["token"] not in listed.text + client.get("/api/v1/events").text
+    assert client.delete("/api/v1/tokens/phone", headers=admin).status_code == 204
+    assert client.get("/api/v1/fields", headers=phone).status_code == 401
+
+
 def test_a_service_that_others_reach_wants_tokens_from_everybody(tmp_path: Path) -> None:
     app = create_app(Settings(data=tmp_path, host="0.0.0.0", workers=0), inline=True)
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:

@@ -152,7 +152,7 @@ def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
     claimed = store.claim_job("here")
     do_job(store, "here", claimed)
     done = client.get(f"/api/v1/plans/{job['id']}").json()
-    assert (done["status"], done["error"]) == ("done", None)
+    assert (done["status"], done["error"], done["progress"]["words"]) == ("done", None, "Done")
     names = {"result.json", "result.csv", "page.html", "maps.json", "map.png", "plan.json", "plan-split-field-1.json"}
     assert set(done["results"]) == names
     results = {name: client.get(f"/api/v1/plans/{job['id']}/results/{name}") for name in names}

@@ -35,7 +35,7 @@ def done_here(store: Store, kind: str, **request: object) -> str:
 def test_a_job_finds_its_files_and_leaves_its_results(kept: Store) -> None:
     before = Path.cwd()
     done = kept.job(done_here(kept, "tiny", files=["field/x"]))
-    assert (done.status, done.words, Path.cwd()) == ("done", "", before)
+    assert (done.status, done.words, Path.cwd()) == ("done", "At work", before)
     assert kept.blobs.get(done.results[0].sha256) == made(7, b"X")[0][1]
     assert list((kept.settings.data / "work").iterdir()) == []
 

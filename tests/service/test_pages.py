@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import uvicorn
+from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from planner.service.api import create_app
+from planner.service.settings import Settings
 from tests.service.fake_service import CONTROL, NASTY, Made, fake_app
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -37,20 +41,33 @@ PAGES = {
     "/access": "text=needed to control",
 }
 """What each page has when it is whole."""
+EMPTY = {
+    "/": "text=No fleet is out yet",
+    "/diagnose": "text=No logs yet",
+    "/replay": "text=No fleet was out yet",
+}
+"""The same of a service that is new."""
+
+
+@contextlib.contextmanager
+def served(app: FastAPI) -> Iterator[str]:
+    """The address of an app that is served in a thread of its own."""
+    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        assert thread.is_alive()
+        time.sleep(0.01)
+    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/"
+    server.should_exit = server.force_exit = True
+    thread.join()
 
 
 @pytest.fixture(scope="module")
 def service() -> Iterator[tuple[str, Made]]:
     app = fake_app()
-    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    while not server.started:
-        time.sleep(0.01)
-    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/", app.state.made
-    server.should_exit = True
-    server.force_exit = True
-    thread.join()
+    with served(app) as base:
+        yield base, app.state.made
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +107,15 @@ class Watched:
 def watched(service: tuple[str, Made], browser: Browser) -> Watched:
     """A page with a token that may control; tests open what they need in it."""
     return Watched(browser, service[0], CONTROL)
+
+
+def until(page: Page, holds: Callable[[], bool]) -> None:
+    """Wait until something holds, and fail where it does not in good time."""
+    for _ in range(400):
+        if holds():
+            return
+        page.wait_for_timeout(25)
+    pytest.fail("it never came to hold")
 
 
 def wide_by(page: Page) -> list[str]:
@@ -173,7 +199,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
     page.click("text=Acknowledge")
     page.wait_for_selector("text=seen by office")
     page.click("text=STOP ALL")
-    page.click("summary:has-text('A tractor fails')")
+    page.click("summary:has-text('Failures, obstacles')")
     page.select_option("select[aria-label='Tractor that failed']", "3")
     page.click("text=Plan without it")
     page.click("text=Accept")
@@ -184,7 +210,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
         {"kind": "replan", "without": [3]},
         {"kind": "accept", "proposal": 7},
     ]
-    page.wait_for_timeout(100)
+    until(page, lambda: len(made.frames) >= len(wanted))
     assert made.frames == wanted
     made.frames.clear()
     page.click("text=Mark an obstacle")
@@ -193,7 +219,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Ma
     for x, y in ((0.5, 0.4), (0.6, 0.4), (0.55, 0.5)):
         page.locator(".map canvas").click(position={"x": box["width"] * x, "y": box["height"] * y})
     page.click("text=Block it")
-    page.wait_for_timeout(100)
+    until(page, lambda: bool(made.frames))
     corners = made.frames.pop()["polygon_m"]
     assert len(corners) == 3 and all(499_990 < east < 500_140 for east, _ in corners), "metres of the grid"
     watched.well()
@@ -215,21 +241,20 @@ def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, se
     assert all(frame["speed_command_mps"] == 0 and frame["start"] == 0 for frame in still), "nobody holds the switch"
     page.keyboard.down("Space")
     page.wait_for_selector("text=Driving by keys")
-    page.wait_for_timeout(900)
+    until(page, lambda: made.frames[-1].get("steering_command_deg", 0) >= 28)
     held = made.frames[-1]
     assert held["speed_command_mps"] == pytest.approx(0.4 * 1.4) and held["shuttle"] == 1 and held["start"] == 1
     assert held["steering_command_deg"] == pytest.approx(28.0), "to the right is positive, at full lock of the machine"
     page.evaluate("window.dispatchEvent(new Event('blur'))")
     page.wait_for_selector("text=Let go: it stands")
-    page.wait_for_timeout(150)
-    assert made.frames[-1]["speed_command_mps"] == 0
+    until(page, lambda: made.frames[-1]["speed_command_mps"] == 0)
+    page.locator(".pad").scroll_into_view_if_needed()
     pad = page.locator(".pad").bounding_box()
     assert pad is not None
     page.mouse.move(pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] * 0.9)
     page.mouse.down()
     page.wait_for_selector("text=Driving by touch")
-    page.wait_for_timeout(150)
-    assert made.frames[-1]["shuttle"] == -1
+    until(page, lambda: made.frames[-1]["shuttle"] == -1)
     page.mouse.up()
     page.wait_for_selector("text=Let go: it stands")
     watched.well()
@@ -345,10 +370,11 @@ def told_by(page: Page, expression: str) -> Any:
 
 def test_modules_by_their_closed_forms(watched: Watched) -> None:
     page = watched.open("/access")
-    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.number(null)]") == [
+    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.percent(99.96), m.number(null)]") == [
         "1:02:03",
         "45\xa0s",
         "10.0\xa0%",
+        "99.9\xa0%",
         "\u2013",
     ]
     assert told_by(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
@@ -387,3 +413,33 @@ def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_ther
     assert told[0] == told[3] == still, "no button held, and no gamepad any more"
     assert told[1] == {"steering_command_deg": 15, "speed_command_mps": 0, "shuttle": 0, "start": 0}
     assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}
+
+
+def test_the_pages_speak_with_the_service_itself(browser: Browser, tmp_path: Path) -> None:
+    app = create_app(Settings(data=tmp_path, workers=0), inline=True)
+    token = app.state.store.new_token("office", "control")
+    with served(app) as base:
+        watched = Watched(browser, base, token)
+        for path, whole in EMPTY.items():
+            watched.open(path).wait_for_selector(whole)
+        page = watched.open("/plan")
+        page.wait_for_selector("text=1.89\xa0ha")
+        page.click("summary:has-text('Draw a field')")
+        for east, north in ((0, 0), (100, 0), (100, 50), (0, 50)):
+            page.fill("[aria-label='Metres east']", str(east))
+            page.fill("[aria-label='Metres north']", str(north))
+            page.click("text=Add corner")
+        page.click("text=Use this field")
+        page.wait_for_selector(".under >> text=0.50\xa0ha")
+        watched.well()
+        page.fill("input[name=width]", "-1")
+        page.click("text=Run the plan")
+        page.wait_for_selector("text=it must be above 0")
+        page.fill("input[name=width]", "3")
+        page.click("text=Run the plan")
+        page.wait_for_selector("text=Waiting for its turn.")
+        asked = app.state.store.jobs("plan")[0].request
+        assert asked["field"] == "myfield" and asked["local"] is True and asked["width"] == 3
+        page.click("text=Cancel")
+        page.wait_for_selector("text=It was cancelled.")
+        page.context.close()

@@ -58,9 +58,10 @@ class Trust:
 
 
 def tracking(noise: Noise) -> Trust:
-    """The tracker's trust: the tractor may be 2 % of curvature per m off what its file says, for 2 s, and slip 8 %."""
+    """The tracker's trust: for seconds the tractor may turn by what an offset of the wheels of 1 degree does more than
+    its file says, and slip 8 %, the usual sizes in the catalogue."""
     return Trust(
-        0.02, 2.0, 0.08, 5.0, 0.02, noise.heading_drift_rad, noise.position_drift_m, DRIFT_MEMORY_S,
+        0.007, 3.0, 0.08, 5.0, 0.02, noise.heading_drift_rad, noise.position_drift_m, DRIFT_MEMORY_S,
         noise.position_m, noise.heading_rad, max(noise.speed_mps, 0.02),
     )  # fmt: skip
 

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+Scope = Literal["read", "control", "admin"]
 Status = Literal["queued", "running", "done", "failed", "cancelled"]
 
 
@@ -81,6 +82,28 @@ class ViewAnswer(Answer):
     """Where a result is shown once, below /api/v1."""
 
     path: str
+
+
+class TokenAnswer(Answer):
+    """A token by its name."""
+
+    name: str
+    scope: Scope
+    created: str
+
+
+class TokenList(Answer):
+    """Tokens, the oldest first."""
+
+    items: list[TokenAnswer]
+
+
+class NewToken(Answer):
+    """A token that was made; its text is shown this once."""
+
+    name: str
+    scope: Scope
+    token: str
 
 
 class EventAnswer(Answer):

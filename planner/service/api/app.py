@@ -12,7 +12,7 @@ from planner.parameters import word_of
 from planner.service.access.headers import SecurityHeaders
 from planner.service.access.limits import Limits
 from planner.service.access.views import Views
-from planner.service.api import docs, events, health
+from planner.service.api import docs, events, health, tokens
 from planner.service.api.files import KINDS as FILES
 from planner.service.api.files import files_router
 from planner.service.api.health import own_version
@@ -49,7 +49,7 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     app.state.reader = Reader(settings, store, inline=inline)
     api = APIRouter(prefix=PREFIX)
     parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, views]
-    parts += [events.router, docs.router, fleets.router, twins.router, link.router]
+    parts += [tokens.router, events.router, docs.router, fleets.router, twins.router, link.router]
     for router in parts:
         api.include_router(router)
     app.include_router(api)

@@ -36,7 +36,9 @@ def run_day(work: Work) -> list[Made]:
             progress=lambda done, all: work.progress(done, all, "Simulating fields"),
         )  # fmt: skip
     work.progress(1, 1, "Writing the results")
-    return list(_results(result))
+    made = list(_results(result))
+    work.progress(1, 1, "Done" if result.jobs else f"No field can be done; the closest is {result.closest}.")
+    return made
 
 
 def _results(result: DayResult) -> Iterator[Made]:

@@ -18,6 +18,8 @@ from reports.export import ranking_csv, ranking_json
 from reports.figures import map_figure, png_bytes
 from reports.maps import maps_json
 from reports.page import plan_page
+from reports.results import Ranking
+from reports.wording import closest, duration
 
 
 def run_plan(work: Work) -> list[Made]:
@@ -34,7 +36,18 @@ def run_plan(work: Work) -> list[Made]:
             progress=lambda done, all: work.progress(done, all, "Simulating plans"), every=every,
         )  # fmt: skip
     work.progress(1, 1, "Writing the results")
-    return list(_results(planned))
+    made = list(_results(planned))
+    work.progress(1, 1, _told(planned.ranking))
+    return made
+
+
+def _told(ranking: Ranking) -> str:
+    """Whether there is a plan that meets what was asked, in a sentence."""
+    if ranking.best is None:
+        return "No plan is feasible."
+    if ranking.missed_by_s is not None:
+        return f"No plan meets the deadline; the {closest(ranking)} misses it by {duration(ranking.missed_by_s)}."
+    return ranking.unmet or "Done"
 
 
 def _results(planned: Planned) -> Iterator[Made]:

@@ -54,6 +54,8 @@ def do_job(store: Store, worker: str, job: Job) -> None:
         made, sentence = _done(store, job, held)
 
     def kept() -> bool:
+        if held.latest is not None:
+            store.report_job(job.number, worker, held.latest)
         if sentence is not None:
             return store.fail_job(job.number, worker, sentence)
         return store.finish_job(job.number, worker, made)

@@ -8,7 +8,7 @@ import secrets
 import sqlalchemy as sa
 
 from planner.service.errors import MissingError, ServiceError, TakenError
-from planner.service.store.base import Part, checked_name, now
+from planner.service.store.base import Part, checked_name, is_text, now
 from planner.service.store.models import Token
 
 SCOPES = ("read", "control", "admin")
@@ -46,7 +46,7 @@ class Tokens(Part):
     def revoke_token(self, name: str) -> None:
         """A token that is worth nothing from now on; raises MissingError."""
         with self.database.writes() as session:
-            row = session.scalar(sa.select(Token).where(Token.name == name))
+            row = session.scalar(sa.select(Token).where(Token.name == name)) if is_text(name) else None
             if row is None:
                 raise MissingError(f"There is no token {name!r}; headland token list shows all.", parameter="name")
             session.delete(row)

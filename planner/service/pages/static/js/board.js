@@ -29,7 +29,7 @@ export function tractorTile(live, number, { fleetName = () => false } = {}) {
     badge.className = `badge ${look}`;
     const legs = live.scene?.lanes[number - 1] ?? [];
     const done = legs.length && fix.leg >= legs.length;
-    say(doing, [done ? "done" : legWords(live.leg(number)), waitsWords(fix), fix.mode && fix.mode !== "automatic" ? fix.mode : "", ...(fix.holds ?? []).filter((one) => one !== fix.mode)].filter(Boolean).join(", "));
+    say(doing, [done ? "done" : legWords(live.leg(number)), waitsWords(fix), ...(fix.holds?.length ? fix.holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).join(", "));
     say(cells.age, `fix ${age(live.age(number))}`);
     say(cells.speed, kmh(fix.speed_mps));
     say(cells.error, typeof fix.error_m === "number" ? `off by ${Math.round(100 * fix.error_m)}\u00A0cm` : "");
@@ -59,7 +59,7 @@ export function tractorTiles(lives, more = {}) {
 
 /** Alarms of fleets, those not yet seen first, each with its acknowledgement. */
 export function alarmList(lives, { fleetName = () => false } = {}) {
-  const list = el("ul", { class: "cards", "aria-label": "Alarms" }), node = el("div", { "aria-live": "polite" }, list);
+  const list = el("ul", { class: "cards alarms", "aria-label": "Alarms" }), node = el("div", { "aria-live": "polite" }, list);
   let shown = "";
   const told = () => {
     const all = lives().flatMap((live) => live.alarms.map((alarm) => ({ live, alarm })));

@@ -80,22 +80,36 @@ export class Camera {
     if (stroke) { ctx.strokeStyle = stroke; ctx.lineWidth = 1.2; ctx.stroke(); }
   }
 
-  // A line, or where `strip_m` is given the ground that far to both sides; filled at once, so that bends are no darker.
+  // A line, or where `strip_m` is given the ground half as far to both sides of it.
   path(ctx, { points, colour, width = 2, alpha = 1, strip_m = 0 }) {
-    ctx.beginPath();
-    for (let k = 1; k < points.length; k++) {
-      const [a, b] = [points[k - 1], points[k]];
-      if (Math.min(Math.hypot(a[0] - this.x, a[1] - this.y), Math.hypot(b[0] - this.x, b[1] - this.y)) > FAR_M) continue;
-      const corners = strip_m ? stripOf(a, b, strip_m) : [a, b];
-      const seen = this.clip(corners.map(([x, y]) => this.see(x, y, strip_m ? 0 : 0.02)), Boolean(strip_m));
-      seen.forEach((point, at) => (at ? ctx.lineTo(...this.pixel(point)) : ctx.moveTo(...this.pixel(point))));
-      if (strip_m) ctx.closePath();
-    }
     ctx.globalAlpha = alpha;
-    ctx.fillStyle = ctx.strokeStyle = colour;
+    ctx.strokeStyle = colour;
     ctx.lineWidth = width;
-    if (strip_m) ctx.fill(); else ctx.stroke();
+    for (const run of this.near(points)) {
+      if (strip_m) { this.face(ctx, ribbon(run, strip_m).map(([x, y]) => this.see(x, y, 0)), colour); continue; }
+      const places = run.map(([x, y]) => this.see(x, y, 0.02));
+      ctx.beginPath();
+      for (let k = 1; k < places.length; k++) {
+        const seen = this.clip(places.slice(k - 1, k + 1), false);
+        if (seen.length < 2) continue;
+        ctx.moveTo(...this.pixel(seen[0]));
+        ctx.lineTo(...this.pixel(seen[1]));
+      }
+      ctx.stroke();
+    }
     ctx.globalAlpha = 1;
+  }
+
+  // Runs of points whose stretches come near enough to be seen.
+  near(points) {
+    const runs = [];
+    let run = null;
+    for (let k = 1; k < points.length; k++) {
+      if (away(points[k - 1], points[k], this.x, this.y) > FAR_M) { run = null; continue; }
+      if (!run) runs.push((run = [points[k - 1]]));
+      run.push(points[k]);
+    }
+    return runs;
   }
 
   // Walls from the farthest to the nearest, then the top.
@@ -128,8 +142,20 @@ export class Camera {
   close() { this.forget(); }
 }
 
-function stripOf(a, b, width) {
-  const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
-  const [sx, sy] = [(-(b[1] - a[1]) / length) * width / 2, ((b[0] - a[0]) / length) * width / 2];
-  return [[a[0] + sx, a[1] + sy], [b[0] + sx, b[1] + sy], [b[0] - sx, b[1] - sy], [a[0] - sx, a[1] - sy]];
+// The outline of a line made wide: along its left, and back along its right.
+function ribbon(points, width) {
+  const sides = points.map(([x, y], k) => {
+    const [a, b] = [points[Math.max(k - 1, 0)], points[Math.min(k + 1, points.length - 1)]];
+    const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
+    const [sx, sy] = [(-(b[1] - a[1]) / length) * width / 2, ((b[0] - a[0]) / length) * width / 2];
+    return [[x + sx, y + sy], [x - sx, y - sy]];
+  });
+  return [...sides.map(([left]) => left), ...sides.map(([, right]) => right).reverse()];
+}
+
+// How far a place is from a stretch.
+function away([ax, ay], [bx, by], x, y) {
+  const [dx, dy] = [bx - ax, by - ay], square = dx * dx + dy * dy || 1e-9;
+  const share = Math.max(0, Math.min(1, ((x - ax) * dx + (y - ay) * dy) / square));
+  return Math.hypot(ax + share * dx - x, ay + share * dy - y);
 }

@@ -26,6 +26,8 @@ export class Hands {
   key(event, pressed) {
     if (event.code !== "Space" && !KEYS[event.code]) return;
     if (pressed && (!this.ready() || event.ctrlKey || event.altKey || event.metaKey)) return;
+    // On a button or a slider keys do what they do there, unless somebody is driving already.
+    if (pressed && !this.down.size && event.target.closest("button, input")) return;
     if (pressed) { this.down.add(event.code); event.preventDefault(); } else this.down.delete(event.code);
   }
 

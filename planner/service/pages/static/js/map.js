@@ -2,7 +2,7 @@
 import { el, button, icon } from "./dom.js";
 import { colours, onColours } from "./palette.js";
 
-const NEAREST_PX = 60, FARTHEST_PX = 0.02, STEP = 1.3, PAN_PX = 60, CLICK_PX = 6;
+const LOWEST_PX = 240, AROUND_PX = 110, NEAREST_PX = 60, FARTHEST_PX = 0.02, STEP = 1.3, PAN_PX = 60, CLICK_PX = 6;
 
 /** `view.at(x, y)` are pixels of a place in metres, `view.place(px, py)` the other way, `view.scale` pixels a metre. */
 export class MapView {
@@ -13,7 +13,7 @@ export class MapView {
       button("\u2212", () => this.zoom(1 / STEP), "", { "aria-label": "Zoom out" }),
       button(icon("M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"), () => this.fit(), "", { "aria-label": "Show all" }));
     this.node = el("div", { class: `map${short ? " short" : ""}` }, this.canvas, this.tools);
-    Object.assign(this, { layers: [], box: [0, 0, 100, 60], x: 50, y: 30, scale: 4, fitted: true, pointers: new Map(), clicked: null, dragged: null });
+    Object.assign(this, { shaped: !short, layers: [], box: [0, 0, 100, 60], x: 50, y: 30, scale: 4, fitted: true, pointers: new Map(), clicked: null, dragged: null });
     this.listen();
     this.resizing = new ResizeObserver(() => this.resize());
     this.resizing.observe(this.node);
@@ -92,11 +92,19 @@ export class MapView {
     this.box = box;
     this.fitted = true;
     if (!this.width) return;
+    if (this.shaped) this.takeShape();
     const [w, h] = [Math.max(box[2] - box[0], 5), Math.max(box[3] - box[1], 5)];
     this.scale = Math.min((this.width - 40) / w, (this.height - 96) / h, NEAREST_PX);
     this.x = (box[0] + box[2]) / 2;
     this.y = (box[1] + box[3]) / 2 + 12 / this.scale;
     this.redraw();
+  }
+
+  // As high as what is shown asks for at this width; the style sheet says what is too high.
+  takeShape() {
+    const [west, south, east, north] = this.box, share = (north - south) / Math.max(east - west, 1);
+    this.node.style.setProperty("--height", `${Math.round(Math.max(LOWEST_PX, this.node.clientWidth * share + AROUND_PX))}px`);
+    this.height = this.node.clientHeight;
   }
 
   /** Keep a place in the middle. */

@@ -33,12 +33,16 @@ export function remotePanel(live, number) {
     if (still <= REPEAT_STILL) live.send({ kind: "command", tractor: number, ...command });
     dead.classList.toggle("held", share.held);
     say(dead, share.held ? `Driving by ${share.by}` : "Let go: it stands");
-    knob.style.setProperty("--x", String(share.steering));
-    knob.style.setProperty("--y", String(-share.speed));
+    const far = Math.max(1, Math.hypot(share.steering, share.speed));
+    knob.style.setProperty("--x", String(share.steering / far));
+    knob.style.setProperty("--y", String(-share.speed / far));
     say(now, `${kmh(command.speed_command_mps)} ${command.shuttle < 0 ? "back" : "forwards"}, wheels ${Math.abs(command.steering_command_deg).toFixed(0)}\u00B0 ${command.steering_command_deg < 0 ? "left" : "right"}`);
   };
+  let had = false;
   const tell = () => {
     const one = lease(), other = Boolean(one.holder) && !one.mine;
+    if (mine() && !had) surface.focus({ preventScroll: true });
+    had = mine();
     take.hidden = mine() || other;
     over.hidden = !other;
     leave.hidden = !mine();

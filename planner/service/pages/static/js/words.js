@@ -45,7 +45,9 @@ export function moment(value) {
 
 export const hectares = (m2) => (known(m2) ? `${(m2 / 10000).toFixed(2)}\u00A0ha` : DASH);
 export const kmh = (mps) => (known(mps) ? `${(mps * 3.6).toFixed(1)}\u00A0km/h` : DASH);
-export const percent = (value) => (known(value) ? `${value.toFixed(value < 10 ? 1 : 0)}\u00A0%` : DASH);
+/** A share; what is not quite all is never told as all. */
+export const percent = (value) =>
+  known(value) ? `${(value > 99 && value < 100 ? Math.floor(10 * value) / 10 : value).toFixed(value < 10 || (value > 99 && value < 100) ? 1 : 0)}\u00A0%` : DASH;
 export const size = (bytes) =>
   !known(bytes) ? DASH : bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))}\u00A0kB` : `${(bytes / 1e6).toFixed(1)}\u00A0MB`;
 export const plural = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;

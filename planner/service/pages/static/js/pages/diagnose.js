@@ -14,7 +14,7 @@ export async function open(main, shell, [id = null]) {
       el("input", { type: "checkbox", checked: chosen.has(log.name), onchange: (event) => (event.target.checked ? chosen.add(log.name) : chosen.delete(log.name)) }),
       el("span", { class: "grow" }, el("b", {}, log.name), el("span", { class: "small soft" }, ` ${fileWords(log)}`)))) : el("p", { class: "soft" }, "No logs yet; add some above."));
   };
-  const file = el("input", { type: "file", accept: ".csv,.parquet", multiple: true });
+  const file = el("input", { type: "file", accept: ".csv", multiple: true });
   file.addEventListener("change", async () => {
     put(trouble);
     for (const one of file.files) {

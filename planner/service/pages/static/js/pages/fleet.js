@@ -1,6 +1,6 @@
 // One fleet live: map, tractors, pause and resume, obstacles, a tractor that fails, the plan for the others.
 import { el, put, say, button, heading, facts, note, labelled, option } from "../dom.js";
-import { get, items, save, part } from "../api.js";
+import { get, items, remove, save, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
 import { tractorTiles, alarmList, stopAll, refusals, fleetFacts } from "../board.js";
@@ -18,7 +18,7 @@ export async function open(main, shell, [id]) {
   live.watch((kind) => { if (kind === "scene") { map.fit(); failing(); obstacles(); } if (kind === "proposal") proposed(); });
   const tiles = tractorTiles(one), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
   if (about.error) said.append(note(about.error, "error"));
-  const state = el("span", { class: "badge" }), figures = el("div"), log = el("ul", { class: "cards small" });
+  const state = el("span", { class: "badge" }), figures = el("div"), log = el("ul", { class: "cards alarms small" });
   const start = button("Start", () => live.send({ kind: "start" }), "main"), pause = button("Pause all", () => live.send({ kind: "pause", tractor: null })),
     resume = button("Resume", () => live.send({ kind: "resume", tractor: null }), "main");
   const drawer = obstacleDrawer(live, map), proposal = el("div"), which = el("select", { "aria-label": "Tractor that failed" });
@@ -32,6 +32,10 @@ export async function open(main, shell, [id]) {
   const obstacles = () => put(inWay, live.scene.marked.map((one) => el("li", { class: "tile" }, el("span", { class: "grow" }, one.name),
     button("It is gone", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
   const recording = button("Save recording", () => save(`fleets/${part(id)}/recording`, `${live.name}.zip`).catch((error) => put(said, note(error.message, "error"))));
+  const away = button("Remove this fleet", async () => {
+    if (!confirm(`Remove ${live.name} with its recording?`)) return;
+    try { await remove(`fleets/${part(id)}`); location.hash = "#/"; } catch (error) { put(said, note(error.message, "error")); }
+  }, "danger small");
   put(main, heading(live.name, "", state, alarms.sign, stop.node), said, proposal,
     el("div", { class: "board rest-first" },
       el("div", { class: "panel flush map-box" }, map.node, el("div", { class: "under" }, legend(), drawer.node)),
@@ -40,9 +44,9 @@ export async function open(main, shell, [id]) {
       el("div", { class: "stack side" },
         el("section", {}, el("h2", {}, "Alarms"), alarms.node),
         el("section", {}, el("h2", {}, "Tractors"), tiles.node),
-        el("details", { class: "panel" }, el("summary", {}, "A tractor fails, something is in the way"),
+        el("details", { class: "panel" }, el("summary", {}, "Failures, obstacles, removal"),
           el("p", { class: "small soft" }, "The rest of its tracks is planned for the others; you see the time before you accept."),
-          el("div", { class: "row" }, el("div", { class: "grow" }, which), fail), inWay),
+          el("div", { class: "row" }, el("div", { class: "grow" }, which), fail), inWay, el("div", { class: "row" }, away)),
         el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
   main.classList.add("has-stop");
   const tell = () => {
@@ -51,8 +55,9 @@ export async function open(main, shell, [id]) {
     state.className = `badge ${LOOKS[now] ?? ""}`;
     start.hidden = now !== "ready";
     pause.hidden = now !== "running";
+    away.hidden = now === "running";
     resume.hidden = now !== "stopped" && !(now === "running" && held);
-    for (const knob of [start, pause, resume, fail, drawer.knob]) knob.disabled = !live.mayControl;
+    for (const knob of [start, pause, resume, fail, away, drawer.knob]) knob.disabled = !live.mayControl;
     put(figures, facts(fleetFacts(live)));
     put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
     tiles.told(); alarms.told(); stop.told();
@@ -65,12 +70,12 @@ export async function open(main, shell, [id]) {
 }
 
 const eventWords = ({ time, who, what, data = {} }) =>
-  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).map(([key, value]) => `${key} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
+  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).filter(([, value]) => value !== null).map(([key, value]) => `${key.replaceAll("_", " ")} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
 
 export const legend = () => el("ul", { class: "legend", "aria-label": "What is drawn" },
   el("li", {}, el("i", { class: "area", style: { "--colour": "var(--t0)" } }), "worked"),
   el("li", {}, el("i"), "released"), el("li", {}, el("i", { class: "thin" }), "announced"),
-  el("li", {}, el("i", { class: "dashed", style: { color: "var(--warn)" } }), "waits for"), el("li", {}, el("i", { class: "ring" }), "hollow: last known place"));
+  el("li", {}, el("i", { class: "dashed", style: { color: "var(--warn)" } }), "waits for"), el("li", {}, el("i", { class: "ring" }), "hollow: last known place"), el("li", {}, el("i", { class: "dotted" }), "geofence"));
 
 function proposalNote(live) {
   const one = live.proposal, gone = `tractor ${one.without.join(" and ")}`;

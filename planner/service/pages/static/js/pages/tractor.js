@@ -81,10 +81,11 @@ const othersOf = (live, number) =>
 // What the service says of the twin: its doubt with the cause, and the way into the tractor file.
 function twinPanel(id, number, doubt, chart) {
   const path = `twins/${part(id)}/${number}`, node = el("div");
-  let shown = "";
+  let shown = "", gone = false;
   const look = async () => {
     let answer;
-    try { answer = await get(path); } catch { return; }
+    if (gone) return;
+    try { answer = await get(path); } catch (error) { gone = error.status === 404; return; }
     chart.set(correctionRows(answer.corrections));
     const key = JSON.stringify([answer.doubt, answer.finding]);
     if (key === shown) return;

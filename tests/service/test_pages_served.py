@@ -1,0 +1,60 @@
+"""How the page is served: headers, no script or style within, and every part of it in the package."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+import tomllib
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from planner.service.pages.mount import STATIC
+from tests.service.conftest import Shared
+
+ROOT = Path(__file__).parents[2]
+PARTS = sorted(path for path in STATIC.rglob("*") if path.is_file())
+
+
+def test_the_page_lets_nothing_run_but_its_own_files(shared: Shared) -> None:
+    answer = shared[0].get("/")
+    policy = answer.headers["content-security-policy"]
+    assert answer.status_code == 200 and "default-src 'self'" in policy and "unsafe" not in policy
+    found: list[tuple[str, dict[str, str | None]]] = []
+
+    class Tags(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            found.append((tag, dict(attrs)))
+
+    Tags().feed(answer.text)
+    assert all("src" in attributes for tag, attributes in found if tag == "script")
+    assert "style" not in {tag for tag, _ in found}
+    assert not [name for _, attributes in found for name in attributes if name == "style" or name.startswith("on")]
+
+
+@pytest.mark.parametrize("path", PARTS, ids=lambda path: path.name)
+def test_every_part_is_served_and_packaged(shared: Shared, path: Path) -> None:
+    name = path.relative_to(STATIC).as_posix()
+    answer = shared[0].get(f"/static/{name}")
+    assert answer.status_code == 200 and answer.headers["cache-control"] == "no-cache"
+    kinds = {".js": "javascript", ".css": "text/css", ".svg": "image/svg", ".html": "text/html"}
+    assert kinds[path.suffix] in answer.headers["content-type"]
+    globs = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["package-data"]
+    assert any(fnmatch.fnmatch(f"static/{name}", glob) for glob in globs["planner.service.pages"])
+
+
+def test_nothing_else_is_served_and_the_example_of_a_day_is_there(shared: Shared) -> None:
+    client = shared[0]
+    for path in ("/static/nothing.js", "/static/../mount.py", "/static/%2e%2e/mount.py", "/mount.py"):
+        assert client.get(path).status_code in (404, 405), path
+    assert tomllib.loads(client.get("/static/example-day.toml").text)["fields"]
+
+
+@pytest.mark.parametrize("path", [path for path in PARTS if path.suffix == ".js"], ids=lambda path: path.name)
+def test_modules_make_no_markup_of_text_and_import_what_is_there(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text), "nothing of another site"
+    for name in re.findall(r'from "(\.[^"]+)"', text):
+        assert (path.parent / name).is_file(), name
