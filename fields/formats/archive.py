@@ -28,8 +28,9 @@ def is_archive(path: str | Path) -> bool:
 class Members(Mapping[str, bytes]):
     """The files of a folder or ZIP archive by their path in it, with forward slashes, in the order of the names.
 
-    Folders in a folder are looked through `deepest` down. Nothing is read before it is asked for, and nothing is ever written. Raises FieldError for an archive that cannot
-    be opened, that holds names leading out of it, or more than 256 MB when unpacked.
+    Folders in a folder are looked through `deepest` down. Nothing is read before it is asked for, and nothing is ever
+    written. Raises FieldError for an archive that cannot be opened, that holds names leading out of it, or more than
+    256 MB when unpacked.
     """
 
     def __init__(self, path: str | Path, deepest: int = DEEPEST) -> None:

@@ -19,7 +19,7 @@ HIDDEN = {2: "steering_offset=1.5"}
 HEADLAND = (sys.executable, "-c", "from planner.main import main; main()")
 END_S, PATIENCE_S = 10.0, 600.0
 
-demo = typer.Typer(help="Demonstrations.", no_args_is_help=True)
+demo = typer.Typer(help="Demonstrations.\n\nExample: headland demo fleet", no_args_is_help=True)
 
 
 @demo.callback()

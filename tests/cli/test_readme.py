@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SERVING = "headland serve"  # goes on until it is ended; tests of the service start it
+SERVING = ("headland serve", "headland demo", "headland robot")  # go on until ended; tests of the service start them
 
 
 def commands() -> list[str]:
