@@ -289,10 +289,10 @@ class TestFieldFiles:
         assert rows[7]["area_ha"] is None and "crosses itself" in rows[7]["fault"]
 
     def test_other_forms_and_names(self, headland: Callable[..., Any], folder: Path) -> None:
-        (folder / "farm.kml").write_text("<kml/>")
-        outcome = headland("plan", "farm.kml")
-        (folder / "farm.kml").unlink()
-        assert_refused(outcome, "'farm.kml' is KML", "ogr2ogr", "farm.geojson")
+        (folder / "farm.dxf").write_text("<kml/>")
+        outcome = headland("plan", "farm.dxf")
+        (folder / "farm.dxf").unlink()
+        assert_refused(outcome, "'farm.dxf' is DXF", "ogr2ogr", "farm.geojson")
         missing = headland("plan", "nofile.geojson")
         assert_refused(missing, "There is no field file 'nofile.geojson'; check its name")
         assert "sample" not in missing.err

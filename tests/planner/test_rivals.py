@@ -198,6 +198,7 @@ def test_a_passage_that_cannot_win_is_not_driven(round_site: Site, monkeypatch: 
         return CandidateRun(cast(Run, None), "tractors meet", "none", None)
 
     monkeypatch.setattr("planner.candidates.evaluate._run_plan", meets)
+    monkeypatch.setattr("planner.candidates.evaluate.other_orders", lambda *_: ())
     pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
     run_candidate(round_site, Candidate("interleaved", 2))
     slow = least_s(driven.pop(), pace)  # the passage with one alone is the last resort
