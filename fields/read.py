@@ -55,7 +55,7 @@ def read_field(
     """
     source = source_of(str(where))
     label = f"'{source.name}'"
-    document = told(source.document(), crs, swap, label)
+    document = told(source.document(), local, crs, swap, label)
     chosen = _choose(document, source.key, local, label)
     shape, frame = _outline(document, chosen, local, label)
     check_area(shape, label)
@@ -125,8 +125,13 @@ def list_fields(
         FieldError: the file cannot be read or holds no field.
     """
     source = source_of(str(where))
-    document = told(source.document(), crs, swap, f"'{source.name}'")
+    document = told(source.document(), local, crs, swap, f"'{source.name}'")
     return tuple(_listed(document, position, local) for position in range(len(document.polygons)))
+
+
+def notes_of(where: str | Path) -> tuple[str, ...]:
+    """What the reader of a file left out or mended, in sentences; raises FieldError where it cannot be read."""
+    return source_of(str(where)).document().notes
 
 
 def _listed(document: Document, position: int, local: bool) -> Listed:

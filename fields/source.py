@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from fields.document import Document
 from fields.errors import FieldError
-from fields.formats import FOREIGN, FORMATS, format_of, geojson
-from fields.formats.archive import is_archive
+from fields.formats import FOREIGN, FORMATS, format_of, geojson, isoxml, shapefile
+from fields.formats.archive import Members, is_archive
 from fields.reading import shown
 from fields.samples_index import sample_names, sample_text
 
@@ -32,7 +33,7 @@ class Source:
     @property
     def name(self) -> str:
         """What messages call it."""
-        return Path(self.place).stem
+        return Path(self.place).stem or Path(self.place).resolve().name
 
     def document(self) -> Document:
         """What it holds.
@@ -65,14 +66,34 @@ def field_file(where: str) -> Path | None:
     return None if source.sample else Path(source.place)
 
 
+def field_files(where: str) -> tuple[Path, ...]:
+    """Every file that a field of this name may be read from: of a folder all in it, of a file those beside it too.
+
+    The parts of a Shapefile have one name, and ISOXML keeps fields in other XML files of its folder. None for a sample;
+    a file that is not there is named all the same.
+    """
+    file = field_file(where)
+    if file is None:
+        return ()
+    if file.is_dir():
+        return tuple(file / name for name in Members(file))
+    kind, near = file.suffix.lower(), [file]
+    with suppress(OSError):
+        if kind in shapefile.FORMAT.endings:
+            near = [one for one in file.parent.iterdir() if one.stem.lower() == file.stem.lower() and one.is_file()]
+        elif kind in isoxml.FORMAT.endings:
+            near = [one for one in file.parent.iterdir() if one.suffix.lower() == kind and one.is_file()]
+    return tuple(sorted({file, *near}))
+
+
 def _foreign(place: str) -> str:
     """What to say about a file, folder or archive that holds fields in no form that is read."""
     names = ", ".join(one.name for one in FORMATS[:-1]) + f" and {FORMATS[-1].name}"
     if os.path.isdir(place) or is_archive(place):
         kind = "a folder" if os.path.isdir(place) else "an archive"
         return (
-            f"{shown(place)} is {kind} without a field in it that can be read; {names} are, so name one that holds a "
-            "TASKDATA.XML, a Field.txt or a .shp, or a file itself."
+            f"{shown(place)} is {kind} without a TASKDATA.XML, a Field.txt or a .shp in it; {names} are read, so name "
+            "one that holds such, or a file itself."
         )
     foreign = FOREIGN.get(Path(place).suffix.lower(), "of no known form")
     return (

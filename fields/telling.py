@@ -2,31 +2,62 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
-from fields.document import UNKNOWN, Document
+from fields.document import LOCAL, UNKNOWN, Document
 from fields.errors import FieldError, named
+from fields.projection import is_longitude_latitude
 
 
-def told(document: Document, crs: str | None, swap: bool, label: str) -> Document:
+def told(document: Document, local: bool, crs: str | None, swap: bool, label: str) -> Document:
     """The document with the coordinate system that was named, and with x and y exchanged where that was asked for.
 
+    With `local` its numbers are metres, and no system is asked for.
+
     Raises:
-        FieldError: the file names no system and nobody else does, or it names one and another was given.
+        FieldError: the file names no system and nobody else does, or what was named is unknown or cannot be.
     """
-    if document.crs == UNKNOWN and crs is None:
+    if crs is not None:
+        _check(document, crs, label)
+        document = replace(document, crs=crs)
+    elif document.crs == UNKNOWN and local:
+        document = replace(document, crs=None)
+    elif document.crs == UNKNOWN:
         raise FieldError(
-            f"{label} has no .prj, so nothing says where on earth its numbers are; put it beside the .shp, or name the "
-            f"system with {named('crs')}, such as EPSG:25832 or EPSG:4326.",
+            f"{label} does not say which coordinate system its numbers are in (a Shapefile has it in a .prj file); add "
+            f"it, or name it with {named('crs')}, such as EPSG:25832 or EPSG:4326.",
             parameter="crs",
         )
-    if crs is not None and document.crs not in (UNKNOWN, None, crs):
-        raise FieldError(
-            f"{label} says that it is in {_short(document.crs)}; leave out {named('crs')} {crs}.", parameter="crs"
-        )
-    document = replace(document, crs=document.crs if crs is None else crs)
     return _swapped(document) if swap else document
+
+
+def _check(document: Document, crs: str, label: str) -> None:
+    """Refuse a system that is none, that contradicts the file, or whose numbers these cannot be."""
+    if not crs.strip():
+        raise FieldError(
+            f"{named('crs')} is empty; name a system such as EPSG:25832, or leave it out.", parameter="crs"
+        )
+    degrees = is_longitude_latitude(crs)
+    said = "local metres" if document.frame == LOCAL else "longitude and latitude" if document.frame else document.crs
+    if said not in (UNKNOWN, None, crs):
+        raise FieldError(f"{label} says that it is in {_short(said)}; leave out {named('crs')} {crs}.", parameter="crs")
+    x, y = _first(document.polygons[0].coordinates)
+    if not degrees and abs(x) <= 180.0 and abs(y) <= 180.0:
+        raise FieldError(
+            f"Coordinates of {label} such as ({x:g}, {y:g}) look like degrees; leave out {named('crs')} {crs}.",
+            parameter="crs",
+        )
+
+
+def _first(raw: Any) -> tuple[float, float]:
+    """The first position of coordinates, however deep in lists; far away where it is none."""
+    while isinstance(raw, list) and raw and isinstance(raw[0], list):
+        raw = raw[0]
+    numbers = raw[:2] if isinstance(raw, list) else []
+    good = len(numbers) == 2 and all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
+    return (float(numbers[0]), float(numbers[1])) if good else (math.inf, math.inf)
 
 
 def _short(crs: str | None) -> str:

@@ -16,7 +16,7 @@ import shapely
 from pydantic import BaseModel
 
 ROOMS = ("fields", "vehicle", "strategies", "planner", "reports")
-LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "scipy", "shapely")
+LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "pyogrio", "pyproj", "scipy", "shapely")
 KINDS = (".py", ".toml", ".csv", ".geojson")
 
 

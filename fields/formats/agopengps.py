@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePosixPath
 
 from fields.document import Document, Format
 from fields.errors import FieldError
@@ -24,6 +24,8 @@ FIELD, BOUNDARY = "field.txt", "boundary.txt"
 TRACKS = ("tracklines.txt", "curvelines.txt", "ablines.txt")
 AB_MODE, CURVE_MODE = 2, 4
 AB_LENGTH_M = 100.0
+UNNAMED = ("FieldNew", "XML Derived", "KML Derived")
+"""What the program writes for a name where it has none; the folder is called by it."""
 _SPACES = re.compile(r"\s+")
 
 
@@ -61,8 +63,9 @@ def _field(members: Members, main: str, label: str, notes: list[str]) -> list[Fe
     """Boundary and lines of the field whose Field.txt this is."""
     lines = _lines(members[main])
     plane = _plane(lines, label)
-    name = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
-    name = name or Path(main).parent.name or label.strip("'")
+    said = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
+    folder = PurePosixPath(main).parent.name or members.path.resolve().name
+    name = said if said and said not in UNNAMED else folder
     outline = members.beside(main, BOUNDARY)
     rings = [] if outline is None else _rings(_lines(outline), name, notes)
     if not rings:
@@ -93,16 +96,18 @@ def _rings(lines: list[str], name: str, notes: list[str]) -> list[list[tuple[flo
     """Rings of Boundary.txt, the outer one first: lines of True or False, a count, and so many points."""
     rings, place, short = [], 0, 0
     while place < len(lines):
-        if not lines[place].isdecimal():
+        count = _count(lines[place])
+        if count is None:
             place += 1
             continue
-        count = int(lines[place])
         points = [_numbers(line, 2) for line in lines[place + 1 : place + 1 + count]]
         whole = [(one[0], one[1]) for one in points if one is not None]
         if len(whole) < count:
             notes.append(f"A ring of '{name}' says {count} points and has {len(whole)}; those are taken.")
         if len(set(whole)) >= 3:
             rings.append(whole)
+        elif not rings and not short:
+            return []  # without its outer ring a field has no boundary
         else:
             short += 1
         place += 1 + len(whole)
@@ -126,16 +131,16 @@ def _track_lines(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, floa
     place = 1 if lines and lines[0].startswith("$") else 0
     while place + 7 < len(lines):
         name, ends = lines[place], [_numbers(line, 2) for line in lines[place + 2 : place + 4]]
-        mode, count = lines[place + 5], lines[place + 7]
-        if not (count.isdecimal() and mode.isdecimal()) or None in ends:
+        mode, count = _count(lines[place + 5]), _count(lines[place + 7])
+        if count is None or mode is None or None in ends:
             return
-        points = [_numbers(line, 2) for line in lines[place + 8 : place + 8 + int(count)]]
+        points = [_numbers(line, 2) for line in lines[place + 8 : place + 8 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
-        if int(mode) == CURVE_MODE and len(curve) > 1:
+        if mode == CURVE_MODE and len(curve) > 1:
             yield name, curve
-        elif int(mode) == AB_MODE:
+        elif mode == AB_MODE:
             yield name, [(one[0], one[1]) for one in ends if one is not None]
-        place += 8 + int(count)
+        place += 8 + count
 
 
 def _old_ab(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
@@ -151,8 +156,7 @@ def _old_ab(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]
 def _old_curves(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
     """CurveLines.txt: name, heading in radians, count, points."""
     place = 1 if lines and lines[0].startswith("$") else 0
-    while place + 2 < len(lines) and lines[place + 2].isdecimal():
-        count = int(lines[place + 2])
+    while place + 2 < len(lines) and (count := _count(lines[place + 2])) is not None:
         points = [_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
         if len(curve) > 1:
@@ -170,6 +174,11 @@ def _numbers(line: str, least: int) -> list[float] | None:
     except ValueError:
         return None
     return numbers if len(numbers) >= least and all(map(math.isfinite, numbers)) else None
+
+
+def _count(line: str) -> int | None:
+    """A whole number of a few digits, None for anything else."""
+    return int(line) if line.isascii() and line.isdecimal() and len(line) <= 7 else None
 
 
 def _lines(content: bytes) -> list[str]:

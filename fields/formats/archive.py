@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
 from fields.errors import FieldError
@@ -17,11 +17,13 @@ DEEPEST = 4
 
 
 def is_archive(path: str | Path) -> bool:
-    """Whether a file begins as a ZIP archive does."""
+    """Whether a file begins as a ZIP archive does; a pipe is never looked into, as it can be read only once."""
     try:
+        if not os.path.isfile(path):
+            return False
         with open(path, "rb") as stream:
             return stream.read(4) in (b"PK\x03\x04", b"PK\x05\x06")
-    except OSError:
+    except (OSError, ValueError):
         return False
 
 
@@ -36,6 +38,7 @@ class Members(Mapping[str, bytes]):
     def __init__(self, path: str | Path, deepest: int = DEEPEST) -> None:
         self.path = Path(path)
         self._archive = None if self.path.is_dir() else _opened(self.path)
+        self._unpacked = 0
         self._names = _in_folder(self.path, deepest) if self._archive is None else _in_archive(self._archive, self.path)
 
     def __getitem__(self, name: str) -> bytes:
@@ -44,22 +47,27 @@ class Members(Mapping[str, bytes]):
         try:
             if self._archive is None:
                 return _bytes(self.path / name)
-            return self._archive.read(self._names[name])
+            with self._archive.open(self._names[name]) as stream:
+                content = stream.read(min(MOST_BYTES - self._unpacked, MOST_BYTES) + 1)
         except (OSError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error, EOFError) as error:
             raise FieldError(
                 f"{name} in {shown(self.path)} cannot be read ({reason(error)}); make the folder or archive again."
             ) from None
+        self._unpacked += len(content)
+        if self._unpacked > MOST_BYTES:
+            raise FieldError(_too_much(self.path))
+        return content
 
-    def __iter__(self):  # type: ignore[no-untyped-def]
+    def __iter__(self) -> Iterator[str]:
         return iter(self._names)
 
     def __len__(self) -> int:
         return len(self._names)
 
-    def named(self, name: str) -> str | None:
-        """The path of the first file of this name, whatever its case and folder; None without one."""
+    def named(self, name: str) -> list[str]:
+        """The paths of all files of this name, whatever their case and folder, in order."""
         wanted = name.lower()
-        return next((one for one in self if PurePosixPath(one).name.lower() == wanted), None)
+        return [one for one in self if PurePosixPath(one).name.lower() == wanted]
 
     def beside(self, path: str, name: str) -> bytes | None:
         """A file of the same folder as another, whatever its case; None without one."""
@@ -69,6 +77,15 @@ class Members(Mapping[str, bytes]):
             if place.parent == folder and place.name.lower() == wanted:
                 return self[one]
         return None
+
+
+def file_beside(path: Path, name: str) -> bytes | None:
+    """A file of the same folder as another, whatever its case; None without one."""
+    try:
+        near = next((one for one in sorted(path.parent.iterdir()) if one.name.lower() == name.lower()), None)
+        return None if near is None or not near.is_file() else _bytes(near)
+    except OSError as error:
+        raise FieldError(f"{shown(path.parent)} cannot be looked through ({reason(error)}); copy the folder.") from None
 
 
 def names_in(path: str | Path) -> frozenset[str]:
@@ -91,7 +108,7 @@ def _in_archive(archive: zipfile.ZipFile, path: Path) -> dict[str, str]:
     if len(files) > MOST_FILES:
         raise FieldError(f"{shown(path)} holds {len(files)} files; a farm's archive has {MOST_FILES} at most.")
     if sum(one.file_size for one in files) > MOST_BYTES:
-        raise FieldError(f"{shown(path)} unpacks to more than {MOST_BYTES >> 20} MB; give an archive with less in it.")
+        raise FieldError(_too_much(path))
     clean = {}
     for one in files:
         parts = PurePosixPath(one.filename.replace("\\", "/"))
@@ -105,14 +122,18 @@ def _in_archive(archive: zipfile.ZipFile, path: Path) -> dict[str, str]:
     return dict(sorted(clean.items()))
 
 
+def _too_much(path: Path) -> str:
+    return f"{shown(path)} unpacks to more than {MOST_BYTES >> 20} MB; give an archive with less in it."
+
+
 def _in_folder(folder: Path, deepest: int) -> dict[str, str]:
-    """Files of a folder and its folders, links and hidden ones left out."""
+    """Regular files of a folder and its folders; hidden ones and links to folders are left out."""
     found: dict[str, str] = {}
     for base, folders, files in os.walk(folder):
         below = PurePosixPath(Path(base).relative_to(folder).as_posix())
         folders[:] = [] if len(below.parts) >= deepest else sorted(folders)
         for name in sorted(files):
-            if not _hidden(below / name):
+            if not _hidden(below / name) and os.path.isfile(os.path.join(base, name)):
                 found[str(below / name)] = name
         if len(found) > MOST_FILES:
             raise FieldError(

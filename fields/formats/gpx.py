@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import shapely
 
 from fields.document import Document, Format
@@ -13,6 +14,8 @@ from fields.reading import read_bytes
 
 CLOSED_SHARE = 0.05
 """A track is closed when its ends are nearer than this share of its length: who walks round a field comes back."""
+LATE_SHARE = 0.75
+"""After this share of its length a track may be back at its start."""
 
 
 def _read(path: str, label: str) -> Document:
@@ -33,11 +36,22 @@ def closed(feature: Feature) -> Feature:
     points = [point for line in lines.get(geometry.get("type", ""), ()) for point in line or ()]
     if len(points) < 4:
         return feature
+    points = _once_round(points)
     way = shapely.LineString(points)
     if shapely.distance(shapely.Point(points[0]), shapely.Point(points[-1])) > CLOSED_SHARE * way.length:
         return feature
     properties = {**feature["properties"], "role": BOUNDARY}
     return {**feature, "properties": properties, "geometry": {"type": "Polygon", "coordinates": [[*points, points[0]]]}}
+
+
+def _once_round(points: list[list[float]]) -> list[list[float]]:
+    """A track up to where it comes nearest to its start again: who walks round a field often goes on a little."""
+    places = np.array(points)[:, :2]
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    late = np.flatnonzero(gone >= LATE_SHARE * gone[-1])
+    away = np.hypot(*(places[late] - places[0]).T)
+    return points[: int(late[int(np.argmin(away))]) + 1]
 
 
 FORMAT = Format("GPX", (".gpx",), _read)

@@ -7,8 +7,10 @@ of types are those of the standard's lists PolygonType, LineStringType, PointTyp
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element
 
@@ -16,7 +18,7 @@ from shapely import Polygon
 
 from fields.document import Document, Format
 from fields.errors import FieldError
-from fields.formats.archive import Members, is_archive
+from fields.formats.archive import Members, file_beside, is_archive
 from fields.formats.degrees import onwards, rings_area_m2
 from fields.formats.features import Feature, document_of
 from fields.formats.markup import root_of
@@ -35,10 +37,7 @@ AREA_OFF = 1.2
 
 def _read(path: str, label: str) -> Document:
     place = Path(path)
-    if place.is_dir() or is_archive(place):
-        roots = list(_roots(Members(place), label))
-    else:
-        roots = list(_roots(Members(place.parent, 0), label, place.name))
+    roots = list(_roots(Members(place), label) if place.is_dir() or is_archive(place) else _of_file(place, label))
     features: list[Feature] = []
     notes: list[str] = []
     empty: list[str] = []
@@ -59,16 +58,30 @@ def _read(path: str, label: str) -> Document:
     return document_of(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))
 
 
-def _roots(members: Members, label: str, name: str = TASKDATA) -> Iterator[Element]:
-    """The root of TASKDATA.XML and of every external file that it names and that is there."""
-    main = members.named(name)
-    if main is None:
+def _roots(members: Members, label: str) -> Iterator[Element]:
+    """The root of every TASKDATA.XML and of every external file that they name and that is there."""
+    mains = members.named(TASKDATA)
+    if not mains:
         raise FieldError(f"{label} holds no TASKDATA.XML; name the folder or archive that has one.")
-    root = root_of(members[main], f"{PurePosixPath(main).name} of {label}")
+    for main in mains:
+        root = root_of(members[main], f"{PurePosixPath(main).name} of {label}")
+        yield root
+        yield from _outside(root, label, partial(members.beside, main))
+
+
+def _of_file(place: Path, label: str) -> Iterator[Element]:
+    """The root of one file, and of the external files that it names in its folder."""
+    root = root_of(read_bytes(place, "an ISOXML file", FieldError), label)
+    if root.tag != "ISO11783_TaskData":
+        raise FieldError(f"{label} is XML but not ISOXML (its root is '{root.tag[:40]}'); give a TASKDATA.XML.")
     yield root
+    yield from _outside(root, label, partial(file_beside, place))
+
+
+def _outside(root: Element, label: str, beside: Callable[[str], bytes | None]) -> Iterator[Element]:
     for reference in root.iter("XFR"):
         outside = f"{reference.get('A') or ''}.XML"
-        content = members.beside(main, outside)
+        content = beside(outside)
         if content is None and (reference.get("A") or "").upper().startswith("PFD"):
             raise FieldError(f"{label} names the external file {outside}, which is not there; copy the whole folder.")
         if content is not None:
@@ -95,7 +108,7 @@ def _partfield(element: Element, notes: list[str]) -> list[Feature]:
         *_once(boundaries),
         *(one for one in features if one not in boundaries),
         *_points(element),
-        *_lines(element),
+        *_lines(element, name, notes),
     ]
 
 
@@ -116,9 +129,15 @@ def _boundary(polygon: Element, facts: dict[str, str], notes: list[str]) -> list
         outer, inner = inner, []
     shapes = [Polygon(ring) for ring in outer]
     parts = []
+    placed = 0
     for ring, shape in zip(outer, shapes, strict=True):
         holes = [one for one in inner if len(outer) == 1 or (shape.is_valid and shape.contains(Polygon(one)))]
+        placed += len(holes)
         parts.append(_feature("Polygon", [ring, *holes], {**facts, "role": "boundary"}))
+    if placed < len(inner):
+        notes.append(
+            f"{len(inner) - placed} inner rings of '{facts['name']}' lie in none of its outer rings; left out."
+        )
     return parts
 
 
@@ -175,9 +194,10 @@ def _positions(line: Element, notes: list[str], name: str) -> list[list[float]]:
 
 def _position(point: Element) -> list[float] | None:
     try:
-        return [float(point.get("D") or ""), float(point.get("C") or "")]
+        place = [float(point.get("D") or ""), float(point.get("C") or "")]
     except ValueError:
         return None
+    return place if all(map(math.isfinite, place)) else None
 
 
 def _points(element: Element) -> list[Feature]:
@@ -194,21 +214,26 @@ def _points(element: Element) -> list[Feature]:
     return features
 
 
-def _lines(element: Element) -> list[Feature]:
-    """Guidance lines: AB, A+ with its heading, and curves; pivots and spirals are counted as nothing."""
+def _lines(element: Element, field: str, notes: list[str]) -> list[Feature]:
+    """Guidance lines: AB, A+ with its heading, and curves; others are counted and left out."""
     plain = [one for one in element.findall("LSG") if one.get("A") == GUIDANCE]
     features = [_line(line, line.get("B") or f"line {place + 1}") for place, line in enumerate(plain)]
     for pattern in element.iter("GPN"):
         kind = PATTERNS.get(pattern.get("C") or "", "")
         line = next((one for one in pattern.findall("LSG") if one.get("A") == GUIDANCE), None)
         if line is None or kind in ("pivot", "spiral"):
+            features.append(None)
             continue
         name = (pattern.get("B") or "").strip() or (pattern.get("A") or "line")
         feature = _line(line, name)
         if kind == "A+" and feature is None:
             feature = _from_heading(line, pattern, name)
         features.append(feature)
-    return [one for one in features if one is not None]
+    found = [one for one in features if one is not None]
+    if len(found) < len(features):
+        left = len(features) - len(found)
+        notes.append(f"{left} guidance patterns of '{field}' are pivots, spirals or without points; left out.")
+    return found
 
 
 def _line(line: Element, name: str) -> Feature | None:
@@ -238,13 +263,4 @@ def _holds(names: frozenset[str]) -> bool:
     return TASKDATA in names
 
 
-def _file(path: str, label: str) -> Document:
-    """A single XML file is looked at before its folder is."""
-    if not (Path(path).is_dir() or is_archive(path)):
-        root = root_of(read_bytes(path, "an ISOXML file", FieldError), label)
-        if root.tag != "ISO11783_TaskData":
-            raise FieldError(f"{label} is XML but not ISOXML (its root is '{root.tag[:40]}'); give a TASKDATA.XML.")
-    return _read(path, label)
-
-
-FORMAT = Format("ISOXML", (".xml",), _file, _holds)
+FORMAT = Format("ISOXML", (".xml",), _read, _holds)

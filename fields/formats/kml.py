@@ -18,7 +18,7 @@ def _read(path: str, label: str) -> Document:
     content = _unpacked(path) if is_archive(path) else read_bytes(path, "a KML file", FieldError)
     refuse_entities(content, label)
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / f"{Path(path).stem or 'fields'}.kml"
+        place = Path(folder) / "fields.kml"
         place.write_bytes(content)
         found = read_layers(place, label, "KML")
     return document_of(named_lines(found.features), label, crs=WGS84, source="KML", notes=tuple(found.notes))
@@ -30,7 +30,7 @@ def _unpacked(path: str) -> bytes:
     names = [name for name in members if name.lower().endswith(".kml")]
     if not names:
         raise FieldError(f"{shown(path)} holds no KML; give a KMZ with a doc.kml in it.")
-    return members[members.named("doc.kml") or names[0]]
+    return members[next(iter(members.named("doc.kml")), names[0])]
 
 
 FORMAT = Format("KML", (".kml", ".kmz"), _read, lambda names: "doc.kml" in names)

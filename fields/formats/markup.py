@@ -8,12 +8,14 @@ from xml.etree import ElementTree
 from fields.errors import FieldError
 
 _DOCTYPE = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
+_ROOT = re.compile(rb"<[A-Za-z_]")
 
 
 def refuse_entities(content: bytes, label: str) -> None:
     """Raise FieldError for XML that defines entities: no field file needs them, and small ones grow to gigabytes."""
     plain = content.replace(b"\x00", b"")
-    if _DOCTYPE.search(plain):
+    root = _ROOT.search(plain)
+    if _DOCTYPE.search(plain, 0, root.start() if root else len(plain)):
         raise FieldError(f"{label} defines a document type or entities, which no field file needs; save it again.")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
 from fields.document import UNKNOWN, Document, Format
@@ -16,28 +17,30 @@ PARTS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
 
 def _read(path: str, label: str) -> Document:
     place = Path(path)
-    if place.is_dir() or is_archive(place):
-        found = _of_members(Members(place), label)
-    else:
-        _complete(place.parent, place.stem, {one.name.lower() for one in place.parent.iterdir()}, label)
-        found = read_layers(place.with_suffix(".shp"), label, "a Shapefile")
+    whole = place.is_dir() or is_archive(place)
+    members = Members(place) if whole else Members(place.parent, 0)
+    names = [one for one in members if one.lower().endswith(".shp")]
+    if not whole:
+        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
+        _complete(members, place.stem, label)
+    found = _of_members(members, names, label)
     return document_of(
         named_lines(found.features), label, crs=found.crs or UNKNOWN, source="Shapefile", notes=tuple(found.notes)
     )
 
 
-def _of_members(members: Members, label: str) -> Layers:
-    """Features of every Shapefile of a folder or archive, unpacked to a place that is removed again."""
+def _of_members(members: Members, names: Sequence[str], label: str) -> Layers:
+    """Features of these Shapefiles of a folder or archive, copied to a place that is removed again."""
     whole = Layers()
     systems = set()
-    for name in [one for one in members if one.lower().endswith(".shp")]:
+    for name in names:
         stem = PurePosixPath(name).stem
         with tempfile.TemporaryDirectory() as folder:
             for ending in PARTS:
                 content = members.beside(name, stem + ending)
                 if content is not None:
-                    (Path(folder) / (stem + ending)).write_bytes(content)
-            found = read_layers(Path(folder) / f"{stem}.shp", label, "a Shapefile")
+                    (Path(folder) / f"fields{ending}").write_bytes(content)
+            found = read_layers(Path(folder) / "fields.shp", label, "a Shapefile")
         whole.features += found.features
         whole.notes += found.notes
         systems.add(found.crs)
@@ -47,9 +50,9 @@ def _of_members(members: Members, label: str) -> Layers:
     return whole
 
 
-def _complete(folder: Path, stem: str, names: set[str], label: str) -> None:
+def _complete(members: Members, stem: str, label: str) -> None:
     """Refuse a Shapefile without its geometry or its index."""
-    missing = [stem + ending for ending in (".shp", ".shx") if (stem + ending).lower() not in names]
+    missing = [stem + ending for ending in (".shp", ".shx") if not members.named(stem + ending)]
     if missing:
         raise FieldError(
             f"{label} lacks {' and '.join(missing)}; a Shapefile is .shp, .shx, .dbf and .prj together in one folder."

@@ -19,7 +19,6 @@ import shapely
 from fields.errors import FieldError
 from fields.formats.features import GUIDANCE, LINES, Feature, text
 from fields.projection import project
-from fields.reading import shown
 
 MOST_FEATURES = 100_000
 NAMES = ("name", "field_name", "fieldname", "field", "title", "label", "fid_name")
@@ -57,11 +56,13 @@ def read_layers(path: str | Path, label: str, form: str, wanted: tuple[str, ...]
             parts = [_layer(path, name) for name in names if wanted is None or name in wanted]
     except (DataSourceError, DataLayerError, ValueError, RuntimeError, OSError) as error:
         raise FieldError(
-            f"{shown(path)} cannot be read as {form} ({_first(error, path)}); save it again as {form}."
+            f"{label} cannot be read as {form} ({_first(error, path)}); save it again as {form}."
         ) from None
     if sum(len(part[1]) for part in parts) > MOST_FEATURES:
         raise FieldError(f"{label} holds more than {MOST_FEATURES} features; take the farm's own out of it first.")
     systems = {crs for crs, features, _ in parts if features}
+    if None in systems and len(systems) > 1:
+        raise FieldError(f"{label} has layers that name no coordinate system beside others that do; give each its own.")
     for crs, features, odd in parts:
         moved = len(systems) > 1 and crs is not None and crs != WGS84
         found.features += [_moved(feature, crs) for feature in features] if moved and crs else features

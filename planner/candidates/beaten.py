@@ -29,10 +29,14 @@ class Rival:
 
 @dataclass(frozen=True)
 class Beaten:
-    """A candidate whose every plan takes at least so many seconds, and more than the rival."""
+    """A candidate whose every plan takes at least so many seconds, and more than the rival.
+
+    `driven` says that quicker ones were driven and were not feasible.
+    """
 
     seconds: float
     rival: Rival
+    driven: bool = False
 
 
 def beaten(

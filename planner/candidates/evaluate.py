@@ -136,6 +136,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job, rival: Rival | N
 def _in_some_order(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
     """Tractors with tracks of their own in the order found first, or else in another that can be driven."""
     first: CandidateRun | None = None
+    told: Beaten | None = None
     refusal: StrategyError | None = None
     for number, other in enumerate((job, *other_orders(strategy, job))):
         try:
@@ -145,11 +146,14 @@ def _in_some_order(site: Site, strategy: Strategy, job: Job, rival: Rival | None
             continue
         if isinstance(latest, CandidateRun) and latest.reason is None:
             return replace(latest, remark=_joined(latest.remark, TOLD)) if number else latest
-        if isinstance(latest, Beaten):
-            if not number:
-                return latest
-            continue
-        first = first or latest
+        if isinstance(latest, CandidateRun):
+            first = first or latest
+        elif not number and not latest.driven:
+            return latest
+        elif not number or (told and latest.seconds < told.seconds):
+            told = latest
+    if told is not None:
+        return told
     if first is None:
         assert refusal is not None  # an order is driven, beaten or refused
         raise refusal
@@ -188,7 +192,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
         if rival and not (first and strategy.abreast):  # another corner might do with the first passage
             found = beaten(site, [each.plan for each in choices], rival, alone)
             if found is not None and (surely(found) or not strategy.abreast):
-                return from_any_corner(found) if strategy.abreast else found
+                return from_any_corner(found) if strategy.abreast else replace(found, driven=first is not None)
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way), limits)
         driven = [each for each in runs if each.reason is None]
         if driven:

@@ -139,13 +139,12 @@ def _asked(
 
 def _reads(file: str, asked: DayFile, own: FarmFile) -> dict[str | Path, str]:
     """The files that a day reads, by what they are."""
-    from fields.read import field_file
+    from fields.source import field_files
     from planner.day.file import EXAMPLE
 
     files: dict[str | Path, str] = {file: "the day file"}
     for each in asked.fields:
-        if (path := field_file(each.file)) is not None:
-            files[path] = "a field of the day"
+        files |= dict.fromkeys(field_files(each.file), "a field of the day")
     files |= {each.file: "a tractor file of the farm" for each in own.tractors if each.file is not None}
     if asked.farm not in (None, EXAMPLE):
         files[str(asked.farm)] = "the farm file"

@@ -12,8 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
-from fields.read import field_file
 from fields.reading import reason, shown
+from fields.source import field_files
 from planner.errors import HeadlandError, ScenarioError
 from vehicle.tractor import tractor_names
 
@@ -49,8 +49,8 @@ def inputs(
         files[farm] = "the farm file"
     if tractor is not None and tractor not in tractor_names():
         files[tractor] = "the tractor file"
-    if field is not None and (path := field_file(field)) is not None:
-        files[path] = "the field"
+    if field is not None:
+        files |= dict.fromkeys(field_files(field), "the field")
     return files
 
 

@@ -105,6 +105,8 @@ class DayField(Section):
     file: str = Field(strict=True, min_length=1, description="a field file or sample, in quotes")
     name: str | None = other(None, "in quotes", "the name in the file", strict=True, min_length=1)
     local: bool = other(False, "true: the file holds metres", "no", strict=True)
+    crs: str | None = other(None, "such as 'EPSG:25832', in quotes", "that of the file", strict=True, min_length=1)
+    swap: bool = other(False, "true: the file has latitude or northing first", "no", strict=True)
     windows: tuple[Window, ...] = other((), "such as '08:00-12:00', in quotes", "the whole day")
     value_per_ha: float | None = number(None, 0.0, HIGHEST_PRICE, "what the work of a hectare brings")
     loss_per_ha: float | None = number(None, 0.0, HIGHEST_PRICE, "lost per hectare that is put off")

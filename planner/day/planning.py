@@ -68,7 +68,9 @@ class _Found:
 def prepare_day(day: DayFile, farm: FarmFile) -> Ready:
     """Read the fields of a day and lay out its roads and hours; raises HeadlandError."""
     with about("field"):
-        fields = tuple(read_field(said.file, local=said.local, name=said.name) for said in day.fields)
+        fields = tuple(
+            read_field(said.file, local=said.local, name=said.name, crs=said.crs, swap=said.swap) for said in day.fields
+        )
     own = spots(day, fields)
     yard = yard_of(day, farm)
     km = np.zeros((len(own) + 1, len(own) + 1))

@@ -146,11 +146,13 @@ def _added(plan: Figures, chosen: Figures) -> float:
 def _surer(plan: Figures, chosen: Figures, one: bool) -> _Told:
     """How much surer it is, beside its money: more tractors in percent on top."""
     points = round(100.0 * (plan.probability or 0.0)) - round(100.0 * (chosen.probability or 0.0))
+    if is_wide(plan.interval) and same_draws(plan, chosen):
+        if plan.tractors < chosen.tractors:
+            return _Told(f"{'is' if one else 'are'} as sure, as far as {chosen.draws} draws can tell", NEITHER)
+        return _Told(f"no certainty that {chosen.draws} draws could tell", NEITHER)
     if plan.tractors < chosen.tractors:
         return _sure(plan, chosen, one, told=False)
     added = _added(plan, chosen) > 0.0
-    if is_wide(plan.interval) and same_draws(plan, chosen):
-        return _Told(f"no certainty that {chosen.draws} draws could tell", NEITHER)
     if points == 0:
         return _Told("no certainty" if added else "nothing else changes", NEITHER)
     if added and points > 0:

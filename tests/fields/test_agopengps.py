@@ -67,3 +67,25 @@ def test_bad_folders(tmp_path: Path, file: str, text: str, words: str) -> None:
     (folder / file).write_text(text)
     with pytest.raises(FieldError, match=words):
         read_field(folder)
+
+
+def test_a_field_whose_outer_ring_is_lost_is_left_out(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    text = (folder / "Boundary.txt").read_text()
+    outer = "".join(line + "\n" for line in text.splitlines()[2:7])
+    (folder / "Boundary.txt").write_text(text.replace(outer, "1\n0.0,0.0,0.0\n", 1))
+    with pytest.raises(FieldError, match="no field with a boundary"):
+        read_field(folder)
+
+
+def test_a_name_that_the_program_makes_up_gives_way_to_the_folder(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    (folder / "Field.txt").write_text((folder / "Field.txt").read_text().replace("Back forty", "FieldNew"))
+    assert read_field(folder).name == "Back forty"
+
+
+def test_a_count_of_many_digits(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    (folder / "Boundary.txt").write_text("$Boundary\nFalse\n" + "9" * 5000 + "\n0,0,0\n")
+    with pytest.raises(FieldError, match="no field with a boundary"):
+        read_field(folder)

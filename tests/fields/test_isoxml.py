@@ -9,6 +9,7 @@ import pytest
 
 from fields.errors import FieldError
 from fields.read import list_fields, read_field
+from fields.source import field_files
 from tests.fields.farm_files import (
     INNER,
     OUTER,
@@ -135,3 +136,32 @@ def test_bad_files_are_one_sentence(tmp_path: Path, text: str, words: str) -> No
     folder = write_taskdata(tmp_path, text)
     with pytest.raises(FieldError, match=words):
         read_field(folder / "TASKDATA.XML")
+
+
+def test_a_named_file_is_read_and_not_another_of_its_name(tmp_path: Path) -> None:
+    east = tuple((x + 400, y) for x, y in OUTER)
+    write_taskdata(tmp_path, taskdata(partfield(polygon(rings=(east,)), "Other", 60_000)))
+    (tmp_path / "TASKDATA.XML").write_text(taskdata(partfield(polygon())))
+    assert read_field(tmp_path / "TASKDATA.XML").name == "Long acre"
+    assert [one.key for one in list_fields(tmp_path)] == ["PFD1", "PFD1"]
+
+
+@pytest.mark.parametrize("number", ["nan", "inf"])
+def test_positions_without_numbers_are_counted(tmp_path: Path, number: str) -> None:
+    ring = points(*OUTER).replace('C="48.000000000"', f'C="{number}"', 1)
+    text = taskdata(partfield(f'<PLN A="1"><LSG A="1">{ring}{points((0, 100))}</LSG></PLN>', area_m2=0))
+    field = read_field(write_taskdata(tmp_path, text))
+    assert "1 points of 'Long acre' have no numbers for a position and are left out." in field.remarks
+
+
+def test_what_is_no_line_is_counted(tmp_path: Path) -> None:
+    field = read(tmp_path, partfield(polygon() + pattern("Round", "4", points((10, 10), kind="8"))))
+    assert "1 guidance patterns of 'Long acre' are pivots, spirals or without points; left out." in field.remarks
+
+
+def test_every_file_that_a_field_is_read_from_is_known(tmp_path: Path) -> None:
+    folder = write_taskdata(tmp_path, taskdata('<XFR A="PFD00000" B="1"/>'))
+    (folder / "PFD00000.XML").write_text(f"<XFC>{partfield(polygon())}</XFC>")
+    both = (folder / "PFD00000.XML", folder / "TASKDATA.XML")
+    assert field_files(str(folder / "TASKDATA.XML")) == both == field_files(str(folder))
+    assert field_files("denmark") == ()

@@ -69,7 +69,7 @@ def test_a_zipped_shapefile_in_a_folder_of_the_archive(shapefile: Path, tmp_path
 
 def test_without_prj_the_system_is_asked_for_and_never_guessed(shapefile: Path) -> None:
     (shapefile / "north.prj").unlink()
-    with pytest.raises(FieldError, match=r"no \.prj.*crs.*EPSG:25832"):
+    with pytest.raises(FieldError, match=r"which coordinate system.*crs.*EPSG:25832"):
         read_field(shapefile)
     field = read_field(shapefile, crs=CRS)
     assert field.ground.area == pytest.approx(AREA_M2, rel=1e-3)
@@ -205,3 +205,52 @@ def test_an_archive_that_unpacks_to_too_much(tmp_path: Path) -> None:
     (tmp_path / "bomb.zip").write_bytes(bytes(content))
     with pytest.raises(FieldError, match="unpacks to more than 256 MB"):
         read_field(tmp_path / "bomb.zip")
+
+
+def test_an_archive_that_says_it_is_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fields.formats.archive.MOST_BYTES", 10_000)
+    with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("TASKDATA.XML", b" " * 1_000_000)
+    content = bytearray((tmp_path / "bomb.zip").read_bytes())
+    for mark, offset in ((b"PK\x01\x02", 24), (b"PK\x03\x04", 22)):
+        place = content.rindex(mark)
+        content[place + offset : place + offset + 4] = (100).to_bytes(4, "little")
+    (tmp_path / "bomb.zip").write_bytes(bytes(content))
+    with pytest.raises(FieldError):
+        read_field(tmp_path / "bomb.zip")
+
+
+def test_capital_endings(shapefile: Path) -> None:
+    for part in list(shapefile.iterdir()):
+        part.rename(part.with_name(part.name.upper()))
+    assert_same_ground(shapefile / "NORTH.SHP")
+
+
+def test_local_metres_of_a_shapefile_without_system(shapefile: Path) -> None:
+    (shapefile / "north.prj").unlink()
+    assert read_field(shapefile, local=True).ground.area == pytest.approx(AREA_M2)
+
+
+@pytest.mark.parametrize(
+    ("crs", "words"), [("", "crs is empty"), ("EPSG:25832", "look like degrees"), ("x", "not known")]
+)
+def test_systems_that_cannot_be(crs: str, words: str) -> None:
+    with pytest.raises(FieldError, match=words):
+        read_field("denmark", crs=crs)
+
+
+@pytest.mark.filterwarnings("ignore:'crs' was not provided")
+def test_a_geopackage_without_a_system_is_not_guessed_at(tmp_path: Path) -> None:
+    write(tmp_path / "n.gpkg", [OUTLINE], ["N"], crs=None)
+    with pytest.raises(FieldError, match="which coordinate system"):
+        read_field(tmp_path / "n.gpkg")
+
+
+def test_a_walk_that_goes_on_past_its_start(tmp_path: Path) -> None:
+    corners = np.array([(0, 0), (300, 0), (300, 200), (0, 200), (0, 0), (12, -2)])
+    points = shapely.get_coordinates(in_degrees(shapely.LineString(CORNER + corners)))
+    way = "".join(f'<trkpt lat="{y:.8f}" lon="{x:.8f}"/>' for x, y in points)
+    (tmp_path / "walk.gpx").write_text(
+        f'<gpx version="1.1" creator="t" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>{way}</trkseg></trk></gpx>'
+    )
+    assert read_field(tmp_path / "walk.gpx").ground.area == pytest.approx(60_000, rel=1e-3)

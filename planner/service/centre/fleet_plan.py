@@ -139,7 +139,7 @@ def _field(scenario: Scenario, saved: SavedPlan, file: Path | None) -> Field | N
     where = scenario.field if file is None else str(file)
     if file is not None and "#" in scenario.field:
         where += "#" + scenario.field.rsplit("#", 1)[1]
-    field = read_field(where, local=scenario.local)
+    field = read_field(where, local=scenario.local, crs=scenario.crs, swap=scenario.swap)
     if field.crs != saved.crs:
         raise CentreError(
             f"The field is in {field.crs or 'local metres'} and the plan in {saved.crs or 'local metres'}; give the "
