@@ -124,14 +124,16 @@ def list_fields(
     Raises:
         FieldError: the file cannot be read or holds no field.
     """
+    return survey(where, local=local, crs=crs, swap=swap)[0]
+
+
+def survey(
+    where: str | Path, *, local: bool = False, crs: str | None = None, swap: bool = False
+) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
+    """The fields of a file as `list_fields` tells them, and what its reader left out or mended, in sentences."""
     source = source_of(str(where))
     document = told(source.document(), local, crs, swap, f"'{source.name}'")
-    return tuple(_listed(document, position, local) for position in range(len(document.polygons)))
-
-
-def notes_of(where: str | Path) -> tuple[str, ...]:
-    """What the reader of a file left out or mended, in sentences; raises FieldError where it cannot be read."""
-    return source_of(str(where)).document().notes
+    return tuple(_listed(document, position, local) for position in range(len(document.polygons))), document.notes
 
 
 def _listed(document: Document, position: int, local: bool) -> Listed:

@@ -79,6 +79,11 @@ def brief(value: object, most: int = 40) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
+def some(count: int, word: str) -> str:
+    """A number of things in words: 1 ring, 2 rings."""
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
 def parse_fault(error: BaseException) -> str:
     """Why a text is not JSON or TOML, in a few words: a parser's complaint, its depth or its digits."""
     if isinstance(error, RecursionError):

@@ -19,6 +19,7 @@ from fields.errors import FieldError
 from fields.formats.archive import Members
 from fields.formats.features import Feature, document_of
 from fields.formats.vector import WGS84
+from fields.reading import some
 
 FIELD, BOUNDARY = "field.txt", "boundary.txt"
 TRACKS = ("tracklines.txt", "curvelines.txt", "ablines.txt")
@@ -112,7 +113,7 @@ def _rings(lines: list[str], name: str, notes: list[str]) -> list[list[tuple[flo
             short += 1
         place += 1 + len(whole)
     if short:
-        notes.append(f"{short} {'ring' if short == 1 else 'rings'} of '{name}' with fewer than 3 points left out.")
+        notes.append(f"Left out of '{name}': {some(short, 'ring')} with fewer than 3 points.")
     return rings
 
 

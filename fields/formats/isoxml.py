@@ -23,7 +23,7 @@ from fields.formats.degrees import onwards, rings_area_m2
 from fields.formats.features import Feature, document_of
 from fields.formats.markup import root_of
 from fields.formats.vector import WGS84
-from fields.reading import read_bytes
+from fields.reading import read_bytes, some
 
 TASKDATA = "taskdata.xml"
 BOUNDARY, MAINFIELD, OBSTACLES = "1", "9", {"3": "water", "4": "building", "5": "road", "6": "area"}
@@ -49,7 +49,9 @@ def _read(path: str, label: str) -> Document:
         empty += [] if one else [_name(element)]
     twice = [name for name, count in seen.items() if name and count > 1]
     if twice:
-        notes.append(f"{len(twice)} partfield ids stand more than once (such as {twice[0]}); choose such by position.")
+        notes.append(
+            f"{some(len(twice), 'id')} of partfields used twice or more (such as {twice[0]}); choose those by position."
+        )
     if empty:
         more = f" and {len(empty) - SHOWN} more" if len(empty) > SHOWN else ""
         notes.append(f"Partfields without a boundary are left out: {', '.join(empty[:SHOWN])}{more}.")
@@ -136,7 +138,7 @@ def _boundary(polygon: Element, facts: dict[str, str], notes: list[str]) -> list
         parts.append(_feature("Polygon", [ring, *holes], {**facts, "role": "boundary"}))
     if placed < len(inner):
         notes.append(
-            f"{len(inner) - placed} inner rings of '{facts['name']}' lie in none of its outer rings; left out."
+            f"Left out of '{facts['name']}': {some(len(inner) - placed, 'inner ring')} in none of its outer rings."
         )
     return parts
 
@@ -179,7 +181,7 @@ def _rings(polygon: Element, kinds: tuple[str, ...], name: str, notes: list[str]
         else:
             found.append(points)
     if short:
-        notes.append(f"{short} {'ring' if short == 1 else 'rings'} of '{name}' with fewer than 3 points left out.")
+        notes.append(f"Left out of '{name}': {some(short, 'ring')} with fewer than 3 points.")
     return found
 
 
@@ -188,7 +190,7 @@ def _positions(line: Element, notes: list[str], name: str) -> list[list[float]]:
     points = [_position(each) for each in line.findall("PNT")]
     bad = sum(one is None for one in points)
     if bad:
-        notes.append(f"{bad} points of '{name}' have no numbers for a position and are left out.")
+        notes.append(f"Left out of '{name}': {some(bad, 'point')} without numbers for a position.")
     return [one for one in points if one is not None]
 
 
@@ -232,7 +234,7 @@ def _lines(element: Element, field: str, notes: list[str]) -> list[Feature]:
     found = [one for one in features if one is not None]
     if len(found) < len(features):
         left = len(features) - len(found)
-        notes.append(f"{left} guidance patterns of '{field}' are pivots, spirals or without points; left out.")
+        notes.append(f"Left out of '{field}': {some(left, 'guidance pattern')} (pivots, spirals, or without points).")
     return found
 
 

@@ -112,12 +112,12 @@ def _picture(site: Site) -> bytes:
 
 
 def _list(field: str, local: bool, crs: str | None, swap: bool, json: bool) -> None:
-    from fields.read import list_fields, notes_of
+    from fields.read import survey
     from planner.commands.show import remark
     from reports.parcels import parcels_json, parcels_table
 
-    parcels = list_fields(field, local=local, crs=crs, swap=swap)
-    remark(notes_of(field))
+    parcels, notes = survey(field, local=local, crs=crs, swap=swap)
+    remark(notes)
     if json:
         typer.echo(parcels_json(parcels), nl=False)
         return

@@ -84,7 +84,7 @@ def test_exchanged_rings_are_turned_and_told(tmp_path: Path) -> None:
 def test_rings_of_one_point_are_counted(tmp_path: Path) -> None:
     field = read(tmp_path, partfield(polygon(rings=(OUTER, INNER, ((5, 5),), ((6, 6), (7, 7))))))
     assert len(field.boundary.interiors) == 1
-    assert "2 rings of 'Long acre' with fewer than 3 points left out." in field.remarks
+    assert "Left out of 'Long acre': 2 rings with fewer than 3 points." in field.remarks
 
 
 def test_several_outer_rings_are_several_fields(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_ids_that_stand_twice_are_told(tmp_path: Path) -> None:
     folder = write_taskdata(
         tmp_path, taskdata(partfield(polygon()), partfield(polygon(rings=(east,)), "Other", 60_000, "PFD1"))
     )
-    assert any("1 partfield ids stand more than once" in one for one in read_field(f"{folder}#1").remarks)
+    assert any("1 id of partfields used twice or more" in one for one in read_field(f"{folder}#1").remarks)
 
 
 def test_latitude_and_longitude_exchanged_are_told_by_the_stated_area(tmp_path: Path) -> None:
@@ -151,12 +151,12 @@ def test_positions_without_numbers_are_counted(tmp_path: Path, number: str) -> N
     ring = points(*OUTER).replace('C="48.000000000"', f'C="{number}"', 1)
     text = taskdata(partfield(f'<PLN A="1"><LSG A="1">{ring}{points((0, 100))}</LSG></PLN>', area_m2=0))
     field = read_field(write_taskdata(tmp_path, text))
-    assert "1 points of 'Long acre' have no numbers for a position and are left out." in field.remarks
+    assert "Left out of 'Long acre': 1 point without numbers for a position." in field.remarks
 
 
 def test_what_is_no_line_is_counted(tmp_path: Path) -> None:
     field = read(tmp_path, partfield(polygon() + pattern("Round", "4", points((10, 10), kind="8"))))
-    assert "1 guidance patterns of 'Long acre' are pivots, spirals or without points; left out." in field.remarks
+    assert "Left out of 'Long acre': 1 guidance pattern (pivots, spirals, or without points)." in field.remarks
 
 
 def test_every_file_that_a_field_is_read_from_is_known(tmp_path: Path) -> None:
