@@ -22,6 +22,7 @@ TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, REFILL = "track", "round", "turn", "wa
 ENTER, LEAVE = "enter", "leave"
 TASKS = (TRACK, ROUND, TURN, WAY, DRIVE_IN, DRIVE, ENTER, LEAVE, REFILL)
 JOINT_M = 0.1  # ends of consecutive legs may differ by this much
+THROUGH_M = 0.2  # gates at the end of a leg open so far before it: whoever stands there is a little short of it
 Points = npt.NDArray[np.float64]
 
 

@@ -15,10 +15,9 @@ from planner.candidates.turn_alone import TurnAlone
 from strategies.job import Job
 from strategies.legs import driven_legs
 from strategies.ways.paths import Path, Pose
-from vehicle.missions import TURN, WAY, Gate, Leg, Mission, Plan
+from vehicle.missions import THROUGH_M, TURN, WAY, Gate, Leg, Mission, Plan
 
 SAME_M = 1e-6
-ARRIVED_M = 0.2  # a turn counts as driven so far before its end
 Turn = tuple[int, int, int]
 """(tractor, first leg of a turn, first leg after it)."""
 
@@ -92,7 +91,7 @@ def _renumbered(mission: Mission, tractor: int, first: int, last: int, turn: tup
             return gate
         if gate.leg >= last:
             return replace(gate, leg=gate.leg + more)
-        return replace(gate, leg=end, after_m=max(0.0, turn[-1].length_m - ARRIVED_M))
+        return replace(gate, leg=end, after_m=max(0.0, turn[-1].length_m - THROUGH_M))
 
     legs = []
     for leg in mission.legs:

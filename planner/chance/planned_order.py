@@ -17,7 +17,7 @@ import shapely
 from planner.chance.cutting import Cut, cut_legs
 from vehicle.compile import outline
 from vehicle.layout import REC_ANGLE, REC_POSE, REC_SPEED
-from vehicle.missions import Gate, Plan
+from vehicle.missions import THROUGH_M, Gate, Plan
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
 
@@ -25,7 +25,6 @@ EVERY = 5  # rows of the 10 Hz record between outlines: under a metre of driving
 PIECE_M = 6.0
 PIECE_RAD = math.radians(25.0)
 ROOM_M = 0.05  # kept around either machine
-ARRIVED_M = 0.2  # before the end of a leg a tractor counts as through
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
@@ -105,7 +104,7 @@ def _gates(pieces: _Pieces, plan: Plan) -> dict[tuple[int, int], list[Gate]]:
             continue  # it has waited for as much before an earlier leg
         reached[waiter, leader] = place
         length = plan.missions[leader].legs[place[0]].length_m
-        gate = Gate(leader, place[0], max(0.0, min(place[1], length - ARRIVED_M)))
+        gate = Gate(leader, place[0], max(0.0, min(place[1], length - THROUGH_M)))
         found.setdefault((waiter, leg), []).append(gate)
     return found
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from vehicle.layout import REC_ANGLE, REC_PLACE
 from vehicle.meetings import Trail, poses_of
-from vehicle.missions import Gate, Mission, Plan
+from vehicle.missions import THROUGH_M, Gate, Mission, Plan
 from vehicle.run import DONE, Run
 
 STEP_M = 0.8  # between poses of a course
@@ -67,9 +67,7 @@ class Course:
     def without(self, holds: set[int]) -> Course:
         """The same course with these hold points, by number, not used."""
         kept = [number for number in range(len(self.holds)) if number not in holds]
-        return replace(
-            self, holds=tuple(self.holds[n] for n in kept), hold_legs=tuple(self.hold_legs[n] for n in kept)
-        )
+        return replace(self, holds=tuple(self.holds[n] for n in kept), hold_legs=tuple(self.hold_legs[n] for n in kept))
 
     def passes(self, leg: int, metres: float) -> tuple[int, float]:
         """The stretch in which a place on a leg is passed, and when, from the beginning of that stretch (s)."""
@@ -87,10 +85,7 @@ class Course:
         leg, metres = int(self.leg[place]), float(self.metres[place])
         if place == self.holds[stretch + 1] and leg == self.hold_legs[stretch + 1] and leg > 0 and metres < STEP_M:
             leg, metres = leg - 1, legs.legs[leg - 1].length_m
-        return Gate(tractor, leg, max(0.0, min(metres, legs.legs[leg].length_m - ARRIVED_M)))
-
-
-ARRIVED_M = 0.2  # a tractor that stands counts as there so far before the end of a leg
+        return Gate(tractor, leg, max(0.0, min(metres, legs.legs[leg].length_m - THROUGH_M)))
 
 
 @dataclass

@@ -15,11 +15,10 @@ import numpy as np
 
 from planner.yielding.giving_way import Scheduled
 from strategies.record import MOST_REPAIRS, Simulate
-from vehicle.missions import DRIVE_IN, ROUND, Gate, Leg, Plan
+from vehicle.missions import DRIVE_IN, ROUND, THROUGH_M, Gate, Leg, Plan
 from vehicle.run import CONFLICT, DONE, STALL, Conflict, Run
 
 CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
-ARRIVED_M = 0.2  # a leg counts as driven this far before its end
 SLACKS = (1.0, 2.0)  # times the usual time between two tractors, one after the other
 FEW = 6  # more rarely mend what was scheduled
 WAITED = 1.01  # where a schedule takes so much longer than all would alone, mending may be quicker
@@ -161,7 +160,7 @@ def _past(plan: Plan, tractor: int, leg: int, metres: float, more: float) -> Gat
     while metres > legs[leg].length_m and not _ends_turn(legs, leg):
         metres -= legs[leg].length_m
         leg += 1
-    return Gate(tractor, leg, max(0.0, min(metres, legs[leg].length_m - ARRIVED_M)))
+    return Gate(tractor, leg, max(0.0, min(metres, legs[leg].length_m - THROUGH_M)))
 
 
 def _turned(plan: Plan, tractor: int, leg: int) -> Gate:
@@ -169,7 +168,7 @@ def _turned(plan: Plan, tractor: int, leg: int) -> Gate:
     legs = plan.missions[tractor].legs
     while not _ends_turn(legs, leg):
         leg += 1
-    return Gate(tractor, leg, max(0.0, legs[leg].length_m - ARRIVED_M))
+    return Gate(tractor, leg, max(0.0, legs[leg].length_m - THROUGH_M))
 
 
 def _ends_turn(legs: tuple[Leg, ...], leg: int) -> bool:

@@ -16,10 +16,10 @@ from strategies.formations.abreast import Slot
 from strategies.formations.clear_rounds import AS_WRITTEN, Changes
 from strategies.formations.formation import Formation
 from strategies.formations.grouping import key_of
-from strategies.formations.queueing import ARRIVED_M, past_release
+from strategies.formations.queueing import past_release
 from strategies.job import Pass
 from strategies.record import Refined, Simulate
-from vehicle.missions import Gate, Plan
+from vehicle.missions import THROUGH_M, Gate, Plan
 from vehicle.run import CONFLICT, DONE, Conflict
 
 BEGUN_M = (10.0, 20.0)  # how far the other has driven since it left the queue, before its place is waited for
@@ -124,7 +124,7 @@ def _with_care(plan: Plan, formation: Formation, care: dict[Pair, int]) -> Plan:
             continue
         other, tractor = one.tractor, two.tractor
         marks, legs = formation.marks[number, other], formation.plan.missions[other].legs
-        placed = Gate(other, marks.placed, max(0.0, legs[marks.placed].length_m - ARRIVED_M))
+        placed = Gate(other, marks.placed, max(0.0, legs[marks.placed].length_m - THROUGH_M))
         gates = [past_release(legs, marks, other, metres) for metres in BEGUN_M] + [placed]
         plan = plan.with_gate(tractor, formation.marks[number, tractor].release, gates[level - 1])
     return plan

@@ -13,9 +13,8 @@ from itertools import pairwise
 from strategies.formations.abreast import SHORTEST_M, Slot
 from strategies.job import Job
 from strategies.legs import straight_leg, task_on, turn_legs
-from vehicle.missions import DRIVE_IN, TRACK, Follow, Gate, Leg
+from vehicle.missions import DRIVE_IN, THROUGH_M, TRACK, Follow, Gate, Leg
 
-ARRIVED_M = 0.2  # a tractor counts as in place this far before the end of its leg
 MOVED_ON = 0.8  # share of the gap after which the place in front counts as free
 
 
@@ -64,7 +63,7 @@ class Draft:
 
     def ended(self, tractor: int, leg: int) -> Gate:
         """Gate that opens when a tractor is all but at the end of a leg."""
-        return Gate(tractor, leg, max(0.0, self.legs[tractor][leg].length_m - ARRIVED_M))
+        return Gate(tractor, leg, max(0.0, self.legs[tractor][leg].length_m - THROUGH_M))
 
     def last_stretch(self, tractor: int) -> int:
         """The leg with which a tractor ends the last round it has a part in."""

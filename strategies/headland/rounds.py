@@ -16,13 +16,12 @@ from strategies.headland.shifts import Stretch, shared
 from strategies.job import Job
 from strategies.legs import driven_legs, mission_from, with_stops
 from strategies.ways.paths import Pose
-from vehicle.missions import TRACK, TURN, WAY, Gate, Leg, Mission, Plan
+from vehicle.missions import THROUGH_M, TRACK, TURN, WAY, Gate, Leg, Mission, Plan
 
 FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
 ORIGINS = 12  # places tried for the first border between sectors
 SAME_M = 20.0  # of rounds: what borders in an awkward place leave out beyond this is not given up for a short way
-ARRIVED_M = 0.2  # a tractor counts as through this far before the end of a leg
 STOPS_M = 10.0  # a tractor may be kept waiting so often on its way between rounds and tracks
 
 
@@ -87,7 +86,7 @@ def _gates(
     if passage.alone and own[tractor] is None:
         worker = next(index for index, shift in enumerate(own) if shift is not None)
         last = len(wholes[worker].legs) - 1
-        return [Gate(worker, last, max(0.0, wholes[worker].legs[last].length_m - ARRIVED_M))]
+        return [Gate(worker, last, max(0.0, wholes[worker].legs[last].length_m - THROUGH_M))]
     return _through(wholes, tractor)
 
 
@@ -196,7 +195,7 @@ def renumbered(legs: Sequence[Leg], moved: list[int]) -> list[Leg]:
 def _through(wholes: list[_Whole], me: int) -> list[Gate]:
     """Gates that open when all others are through with what comes first, or on their last track."""
     return [
-        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - ARRIVED_M))
+        Gate(other, whole.border - 1, max(0.0, whole.legs[whole.border - 1].length_m - THROUGH_M))
         for other, whole in enumerate(wholes)
         if other != me and whole.border > 0
     ]
