@@ -15,8 +15,10 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.service.api.refusals import add_refusals
+from planner.service.jobs.reading import Reader
 from planner.service.links import fleets, frames, twins
 from planner.service.links.clients import TRACTOR, Client
+from planner.service.links.diagnosing import Diagnosing
 from planner.service.links.hub import Hub
 from planner.service.settings import Settings
 from planner.service.store import Store
@@ -55,6 +57,7 @@ def client(data: Path) -> Iterator[TestClient]:
 
     app = FastAPI(lifespan=life)
     app.state.settings, app.state.store, app.state.hub = settings, store, hub
+    app.state.diagnosing = Diagnosing(store, Reader(settings, store, inline=True))
     for each in (fleets, twins):
         app.include_router(each.router, prefix="/api/v1")
     add_refusals(app, lambda parameter: parameter)

@@ -7,7 +7,7 @@ import logging
 import secrets
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +24,12 @@ from planner.service.links.recording import keep, rising
 from planner.service.links.warming import warm
 from planner.service.store import Store
 
-STEP_S, KEEP_S = 0.05, 1.0
+STEP_S, KEEP_S, LOOK_S = 0.05, 1.0, 1.0
 MOST_FLEETS = 20
 X, Y, WORKS = 2, 3, 10  # columns of kept rows
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with the ending of its file."""
+Look = Callable[[LiveFleet, float], Awaitable[None]]
 
 
 def prepared_with(text: str, files: Files) -> FleetPlan:
@@ -42,10 +43,13 @@ def prepared_with(text: str, files: Files) -> FleetPlan:
 
 
 class Hub:
-    """Live fleets by id. `faults` has why a stored fleet could not be taken up again."""
+    """Live fleets by id. `faults` has why a stored fleet could not be taken up again.
 
-    def __init__(self, store: Store) -> None:
-        self.store = store
+    `look` is called for each about once a second and may wait.
+    """
+
+    def __init__(self, store: Store, look: Look | None = None) -> None:
+        self.store, self._look = store, look
         self.fleets: dict[str, LiveFleet] = {}
         self.faults: dict[str, str] = {}
         self._pool: LocalPool | None = None
@@ -58,7 +62,8 @@ class Hub:
         Before that all that is compiled on first use is loaded, as nobody's frames are to wait for it later.
         """
         await asyncio.to_thread(warm)
-        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self.take_up())]
+        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._look_on(),
+                                                              self.take_up())]  # fmt: skip
 
     async def stop(self) -> None:
         """Keep what there is and end."""
@@ -163,6 +168,15 @@ class Hub:
                     await self.keep(fleet)
                 except Exception:
                     logging.getLogger(__name__).exception("Keeping fleet %s", fleet.id)
+
+    async def _look_on(self) -> None:
+        while self._look is not None:
+            await asyncio.sleep(LOOK_S)
+            for fleet in list(self.fleets.values()):
+                try:
+                    await self._look(fleet, time.monotonic())
+                except Exception:
+                    logging.getLogger(__name__).exception("Looking at fleet %s", fleet.id)
 
     async def keep(self, fleet: LiveFleet) -> None:
         """Write what was reported and what happened, then acknowledge it."""

@@ -35,7 +35,11 @@ def utc_now() -> str:
 
 
 class LiveFleet:
-    """A fleet that is driven. `begin_s` (seconds since 1970) is where the times of its recording begin."""
+    """A fleet that is driven. `begin_s` (seconds since 1970) is where the times of its recording begin.
+
+    By tractor: `diagnoses` are the jobs asked for last, `findings` what they found, `doubted` the time of the doubt
+    that was last diagnosed without being asked.
+    """
 
     def __init__(
         self, id: str, name: str, plan: FleetPlan, rules: Rules, *, begin_s: float, way: str = "predict",
@@ -53,6 +57,8 @@ class LiveFleet:
         self.events: list[tuple[str, Event]] = []
         self.again: set[int] = set()
         self.diagnoses: dict[int, str] = {}
+        self.doubted: dict[int, float] = {}
+        self.findings: dict[int, dict[str, Any]] = {}
         self._links = 0
         self._times: list[str | None] = [None] * plan.tractors
         self._changed = set(range(plan.tractors))
