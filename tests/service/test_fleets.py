@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import asynccontextmanager
@@ -15,11 +16,14 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.service.api.refusals import add_refusals
+from planner.service.centre.chances import Chances
+from planner.service.jobs.made import json_of
 from planner.service.jobs.reading import Reader
 from planner.service.links import fleets, frames, twins
 from planner.service.links.clients import TRACTOR, Client
 from planner.service.links.diagnosing import Diagnosing
 from planner.service.links.hub import Hub
+from planner.service.links.live import LiveFleet
 from planner.service.settings import Settings
 from planner.service.store import Store
 from tests.service.fleets import fleet_plan
@@ -85,6 +89,19 @@ def test_a_fleet_is_made_of_a_plan_started_and_stopped_by_whoever_may(client: Te
     assert client.delete(f"/api/v1/fleets/{id}").status_code == 204
     assert client.get(f"/api/v1/fleets/{id}").status_code == 404
     assert client.post(f"/api/v1/fleets/{id}/start").status_code == 404
+
+
+def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestClient) -> None:
+    store: Store = client.app.state.store  # type: ignore[attr-defined]
+    job = store.add_job("plan", "mine", {})
+    store.claim_job("test")
+    best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
+    ranking = json.dumps({"best": best, "plans": [best]})
+    store.finish_job(job.number, "test", [json_of("plan.json", TEXT), json_of("result.json", ranking)])
+    id = new(client, plan=job.id, deadline="23:59").json()["id"]
+    live: LiveFleet = client.app.state.hub.fleet(id)  # type: ignore[attr-defined]
+    assert live.chances == Chances(40.0, 41.0, 42.0, 43.0)
+    assert store.fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import time
+from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import Annotated, Any, Literal
 
@@ -13,6 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from planner.scenario import parse_clock
 from planner.service.access import Who, needs
 from planner.service.api.answers import READS, Answer, refusals
+from planner.service.centre.chances import Chances, chances_of
 from planner.service.errors import MissingError
 from planner.service.links.asyncapi import document
 from planner.service.links.hub import Hub
@@ -27,6 +30,7 @@ Reader = Annotated[Who, Depends(needs("read"))]
 Operator = Annotated[Who, Depends(needs("control"))]
 WRITES = refusals(401, 403, 404, 409, 422)
 LONGEST_PLAN = 30_000_000
+RANKING = "result.json"
 
 
 class FleetRequest(BaseModel):
@@ -96,7 +100,7 @@ def _answer(hub: Hub, row: Any) -> FleetAnswer:
     if live is None:
         return answer
     now = time.monotonic()
-    answer.fleet = fleet_told(live.centre, None, live.probability)
+    answer.fleet = fleet_told(live.centre, live.deadline_s(), live.chances)
     answer.tractors = [tractor_told(live.centre, number, now, None) for number in range(live.tractor_count)]
     return answer
 
@@ -113,20 +117,24 @@ async def new_fleet(request: Request, who: Operator, wanted: FleetRequest) -> Fl
     """Make a fleet of a plan; it stands until it is started."""
     store, hub = _store(request), _hub(request)
     checked_name(wanted.name)
-    text = await run_in_threadpool(_plan_text, store, wanted)
+    text, chances = await run_in_threadpool(_plan, store, wanted)
     files, kept = await run_in_threadpool(_files, store, wanted)
     deadline_s = None if wanted.deadline is None else _deadline_s(wanted.deadline)
-    settings = {"times": wanted.times, "way": wanted.way, "deadline_s": deadline_s, "files": kept}
+    settings = {"times": wanted.times, "way": wanted.way, "deadline_s": deadline_s, "files": kept,
+                "chances": None if chances is None else asdict(chances)}  # fmt: skip
     live = await hub.create(wanted.name, text, files, settings)
     live.centre.note(who.name, "created", name=wanted.name)
     return _answer(hub, await run_in_threadpool(store.fleet, live.id))
 
 
-def _plan_text(store: Store, wanted: FleetRequest) -> str:
+def _plan(store: Store, wanted: FleetRequest) -> tuple[str, Chances | None]:
+    """The text of the plan that is meant, with its chances where it is that of a job with draws."""
     if wanted.plan.lstrip().startswith("{"):
-        return wanted.plan
+        return wanted.plan, None
     result = store.result(wanted.plan, wanted.result, "plan")
-    return store.blobs.get(result.sha256).decode("utf-8")
+    text = store.blobs.get(result.sha256).decode("utf-8")
+    ranking = json.loads(store.blobs.get(store.result(wanted.plan, RANKING, "plan").sha256))
+    return text, chances_of(ranking, wanted.result)
 
 
 def _files(store: Store, wanted: FleetRequest) -> tuple[dict[str, tuple[str, bytes]], dict[str, tuple[str, str]]]:

@@ -13,6 +13,7 @@ from typing import Any
 
 from planner.errors import HeadlandError
 from planner.pool import LocalPool
+from planner.service.centre.chances import Chances
 from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.orders import Event
 from planner.service.centre.progress import progress_of, restore
@@ -104,10 +105,11 @@ class Hub:
         self.fleets[fleet.id] = fleet
 
     def _live(self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any]) -> LiveFleet:
-        rules = Rules(times=settings["times"])
+        rules, chances = Rules(times=settings["times"]), settings.get("chances")
         return LiveFleet(
             id, name, plan, rules, begin_s=settings["begin_s"], way=settings["way"],
-            deadline_s=settings.get("deadline_s"), propose=Proposals(self.work),
+            deadline_s=settings.get("deadline_s"), chances=None if chances is None else Chances(**chances),
+            propose=Proposals(self.work),
         )  # fmt: skip
 
     async def delete(self, id: str) -> None:
