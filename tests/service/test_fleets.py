@@ -167,7 +167,8 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         assert len([p for p in fleet.centre.painting.lines[0] if p is not None]) == 8
         tractor = Client(TRACTOR, "tractor 1", 0)
         fleet.join(tractor, time.monotonic())
-        assert '"last_sequence":7' in str(await tractor.outbox.take())
+        welcome = json.loads(str(await tractor.outbox.take()))
+        assert (welcome["last_sequence"], welcome["leg"], welcome["leg_m"]) == (7, 0, 10.5)
         fleet.reported(tractor, state(7, 10.5), time.monotonic())  # sent again: nothing was lost, nothing is kept twice
         fleet.reported(tractor, state(8, 12.0), time.monotonic())
         await hub.keep(fleet)

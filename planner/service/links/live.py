@@ -107,6 +107,8 @@ class LiveFleet:
         if client.role == TRACTOR and number is not None:
             welcome["last_sequence"] = self.recorder.seen[number]
             welcome["plan"] = mission_told(self.centre.plan, number)
+            state = self.centre.states[number]
+            welcome |= {"leg": state.leg, "leg_m": round(state.leg_m, 3)}
         return welcome
 
     def _show_all(self, client: Client) -> None:
