@@ -104,6 +104,16 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     assert store.fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
 
 
+def test_the_deadline_of_a_fleet_is_by_default_that_of_its_plan(client: TestClient) -> None:
+    scenario = {"field": "mine", "tractor": "eg105", "width_m": 2.0, "start_s": 8 * 3600, "before_s": 17 * 3600}
+    text = plan_to_json(PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario=scenario)
+    for asked, hour in (({}, 17), ({"deadline": "19:00"}, 19)):
+        fleet = new(client, plan=text, **asked).json()["fleet"]
+        at = datetime.fromtimestamp(time.time() + fleet["deadline_s"] + 60.0)
+        assert at.hour == hour and 0.0 < fleet["deadline_s"] <= 90000.0
+        assert fleet["probability"] is None  # nothing was drawn
+
+
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import asdict
-from datetime import datetime, timedelta
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
@@ -18,6 +17,7 @@ from planner.service.api.answers import READS, Answer, refusals
 from planner.service.centre.chances import Chances, chances_of
 from planner.service.errors import MissingError
 from planner.service.links.asyncapi import document
+from planner.service.links.converting import next_shown
 from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
 from planner.service.links.recording import log_csv, zipped
@@ -34,7 +34,10 @@ RANKING = "result.json"
 
 
 class FleetRequest(BaseModel):
-    """A fleet to be made: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan."""
+    """A fleet to be made: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan.
+
+    `deadline` (hh:mm) is by default that of the plan: the next time that the clock shows it.
+    """
 
     model_config = ConfigDict(extra="forbid")
     name: Annotated[str, Field(min_length=1, max_length=80)]
@@ -119,7 +122,7 @@ async def new_fleet(request: Request, who: Operator, wanted: FleetRequest) -> Fl
     checked_name(wanted.name)
     text, chances = await run_in_threadpool(_plan, store, wanted)
     files, kept = await run_in_threadpool(_files, store, wanted)
-    deadline_s = None if wanted.deadline is None else _deadline_s(wanted.deadline)
+    deadline_s = None if wanted.deadline is None else next_shown(parse_clock(wanted.deadline, "deadline"))
     settings = {"times": wanted.times, "way": wanted.way, "deadline_s": deadline_s, "files": kept,
                 "chances": None if chances is None else asdict(chances)}  # fmt: skip
     live = await hub.create(wanted.name, text, files, settings)
@@ -146,14 +149,6 @@ def _files(store: Store, wanted: FleetRequest) -> tuple[dict[str, tuple[str, byt
             contents[kind] = row.suffix, store.blobs.get(row.sha256)
             kept[kind] = row.suffix, row.sha256
     return contents, kept
-
-
-def _deadline_s(text: str) -> float:
-    """The next time that the clock shows this, in seconds since 1970. Raises ScenarioError for what is no time."""
-    since_midnight = parse_clock(text, "deadline")
-    now = datetime.now()
-    at = now.replace(hour=0, minute=0, second=0, microsecond=0) + timedelta(seconds=since_midnight)
-    return (at if at > now else at + timedelta(days=1)).timestamp()
 
 
 @router.get("/fleets/{id}", responses=WRITES)

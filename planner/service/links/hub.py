@@ -19,6 +19,7 @@ from planner.service.centre.orders import Event
 from planner.service.centre.progress import progress_of, restore
 from planner.service.centre.rules import Rules
 from planner.service.errors import BusyError, MissingError
+from planner.service.links.converting import next_shown
 from planner.service.links.live import LiveFleet
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import keep, rising
@@ -90,11 +91,17 @@ class Hub:
         return self.fleets[id]
 
     async def create(self, name: str, text: str, files: Files, settings: dict[str, Any]) -> LiveFleet:
-        """A new fleet, ready to start. Raises BusyError for one too many, a HeadlandError for what cannot be driven."""
+        """A new fleet, ready to start; its deadline is by default that of its plan.
+
+        Raises BusyError for one too many, a HeadlandError for what cannot be driven.
+        """
         if len(self.fleets) >= MOST_FLEETS:
             raise BusyError(f"There are {len(self.fleets)} live fleets, as many as are taken; delete one first.")
         plan = await self.work(prepared_with, text, files)
         settings = settings | {"begin_s": time.time()}
+        before_s = plan.scenario.before_s
+        if settings.get("deadline_s") is None and before_s is not None:
+            settings["deadline_s"] = next_shown(before_s)
         fleet = self._live(secrets.token_hex(8), name, plan, settings)
         await asyncio.to_thread(self.store.save_fleet, fleet.id, name, text, settings)
         self.fleets[fleet.id] = fleet
