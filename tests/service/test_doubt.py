@@ -6,11 +6,13 @@ import asyncio
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from planner.service.jobs.made import json_of, toml_of
 from planner.service.links import diagnosing
+from planner.service.links.recording import holding
 from tests.service.doubting import Doubting
 from tests.service.fleets import EG105, fleet_plan
 from vehicle.measured.answer.save import tractor_toml
@@ -63,3 +65,14 @@ def test_an_operator_asks_again_and_a_diagnosis_that_fails_says_why(fleet: Doubt
     assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
     again = fleet.client.post(f"{TWIN}/diagnose").json()
     assert again["diagnosis"]["id"] != job.id and again["finding"] is None
+
+
+def test_what_is_diagnosed_has_the_commands_that_held_between_frames() -> None:
+    def row(sequence: int, time_s: float, speed: float, steering: float, shuttle: int = 1) -> list[Any]:
+        return [sequence, time_s, 1.0, 2.0, 0.0, 0.0, speed, steering, None, shuttle, 0, 0, 0.0, "automatic"]
+
+    rows = [row(0, 0.0, 1.0, 2.0), row(1, 0.1, 1.4, 4.0), row(2, 0.2, 1.4, 0.0, -1), row(3, 0.3, 1.0, 1.0, -1),
+            row(4, 5.0, 0.0, 9.0, -1)]  # fmt: skip
+    held = [each[6:8] for each in holding(rows)]
+    assert held == [[1.2, 3.0], [1.4, 4.0], [1.2, 0.5], [1.0, 1.0], [0.0, 9.0]]
+    assert rows[0][6:8] == [1.0, 2.0]

@@ -18,7 +18,7 @@ from planner.service.errors import BusyError, MissingError, TakenError
 from planner.service.jobs.reading import Reader
 from planner.service.jobs.requests import DiagnosisRequest
 from planner.service.links.live import LiveFleet
-from planner.service.links.recording import log_csv
+from planner.service.links.recording import holding, log_csv
 from planner.service.store import Store
 from planner.service.store.jobs import DONE, OPEN
 from vehicle.measured.answer.save import tractor_toml
@@ -67,7 +67,7 @@ class Diagnosing:
         if not rows:
             raise MissingError(f"Tractor {number + 1} of this fleet has not reported yet.", parameter="tractor")
         name = f"fleet {live.id[:6]} tractor {number + 1} {secrets.token_hex(3)}"
-        self.store.add_file("log", name, log_csv(rows).encode())
+        self.store.add_file("log", name, log_csv(holding(rows)).encode())
         self.store.add_file("tractor", name, tractor_toml(live.twins.tractors[number]).encode())
         body = DiagnosisRequest.model_validate({"name": name, "logs": [name], "tractor": name})
         return ask(self.store, self.reader, KIND, body, who).id
