@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -17,6 +19,7 @@ FIELD, WIDTH_M, TRACTORS = "iwamizawa", 3.0, 3
 HIDDEN = {2: "steering_offset=1.5"}
 """What the second robot has wrong: its twin finds out."""
 HEADLAND = (sys.executable, "-c", "from planner.main import main; main()")
+TOKEN = "HEADLAND_TOKEN"  # where robots look for it: other users of a machine see command lines
 END_S, PATIENCE_S = 10.0, 600.0
 
 demo = typer.Typer(help="Demonstrations.\n\nExample: headland demo fleet", no_args_is_help=True)
@@ -64,8 +67,8 @@ def _shown(
     id = asked(url, "fleets", token, body)["id"]
     for number in range(1, TRACTORS + 1):
         hide = ("--hide", HIDDEN[number]) if number in HIDDEN else ()
-        words = ("robot", "--plan", str(plan), "--tractor", str(number), "--url", url, "--fleet", id, "--token", token)
-        stack.enter_context(_running((*words, *hide)))
+        words = ("robot", "--plan", str(plan), "--tractor", str(number), "--url", url, "--fleet", id)
+        stack.enter_context(_running((*words, *hide), env=os.environ | {TOKEN: token}))
     asked(url, f"fleets/{id}/start", token, {})
     typer.echo(f"The fleet drives: {url}/ (token for control: {token}). Ctrl-C ends all of it.")
     if browser:
@@ -140,9 +143,25 @@ def _running(words: tuple[str, ...], **options: Any) -> Iterator[subprocess.Pope
     try:
         yield process
     finally:
-        process.terminate()
-        try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        with _undisturbed():
+            process.terminate()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """No further Ctrl-C, and no repeated one, keeps a process from being ended."""
+    from planner.interrupts import quiet
+
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    quiet()
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

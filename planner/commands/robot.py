@@ -20,7 +20,7 @@ def robot(
     fleet: Annotated[Optional[str], typer.Option(help="Id of the fleet; by default the newest one.")] = None,  # noqa: UP045
     token: Annotated[Optional[str], typer.Option(envvar="HEADLAND_TOKEN", help="A token for control.")] = None,  # noqa: UP045
     hide: Annotated[Optional[list[str]], typer.Option(help=HIDE)] = None,  # noqa: UP045
-    noise_m: Annotated[float, typer.Option("--noise-m", help="Noise of its positions, metres.")] = 0.02,
+    noise_m: Annotated[float, typer.Option("--noise-m", help="Noise of its positions, metres.")] = 0.01,
     times: Annotated[float, typer.Option(help="How much faster than real time; the fleet's own counts.")] = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of its noise.")] = 1,
     seconds: Annotated[Optional[float], typer.Option(help="Stop after so long.")] = None,  # noqa: UP045

@@ -90,3 +90,33 @@ def test_the_service_serves_until_it_is_ended(tmp_path: Path) -> None:
             process.send_signal(signal.SIGINT)
         assert process.wait(60) == 0
         assert [line for line in process.stderr.read().splitlines() if not line.startswith("Compiling")] == []
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks at processes as Linux shows them")
+def test_the_demonstration_ends_with_all_its_processes_and_shows_its_token_to_nobody_else(tmp_path: Path) -> None:
+    words = [*COMMAND, "demo", "fleet", "--no-browser"]
+    environment = os.environ | {"TMPDIR": str(tmp_path)}  # by which its processes are known
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as demo:
+        assert demo.stdout is not None and demo.stderr is not None
+        said = next(line for line in demo.stdout if "The fleet drives" in line or demo.poll() is not None)
+        token = next(word for word in said.split() if word.startswith("hl_")).rstrip(").")
+        running = started_in(tmp_path)
+        assert len([line for line in running.values() if " robot " in line]) == 3
+        assert not any(token in line for line in running.values())
+        demo.send_signal(signal.SIGINT)
+        assert demo.wait(60) == 0
+        assert demo.stdout.read() == "Service and robots have ended.\n"
+        assert [line for line in demo.stderr.read().splitlines() if not line.startswith("Compiling")] == []
+    assert started_in(tmp_path) == {}
+
+
+def started_in(folder: Path) -> dict[int, str]:
+    """Command lines of all processes whose temporary files go to a folder, by their ids."""
+    found = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"TMPDIR={folder}".encode() in (process / "environ").read_bytes().split(b"\0"):
+                found[int(process.name)] = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:
+            continue  # ended meanwhile, or somebody else's
+    return found

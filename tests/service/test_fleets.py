@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import asynccontextmanager
@@ -15,9 +16,14 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.service.api.refusals import add_refusals
+from planner.service.centre.chances import Chances
+from planner.service.jobs.made import json_of
+from planner.service.jobs.reading import Reader
 from planner.service.links import fleets, frames, twins
 from planner.service.links.clients import TRACTOR, Client
+from planner.service.links.diagnosing import Diagnosing
 from planner.service.links.hub import Hub
+from planner.service.links.live import LiveFleet
 from planner.service.settings import Settings
 from planner.service.store import Store
 from tests.service.fleets import fleet_plan
@@ -55,6 +61,7 @@ def client(data: Path) -> Iterator[TestClient]:
 
     app = FastAPI(lifespan=life)
     app.state.settings, app.state.store, app.state.hub = settings, store, hub
+    app.state.diagnosing = Diagnosing(store, Reader(settings, store, inline=True))
     for each in (fleets, twins):
         app.include_router(each.router, prefix="/api/v1")
     add_refusals(app, lambda parameter: parameter)
@@ -82,6 +89,29 @@ def test_a_fleet_is_made_of_a_plan_started_and_stopped_by_whoever_may(client: Te
     assert client.delete(f"/api/v1/fleets/{id}").status_code == 204
     assert client.get(f"/api/v1/fleets/{id}").status_code == 404
     assert client.post(f"/api/v1/fleets/{id}/start").status_code == 404
+
+
+def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestClient) -> None:
+    store: Store = client.app.state.store  # type: ignore[attr-defined]
+    job = store.add_job("plan", "mine", {})
+    store.claim_job("test")
+    best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
+    ranking = json.dumps({"best": best, "plans": [best]})
+    store.finish_job(job.number, "test", [json_of("plan.json", TEXT), json_of("result.json", ranking)])
+    id = new(client, plan=job.id, deadline="23:59").json()["id"]
+    live: LiveFleet = client.app.state.hub.fleet(id)  # type: ignore[attr-defined]
+    assert live.chances == Chances(40.0, 41.0, 42.0, 43.0)
+    assert store.fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
+
+
+def test_the_deadline_of_a_fleet_is_by_default_that_of_its_plan(client: TestClient) -> None:
+    scenario = {"field": "mine", "tractor": "eg105", "width_m": 2.0, "start_s": 8 * 3600, "before_s": 17 * 3600}
+    text = plan_to_json(PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario=scenario)
+    for asked, hour in (({}, 17), ({"deadline": "19:00"}, 19)):
+        fleet = new(client, plan=text, **asked).json()["fleet"]
+        at = datetime.fromtimestamp(time.time() + fleet["deadline_s"] + 60.0)
+        assert at.hour == hour and 0.0 < fleet["deadline_s"] <= 90000.0
+        assert fleet["probability"] is None  # nothing was drawn
 
 
 @pytest.mark.parametrize(
@@ -147,7 +177,8 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         assert len([p for p in fleet.centre.painting.lines[0] if p is not None]) == 8
         tractor = Client(TRACTOR, "tractor 1", 0)
         fleet.join(tractor, time.monotonic())
-        assert '"last_sequence":7' in str(await tractor.outbox.take())
+        welcome = json.loads(str(await tractor.outbox.take()))
+        assert (welcome["last_sequence"], welcome["leg"], welcome["leg_m"]) == (7, 0, 10.5)
         fleet.reported(tractor, state(7, 10.5), time.monotonic())  # sent again: nothing was lost, nothing is kept twice
         fleet.reported(tractor, state(8, 12.0), time.monotonic())
         await hub.keep(fleet)

@@ -99,3 +99,18 @@ def test_states_wait_until_they_are_acknowledged_and_the_oldest_are_lost_first()
     assert waiting.lost == 2 and len(waiting) == 3
     waiting.acknowledged(3)
     assert waiting.texts() == ['{"sequence":4}']
+
+
+def test_one_that_starts_again_goes_on_where_it_was_and_one_that_is_linked_again_stays() -> None:
+    driver = Driver(PLAN.plan.missions[0], EG105, BAR, PLAN.saved.origin_m, name="robot 1")
+    welcome = {"kind": "welcome", "settings": {"times": 1.0}, "last_sequence": 6, "plan": mission_told(PLAN, 0),
+               "leg": 1, "leg_m": 5.0}  # fmt: skip
+    driver.heard(welcome, 0.0)
+    state = driver.step(0.0)
+    assert (state["leg"], state["leg_m"], state["done"]) == (1, pytest.approx(5.0), False)
+    assert state["northing_m"] == pytest.approx(PLAN.saved.origin_m[1] + LENGTH + 5.0)
+    release(driver, 3, 0.0)
+    assert float(str(let(driver, 0.0, 10.0)["leg_m"])) > 12.0
+    before = float(str(driver.step(10.0)["leg_m"]))
+    driver.heard(welcome, 10.0)
+    assert float(str(driver.step(10.1)["leg_m"])) >= before

@@ -8,7 +8,7 @@ import pytest
 
 from tests.twin.conftest import hook
 from vehicle.errors import MissionError, VehicleError
-from vehicle.missions import Mission, Plan
+from vehicle.missions import Leg, Mission, Plan
 from vehicle.tractor import Implement, load_tractor
 from vehicle.twin.motion import Noise
 from vehicle.twin.stepper import AUTOMATIC, REMOTE, STOPPED, Stepper
@@ -90,3 +90,34 @@ def test_a_new_mission_keeps_what_was_driven() -> None:
     assert one.state.done and one.state.x_m == pytest.approx(-15.0, abs=0.2)
     with pytest.raises(MissionError, match="differs in leg 0"):
         one.follow(Mission((replace(legs[0], points=legs[0].points + 1.0), *legs[1:])))
+
+
+@pytest.mark.parametrize("leg, leg_m", [(0, 4.0), (1, 6.0), (2, 0.0), (2, 10.0)])
+def test_begun_midway_it_stands_where_one_that_drove_there_is_and_ends_where_that_ends(leg: int, leg_m: float) -> None:
+    whole, late = stepper(), stepper()
+    late.begin_at(leg, leg_m)
+    place = late.state
+    assert (place.leg, place.leg_m, place.speed_mps) == (leg, pytest.approx(leg_m), 0.0)
+    apart = []
+    while not whole.state.done:
+        whole.advance(whole.time_s + 0.1)
+        apart.append(math.hypot(whole.state.x_m - place.x_m, whole.state.y_m - place.y_m))
+    assert min(apart) < 0.25
+    sides = []
+    while not late.state.done:
+        late.advance(late.time_s + 0.1)
+        sides.append((late.state.leg, abs(float(late._states[0]["lateral"]))))
+    assert sides[0][0] == leg and max(side for _, side in sides) < 0.3
+    assert math.hypot(whole.state.x_m - late.state.x_m, whole.state.y_m - late.state.y_m) < 0.1
+
+
+def test_it_begins_on_a_leg_that_reverses_and_on_none_that_is_not_there() -> None:
+    back = Mission((Leg(np.array([[0.0, 0.0], [0.0, 12.0]]), 1.0), Leg(np.array([[0.0, 12.0], [0.0, 2.0]]), 1.0, -1)))
+    one = Stepper(back, load_tractor("eg105"), Implement())
+    one.released = 2
+    one.begin_at(1, 4.0)
+    assert one.state.y_m == pytest.approx(8.0) and one.state.heading_rad == pytest.approx(0.5 * math.pi)
+    one.advance(20.0)
+    assert one.state.done and one.state.y_m == pytest.approx(2.0, abs=0.3)
+    with pytest.raises(MissionError, match="no leg 2"):
+        one.begin_at(2, 0.0)

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.twin.conftest import fix_of
+from tests.twin.conftest import fix_of, hook
 from vehicle.effects import effect
 from vehicle.errors import VehicleError
 from vehicle.tractor import Implement, load_tractor
-from vehicle.twin.motion import Noise
+from vehicle.twin.motion import Noise, with_hidden
+from vehicle.twin.stepper import Stepper
 from vehicle.twin.twin import PREDICT, THESIS, WAYS, Fix, Twin
 
 Following = Callable[..., Any]
@@ -152,3 +153,16 @@ def test_the_frame_of_a_state_is_a_fix() -> None:
     one = stepper()
     state = one.advance(2.0)
     assert fix_of(state, 0.3).arrived_s == pytest.approx(2.3) and fix_of(state).x_m == state.x_m
+
+
+def test_the_slip_of_its_own_file_is_not_taken_for_a_tractor_that_drives_otherwise_than_told() -> None:
+    effects = {"wheel_slip": 0.05, "implement_slip": 0.12}
+    real = Stepper(hook(), load_tractor("eg105"), Implement(), hidden=effects, noise=Noise(), seed=3)
+    real.released = 3
+    twin = Twin(with_hidden(load_tractor("eg105"), effects), Implement(), fix_of(real.state))
+    while not real.state.done:
+        told = real.advance(real.time_s + 0.2)
+        twin.command(told.time_s, told.steering_command_rad, told.speed_command_mps, told.implement)
+        twin.measured(fix_of(told))
+        twin.advance(told.time_s)
+    assert twin.doubt() is None and twin.evidence_s < 3600.0

@@ -14,7 +14,7 @@ import numpy as np
 from vehicle.compile import CompiledPlan, compile_plan
 from vehicle.errors import MissionError
 from vehicle.layout import DT_S, GATE
-from vehicle.missions import Mission, Plan, check_plan
+from vehicle.missions import Leg, Mission, Plan, check_plan
 from vehicle.tractor import Implement, Tractor
 from vehicle.twin.motion import (
     DRIFT_MEMORY_S,
@@ -163,6 +163,29 @@ class Stepper:
         if row["done"] and now < row["last_leg"]:
             row["done"], row["status"] = 0, 3
 
+    def begin_at(self, leg: int, leg_m: float) -> None:
+        """Stand so many metres along a leg (at most its length), facing along it, as if all before had been driven.
+
+        Raises MissionError for a leg that the mission does not have.
+        """
+        if not 0 <= leg < len(self.mission.legs):
+            raise MissionError(f"There is no leg {leg} in a mission of {len(self.mission.legs)}; start on one of them.")
+        one, row, program = self.mission.legs[leg], self._states[0], self._program
+        along = min(max(leg_m, 0.0), one.length_m)
+        x, y, heading = _pose_on(one, along)
+        reach = float(self.machine.models["guide"][0])
+        self.body[:] = new_body(x - reach * math.cos(heading), y - reach * math.sin(heading), heading)
+        record = program.legs[leg]
+        progress = along + (float(program.legs[leg - 1]["end"]) if leg else 0.0)
+        inside = program.cumulative[record["first_segment"] + 1 : record["last_segment"] + 1]
+        row["segment"] = record["first_segment"] + int(np.searchsorted(inside, progress, side="right"))
+        row["leg"], row["progress"] = leg, progress
+        row["x"], row["y"], row["angle"] = self.body[:3]
+        row["xs"], row["ys"], row["angles"] = self.body[:3]
+        row["stand_left"] = 0.0 if along > 0.0 else record["stand"]
+        row["started"], row["away"] = 1, 0
+        self.state = self._shown()
+
     def advance(self, time_s: float) -> StepperState:
         """Drive up to a time (s since the start) and draw what instruments show then."""
         steps = round(time_s / DT_S) - int(self._clock[0])
@@ -219,3 +242,14 @@ class Stepper:
             float(row["target_speed"]), leg, float(row["progress"]) - before, self.mission.legs[leg].gear,
             bool(row["working"]), mode, bool(row["done"]),
         )  # fmt: skip
+
+
+def _pose_on(leg: Leg, along_m: float) -> tuple[float, float, float]:
+    """x, y (m) and heading (rad) of a tractor so far along a leg, which faces backwards where it reverses."""
+    steps = np.diff(leg.points, axis=0)
+    ends = np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))
+    k = min(int(np.searchsorted(ends, along_m, side="right")), len(steps) - 1)
+    length = math.hypot(*steps[k])
+    share = 1.0 - (float(ends[k]) - along_m) / length if length > 0.0 else 0.0
+    x, y = leg.points[k] + share * steps[k]
+    return float(x), float(y), math.atan2(leg.gear * steps[k, 1], leg.gear * steps[k, 0])

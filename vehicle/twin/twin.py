@@ -190,14 +190,20 @@ class Twin:
 
     def _heed_speed(self, fix: Fix) -> None:
         before = self._instead
-        if abs(fix.speed_mps - self._told[1]) <= APART_MPS:
+        kept = self._kept_share()
+        if abs(fix.speed_mps - self._told[1] * kept) <= APART_MPS:
             self._apart_since, self._instead = None, None
         elif self._apart_since is None:
             self._apart_since = fix.time_s
         elif fix.time_s - self._apart_since >= APART_S:
-            self._instead = fix.speed_mps
+            self._instead = fix.speed_mps / kept
         if self._instead != before:
             self._hold(self._at(fix.time_s), 0.0)
+
+    def _kept_share(self) -> float:
+        """The share of a commanded speed that the slip of the tractor's file leaves over ground."""
+        model = self._machine.models[0]
+        return float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._told[2]))
 
     def _note(self, time_s: float, arrived_s: float, off: Array) -> None:
         self._rows.append((time_s, arrived_s, *(float(value) for value in off)))

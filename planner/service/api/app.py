@@ -22,6 +22,7 @@ from planner.service.api.refusals import add_refusals
 from planner.service.jobs.reading import Reader
 from planner.service.jobs.supervisor import Supervisor
 from planner.service.links import fleets, link, twins
+from planner.service.links.diagnosing import Diagnosing
 from planner.service.links.hub import Hub
 from planner.service.pages import mount
 from planner.service.settings import Settings
@@ -43,10 +44,11 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     )  # fmt: skip
     app.state.settings = settings
     app.state.store = store = Store(settings)
-    app.state.hub = Hub(store)
     app.state.supervisor = Supervisor(settings, store)
     app.state.views = Views()
     app.state.reader = Reader(settings, store, inline=inline)
+    app.state.diagnosing = Diagnosing(store, app.state.reader)
+    app.state.hub = Hub(store, app.state.diagnosing.look)
     api = APIRouter(prefix=PREFIX)
     parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, views]
     parts += [tokens.router, events.router, docs.router, fleets.router, twins.router, link.router]

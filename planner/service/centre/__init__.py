@@ -12,6 +12,7 @@ Nothing here knows a network or a clock; times are handed in.
     tractors      report and state of one tractor, and what may hold it
     releasing     which legs may be driven: base and horizon
     forecast      when everybody will be done
+    chances       how likely that is in time
     foresight     where everybody will be in a few seconds
     guard         fence, distances, and what a remote command may do
     obstacles     what stands in the way, and which legs it blocks

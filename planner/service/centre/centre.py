@@ -192,7 +192,15 @@ class Centre(Operated):
     def _forecast(self) -> None:
         halted = [self.state != RUNNING or bool(s.holds - {NEAR}) or bool(self.blocked[n]) or s.failed
                   for n, s in enumerate(self.states)]  # fmt: skip
-        self.finish_in_s = [s / self.rules.times for s in finish_in_s(self.courses, self.states, halted)]
+        places = [self._place(number) for number in range(self.plan.tractors)]
+        self.finish_in_s = [s / self.rules.times for s in finish_in_s(self.courses, self.states, halted, places)]
         if self.state == RUNNING and all(s.done or s.failed for s in self.states) and any(s.done for s in self.states):
             self.state = DONE
             self.note(CENTRE, "fleet done")
+
+    def _place(self, number: int) -> tuple[int, float] | None:
+        """The leg and the metres on it where the twin of a tractor is; None where it has none or leaves its legs."""
+        state, seen = self.states[number], self.twins.place(number)
+        if seen is None or state.mode != AUTOMATIC or state.done:
+            return None
+        return self.courses[number].onward(state.leg, state.leg_m, state.released, seen)

@@ -9,6 +9,7 @@ from planner.service.centre.alarms import Alarms
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan
+from planner.service.centre.foresight import NoTwins, Virtual
 from planner.service.centre.guard import Guard
 from planner.service.centre.leases import Leases
 from planner.service.centre.obstacles import Obstacles
@@ -25,8 +26,8 @@ CENTRE = "centre"
 class Core:
     """State of a fleet, and the orders and events that wait to be taken."""
 
-    def __init__(self, plan: FleetPlan, rules: Rules) -> None:
-        self.plan, self.rules = plan, rules
+    def __init__(self, plan: FleetPlan, rules: Rules, twins: Virtual | None = None) -> None:
+        self.plan, self.rules, self.twins = plan, rules, twins or NoTwins()
         self.version = 1
         self.state = READY
         self.started_s: float | None = None
@@ -36,7 +37,7 @@ class Core:
         self.obstacles = Obstacles(reach_m)
         self.blocked: list[dict[int, str]] = [{} for _ in plan.courses]
         self.painting = Painting(plan.tractors)
-        self.guard = Guard(plan, rules)
+        self.guard = Guard(plan, rules, self.twins)
         self.finish_in_s = [math.inf] * plan.tractors
         self._orders: list[Order] = []
         self._events: list[Event] = []

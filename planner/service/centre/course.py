@@ -15,7 +15,7 @@ import numpy.typing as npt
 from vehicle.missions import Leg, Mission
 
 Array = npt.NDArray[np.float64]
-
+ONWARD_M, ONWARD_STEP_M = 5.0, 0.25  # how far a tractor may be from where it was last known to be
 
 @dataclass(frozen=True, eq=False)
 class Course:
@@ -91,6 +91,16 @@ class Course:
         return [
             np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T)))) for leg in self.legs
         ]
+
+    def onward(self, leg: int, leg_m: float, released: int, place: tuple[float, float]) -> tuple[int, float]:
+        """The leg and the metres on it nearest to a place, from a known one on: up to ONWARD_M of the released legs."""
+        steps = np.arange(0.0, ONWARD_M, ONWARD_STEP_M)
+        poses = self.along(leg, leg_m, steps.tolist(), released)
+        nearest = int(np.argmin(np.hypot(poses[:, 0] - place[0], poses[:, 1] - place[1])))
+        end = self.before_m[max(min(released, len(self.legs)), leg + 1)]
+        at_m = min(self.before_m[leg] + min(max(leg_m, 0.0), self.lengths_m[leg]) + float(steps[nearest]), end)
+        there = min(max(bisect.bisect_right(self.before_m, at_m) - 1, leg), len(self.legs) - 1)
+        return there, at_m - self.before_m[there]
 
     def off_m(self, leg: int, place: tuple[float, float]) -> float:
         """How far a place is from a leg."""

@@ -12,6 +12,7 @@ from vehicle.missions import Gate
 
 TRUSTED_S = 120.0  # of driving as planned that a pace is believed to begin with
 SLOWEST, QUICKEST = 4.0, 0.5
+Place = tuple[int, float]
 
 
 def pace(state: TractorState) -> float:
@@ -21,13 +22,16 @@ def pace(state: TractorState) -> float:
 
 
 def finish_in_s(
-    courses: Sequence[Course], states: Sequence[TractorState], halted: Sequence[bool]
-) -> list[float]:
+    courses: Sequence[Course], states: Sequence[TractorState], halted: Sequence[bool],
+    places: Sequence[Place | None] | None = None,
+) -> list[float]:  # fmt: skip
     """Seconds from now until each tractor is done (n,); infinite for who never is as things stand.
 
-    `halted` tractors stay where they are, and so do those that wait for them.
+    `halted` tractors stay where they are, and so do those that wait for them. `places` are legs and metres on them
+    where the tractors are believed to be by now; without one a tractor is where it has reported.
     """
-    rows = [_Row(course, state, halt) for course, state, halt in zip(courses, states, halted, strict=True)]
+    known = places or [None] * len(states)
+    rows = [_Row(*each) for each in zip(courses, states, halted, known, strict=True)]
     moved = True
     while moved:
         moved = sum(row.advance(rows, states) for row in rows) > 0
@@ -37,15 +41,16 @@ def finish_in_s(
 class _Row:
     """The legs of one tractor timed so far: `begins` and `ends` from its present leg on."""
 
-    def __init__(self, course: Course, state: TractorState, halt: bool) -> None:
+    def __init__(self, course: Course, state: TractorState, halt: bool, place: Place | None) -> None:
         self.course, self.state, self.pace = course, state, pace(state)
+        self.leg, self.leg_m = (state.leg, state.leg_m) if place is None else place
         self.begins: list[float] = []
         self.ends: list[float] = []
         self.free_s = math.inf if halt and not state.done else 0.0
 
     @property
     def next_leg(self) -> int:
-        return self.state.leg + len(self.ends)
+        return self.leg + len(self.ends)
 
     @property
     def finish_s(self) -> float:
@@ -65,7 +70,7 @@ class _Row:
             leg = self.next_leg
             share = 1.0
             if not self.ends:
-                share = 1.0 - min(self.state.leg_m / max(self.course.lengths_m[leg], 1e-6), 1.0)
+                share = 1.0 - min(self.leg_m / max(self.course.lengths_m[leg], 1e-6), 1.0)
             self.begins.append(begin)
             self.ends.append(begin + share * self.course.seconds[leg] * self.pace)
         return len(self.ends) > before
@@ -83,7 +88,9 @@ class _Row:
 
     def passing_s(self, gate: Gate) -> float | None:
         """When this tractor has driven what a gate waits for; None while its leg is not timed."""
-        index = gate.leg - self.state.leg
+        index = gate.leg - self.leg
+        if index < 0:
+            return 0.0
         if index >= len(self.ends):
             return None
         share = min(gate.after_m / max(self.course.lengths_m[gate.leg], 1e-6), 1.0)

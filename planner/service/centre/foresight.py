@@ -3,18 +3,39 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.service.centre.course import Course
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import AUTOMATIC, Report, TractorState
+from planner.service.centre.tractors import AUTOMATIC, MANUAL, REMOTE, Report, TractorState
 from vehicle.tractor import Tractor
 
 Array = npt.NDArray[np.float64]
 STEP_S = 0.5
 STRAIGHT_RAD = 1e-4
+
+
+class Virtual(Protocol):
+    """What virtual tractors say of real ones, in metres of the plan at the guided point; None for what is not known."""
+
+    def place(self, number: int) -> tuple[float, float] | None:
+        """Where a tractor is by now."""
+
+    def path(self, number: int, times_s: Array) -> Array | None:
+        """Poses (steps, 3) of a tractor at times from now on if it is driven on as it is told now."""
+
+
+class NoTwins:
+    """Nothing is known but what tractors report."""
+
+    def place(self, number: int) -> tuple[float, float] | None:
+        """None."""
+
+    def path(self, number: int, times_s: Array) -> Array | None:
+        """None."""
 
 
 def moments(rules: Rules) -> Array:
@@ -27,10 +48,14 @@ def standing(report: Report, rules: Rules) -> Array:
     return np.tile([report.x_m, report.y_m, report.heading_rad], (len(moments(rules)), 1))
 
 
-def foreseen(state: TractorState, course: Course, tractor: Tractor, rules: Rules, *, going: bool = False) -> Array:
+def foreseen(
+    state: TractorState, course: Course, tractor: Tractor, rules: Rules, *, going: bool = False,
+    twin: Array | None = None,
+) -> Array:  # fmt: skip
     """Poses (steps, 3) of the antenna at `moments`: x, y (m) and mathematical heading (rad) of the tractor.
 
-    With `going` it is foreseen to drive on at the speed of its leg, whatever holds it now.
+    With `going` it is foreseen to drive on at the speed of its leg, whatever holds it now. `twin` is the path that its
+    twin foretells, for one that is driven by hand: the twin knows how slowly steering and engine obey.
     """
     report = state.report
     assert report is not None
@@ -45,6 +70,8 @@ def foreseen(state: TractorState, course: Course, tractor: Tractor, rules: Rules
         poses = course.along(min(state.leg, len(course.legs) - 1), state.leg_m, metres.tolist(), state.released)
         poses[0] = report.x_m, report.y_m, report.heading_rad
         return poses
+    if twin is not None and report.mode in (REMOTE, MANUAL):
+        return twin
     return arc(report, tractor, report.velocity_mps, steering_of(report), rules)
 
 

@@ -11,7 +11,17 @@ import shapely
 
 from planner.service.centre.course import Course
 from planner.service.centre.fleet_plan import FleetPlan
-from planner.service.centre.foresight import STEP_S, arc, braking_s, centres, foreseen, standing
+from planner.service.centre.foresight import (
+    STEP_S,
+    NoTwins,
+    Virtual,
+    arc,
+    braking_s,
+    centres,
+    foreseen,
+    moments,
+    standing,
+)
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import AUTOMATIC, NEAR, TractorState
 from vehicle.approach import approaches, distances
@@ -39,10 +49,10 @@ class Danger:
 
 
 class Guard:
-    """Watches the tractors of one plan."""
+    """Watches the tractors of one plan; what `twins` foretell is heeded of those that are driven by hand."""
 
-    def __init__(self, plan: FleetPlan, rules: Rules) -> None:
-        self.tractor, self.rules = plan.tractor, rules
+    def __init__(self, plan: FleetPlan, rules: Rules, twins: Virtual | None = None) -> None:
+        self.tractor, self.rules, self.twins = plan.tractor, rules, twins or NoTwins()
         self.model = np.array([compile_model(plan.tractor, plan.implement)])
         self.clearance_m = min(rules.clearance_m, plan.clearance_m)
         self.beside_m = min(rules.beside_m, self.clearance_m)
@@ -55,12 +65,14 @@ class Guard:
 
     def paths(self, states: Sequence[TractorState], courses: Sequence[Course]) -> Array:
         """Foreseen antenna poses (n, steps, 3); zeros for who has never been heard of."""
-        nowhere = np.zeros((len(np.arange(0.0, self.rules.ahead_s + 0.5 * STEP_S, STEP_S)), 3))
+        times = moments(self.rules)
+        nowhere = np.zeros((len(times), 3))
         return np.array([
             nowhere if state.report is None
             else standing(state.report, self.rules) if state.done or state.failed
-            else foreseen(state, course, self.tractor, self.rules)
-            for state, course in zip(states, courses, strict=True)
+            else foreseen(state, course, self.tractor, self.rules,
+                          twin=None if state.mode == AUTOMATIC else self.twins.path(number, times))
+            for number, (state, course) in enumerate(zip(states, courses, strict=True))
         ])  # fmt: skip
 
     def dangers(self, states: Sequence[TractorState], courses: Sequence[Course]) -> list[Danger]:

@@ -181,7 +181,7 @@ class Operated(Core):
                 )
         self.plan = plan
         self.version += 1
-        self.guard = Guard(plan, self.rules)
+        self.guard = Guard(plan, self.rules, self.twins)
         for number, state in enumerate(self.states):
             state.done = state.done and state.leg >= len(self.courses[number].legs) - 1
             self._order(number, "plan", released=state.released)

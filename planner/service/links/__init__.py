@@ -11,6 +11,7 @@ warming      what is compiled on first use, used once
 proposals    what is planned anew
 twinning     one twin per tractor, advanced with the fleet
 live         one live fleet: its centre, its clients, its clock
+diagnosing   why twins are wrong: jobs, asked for or of their own accord, and what they found
 hub          all live fleets, and what is worked out for them in a process of its own
 link         the WebSocket
 fleets       fleets over HTTP

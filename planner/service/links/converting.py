@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from datetime import datetime, timedelta
 from typing import Any
 
 from planner.service.centre.fleet_plan import FleetPlan
@@ -59,3 +60,10 @@ def metres_of(saved: SavedPlan, ring: list[list[float]]) -> tuple[tuple[float, f
     """Eastings and northings as metres of the plan."""
     east, north = saved.origin_m
     return tuple((x - east, y - north) for x, y in ring)
+
+
+def next_shown(since_midnight_s: float) -> float:
+    """The next time that the clock of this machine shows this, in seconds since 1970."""
+    now = datetime.now()
+    at = now.replace(hour=0, minute=0, second=0, microsecond=0) + timedelta(seconds=since_midnight_s)
+    return (at if at > now else at + timedelta(days=1)).timestamp()

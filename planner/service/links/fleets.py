@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import time
-from datetime import datetime, timedelta
+from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
@@ -13,8 +14,10 @@ from starlette.concurrency import run_in_threadpool
 from planner.scenario import parse_clock
 from planner.service.access import Who, needs
 from planner.service.api.answers import READS, Answer, refusals
+from planner.service.centre.chances import Chances, chances_of
 from planner.service.errors import MissingError
 from planner.service.links.asyncapi import document
+from planner.service.links.converting import next_shown
 from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
 from planner.service.links.recording import log_csv, zipped
@@ -27,10 +30,14 @@ Reader = Annotated[Who, Depends(needs("read"))]
 Operator = Annotated[Who, Depends(needs("control"))]
 WRITES = refusals(401, 403, 404, 409, 422)
 LONGEST_PLAN = 30_000_000
+RANKING = "result.json"
 
 
 class FleetRequest(BaseModel):
-    """A fleet to be made: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan."""
+    """A fleet to be made: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan.
+
+    `deadline` (hh:mm) is by default that of the plan: the next time that the clock shows it.
+    """
 
     model_config = ConfigDict(extra="forbid")
     name: Annotated[str, Field(min_length=1, max_length=80)]
@@ -96,7 +103,7 @@ def _answer(hub: Hub, row: Any) -> FleetAnswer:
     if live is None:
         return answer
     now = time.monotonic()
-    answer.fleet = fleet_told(live.centre, None, live.probability)
+    answer.fleet = fleet_told(live.centre, live.deadline_s(), live.chances)
     answer.tractors = [tractor_told(live.centre, number, now, None) for number in range(live.tractor_count)]
     return answer
 
@@ -113,20 +120,24 @@ async def new_fleet(request: Request, who: Operator, wanted: FleetRequest) -> Fl
     """Make a fleet of a plan; it stands until it is started."""
     store, hub = _store(request), _hub(request)
     checked_name(wanted.name)
-    text = await run_in_threadpool(_plan_text, store, wanted)
+    text, chances = await run_in_threadpool(_plan, store, wanted)
     files, kept = await run_in_threadpool(_files, store, wanted)
-    deadline_s = None if wanted.deadline is None else _deadline_s(wanted.deadline)
-    settings = {"times": wanted.times, "way": wanted.way, "deadline_s": deadline_s, "files": kept}
+    deadline_s = None if wanted.deadline is None else next_shown(parse_clock(wanted.deadline, "deadline"))
+    settings = {"times": wanted.times, "way": wanted.way, "deadline_s": deadline_s, "files": kept,
+                "chances": None if chances is None else asdict(chances)}  # fmt: skip
     live = await hub.create(wanted.name, text, files, settings)
     live.centre.note(who.name, "created", name=wanted.name)
     return _answer(hub, await run_in_threadpool(store.fleet, live.id))
 
 
-def _plan_text(store: Store, wanted: FleetRequest) -> str:
+def _plan(store: Store, wanted: FleetRequest) -> tuple[str, Chances | None]:
+    """The text of the plan that is meant, with its chances where it is that of a job with draws."""
     if wanted.plan.lstrip().startswith("{"):
-        return wanted.plan
+        return wanted.plan, None
     result = store.result(wanted.plan, wanted.result, "plan")
-    return store.blobs.get(result.sha256).decode("utf-8")
+    text = store.blobs.get(result.sha256).decode("utf-8")
+    ranking = json.loads(store.blobs.get(store.result(wanted.plan, RANKING, "plan").sha256))
+    return text, chances_of(ranking, wanted.result)
 
 
 def _files(store: Store, wanted: FleetRequest) -> tuple[dict[str, tuple[str, bytes]], dict[str, tuple[str, str]]]:
@@ -138,14 +149,6 @@ def _files(store: Store, wanted: FleetRequest) -> tuple[dict[str, tuple[str, byt
             contents[kind] = row.suffix, store.blobs.get(row.sha256)
             kept[kind] = row.suffix, row.sha256
     return contents, kept
-
-
-def _deadline_s(text: str) -> float:
-    """The next time that the clock shows this, in seconds since 1970. Raises ScenarioError for what is no time."""
-    since_midnight = parse_clock(text, "deadline")
-    now = datetime.now()
-    at = now.replace(hour=0, minute=0, second=0, microsecond=0) + timedelta(seconds=since_midnight)
-    return (at if at > now else at + timedelta(days=1)).timestamp()
 
 
 @router.get("/fleets/{id}", responses=WRITES)

@@ -202,7 +202,10 @@ class Told(BaseModel):
 
 
 class Welcome(Told):
-    """The answer to hello. `last_sequence` is the last state that is kept of this tractor, -1 for none."""
+    """The answer to hello. `last_sequence` is the last state that is kept of this tractor, -1 for none.
+
+    `leg` and `leg_m` are how far it has driven by what is kept: where one that has forgotten it goes on.
+    """
 
     kind: Literal["welcome"] = "welcome"
     fleet: str
@@ -214,6 +217,8 @@ class Welcome(Told):
     beat_s: float
     settings: dict[str, Any]
     plan: dict[str, Any] | None = None
+    leg: int | None = None
+    leg_m: float | None = None
 
 
 class Refused(Told):

@@ -7,28 +7,31 @@ import logging
 import secrets
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from planner.errors import HeadlandError
 from planner.pool import LocalPool
+from planner.service.centre.chances import Chances
 from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.orders import Event
 from planner.service.centre.progress import progress_of, restore
 from planner.service.centre.rules import Rules
 from planner.service.errors import BusyError, MissingError
+from planner.service.links.converting import next_shown
 from planner.service.links.live import LiveFleet
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import keep, rising
 from planner.service.links.warming import warm
 from planner.service.store import Store
 
-STEP_S, KEEP_S = 0.05, 1.0
+STEP_S, KEEP_S, LOOK_S = 0.05, 1.0, 1.0
 MOST_FLEETS = 20
 X, Y, WORKS = 2, 3, 10  # columns of kept rows
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with the ending of its file."""
+Look = Callable[[LiveFleet, float], Awaitable[None]]
 
 
 def prepared_with(text: str, files: Files) -> FleetPlan:
@@ -42,10 +45,13 @@ def prepared_with(text: str, files: Files) -> FleetPlan:
 
 
 class Hub:
-    """Live fleets by id. `faults` has why a stored fleet could not be taken up again."""
+    """Live fleets by id. `faults` has why a stored fleet could not be taken up again.
 
-    def __init__(self, store: Store) -> None:
-        self.store = store
+    `look` is called for each about once a second and may wait.
+    """
+
+    def __init__(self, store: Store, look: Look | None = None) -> None:
+        self.store, self._look = store, look
         self.fleets: dict[str, LiveFleet] = {}
         self.faults: dict[str, str] = {}
         self._pool: LocalPool | None = None
@@ -58,7 +64,8 @@ class Hub:
         Before that all that is compiled on first use is loaded, as nobody's frames are to wait for it later.
         """
         await asyncio.to_thread(warm)
-        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self.take_up())]
+        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._look_on(),
+                                                              self.take_up())]  # fmt: skip
 
     async def stop(self) -> None:
         """Keep what there is and end."""
@@ -84,11 +91,17 @@ class Hub:
         return self.fleets[id]
 
     async def create(self, name: str, text: str, files: Files, settings: dict[str, Any]) -> LiveFleet:
-        """A new fleet, ready to start. Raises BusyError for one too many, a HeadlandError for what cannot be driven."""
+        """A new fleet, ready to start; its deadline is by default that of its plan.
+
+        Raises BusyError for one too many, a HeadlandError for what cannot be driven.
+        """
         if len(self.fleets) >= MOST_FLEETS:
             raise BusyError(f"There are {len(self.fleets)} live fleets, as many as are taken; delete one first.")
         plan = await self.work(prepared_with, text, files)
         settings = settings | {"begin_s": time.time()}
+        before_s = plan.scenario.before_s
+        if settings.get("deadline_s") is None and before_s is not None:
+            settings["deadline_s"] = next_shown(before_s)
         fleet = self._live(secrets.token_hex(8), name, plan, settings)
         await asyncio.to_thread(self.store.save_fleet, fleet.id, name, text, settings)
         self.fleets[fleet.id] = fleet
@@ -99,10 +112,11 @@ class Hub:
         self.fleets[fleet.id] = fleet
 
     def _live(self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any]) -> LiveFleet:
-        rules = Rules(times=settings["times"])
+        rules, chances = Rules(times=settings["times"]), settings.get("chances")
         return LiveFleet(
             id, name, plan, rules, begin_s=settings["begin_s"], way=settings["way"],
-            deadline_s=settings.get("deadline_s"), propose=Proposals(self.work),
+            deadline_s=settings.get("deadline_s"), chances=None if chances is None else Chances(**chances),
+            propose=Proposals(self.work),
         )  # fmt: skip
 
     async def delete(self, id: str) -> None:
@@ -163,6 +177,15 @@ class Hub:
                     await self.keep(fleet)
                 except Exception:
                     logging.getLogger(__name__).exception("Keeping fleet %s", fleet.id)
+
+    async def _look_on(self) -> None:
+        while self._look is not None:
+            await asyncio.sleep(LOOK_S)
+            for fleet in list(self.fleets.values()):
+                try:
+                    await self._look(fleet, time.monotonic())
+                except Exception:
+                    logging.getLogger(__name__).exception("Looking at fleet %s", fleet.id)
 
     async def keep(self, fleet: LiveFleet) -> None:
         """Write what was reported and what happened, then acknowledge it."""

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from planner.service.centre.centre import Centre
+from planner.service.centre.chances import Chances
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.orders import Event, Order
@@ -35,24 +36,30 @@ def utc_now() -> str:
 
 
 class LiveFleet:
-    """A fleet that is driven. `begin_s` (seconds since 1970) is where the times of its recording begin."""
+    """A fleet that is driven. `begin_s` (seconds since 1970) is where the times of its recording begin.
+
+    By tractor: `diagnoses` are the jobs asked for last, `findings` what they found, `doubted` the time of the doubt
+    that was last diagnosed without being asked.
+    """
 
     def __init__(
         self, id: str, name: str, plan: FleetPlan, rules: Rules, *, begin_s: float, way: str = "predict",
-        deadline_s: float | None = None, probability: float | None = None, propose: Proposals | None = None,
+        deadline_s: float | None = None, chances: Chances | None = None, propose: Proposals | None = None,
     ) -> None:  # fmt: skip
         self.id, self.name, self.begin_s, self.deadline_at = id, name, begin_s, deadline_s
-        self.probability = probability
+        self.chances = chances
         self.plan_text: str | None = None
-        self.centre = Centre(plan, rules)
-        self.recorder = Recorder(id, plan.tractors)
         self.twins = Twins(plan, way, rules.times, begin_s)
+        self.centre = Centre(plan, rules, self.twins)
+        self.recorder = Recorder(id, plan.tractors)
         self.proposals = propose or Proposals()
         self.clients: set[Client] = set()
         self.tractors: dict[int, Client] = {}
         self.events: list[tuple[str, Event]] = []
         self.again: set[int] = set()
         self.diagnoses: dict[int, str] = {}
+        self.doubted: dict[int, float] = {}
+        self.findings: dict[int, dict[str, Any]] = {}
         self._links = 0
         self._times: list[str | None] = [None] * plan.tractors
         self._changed = set(range(plan.tractors))
@@ -100,12 +107,14 @@ class LiveFleet:
         if client.role == TRACTOR and number is not None:
             welcome["last_sequence"] = self.recorder.seen[number]
             welcome["plan"] = mission_told(self.centre.plan, number)
+            state = self.centre.states[number]
+            welcome |= {"leg": state.leg, "leg_m": round(state.leg_m, 3)}
         return welcome
 
     def _show_all(self, client: Client) -> None:
         """Everything that a page needs to begin with."""
         client.outbox.overflowed = False
-        client.tell(telling.scene(self.centre, self._deadline_s()))
+        client.tell(telling.scene(self.centre, self.deadline_s()))
         for number in range(self.tractor_count):
             paint = telling.painted(self.centre, number, 0)
             if paint is not None:
@@ -277,7 +286,7 @@ class LiveFleet:
         version = self.centre.version * 1000 + self.centre.obstacles.version
         if version != self._scene:
             self._scene = version
-            self.show(telling.scene(self.centre, self._deadline_s()))
+            self.show(telling.scene(self.centre, self.deadline_s()))
         if self.centre.alarms.version != self._alarms:
             self._alarms = self.centre.alarms.version
             self.show(self._alarms_told())
@@ -300,14 +309,15 @@ class LiveFleet:
             item["since"] = since.isoformat(timespec="seconds").replace("+00:00", "Z")
         return {"kind": "alarms", "items": items}
 
-    def _deadline_s(self) -> float | None:
+    def deadline_s(self) -> float | None:
+        """Seconds until the deadline; None without one."""
         return None if self.deadline_at is None else self.deadline_at - time.time()
 
     def _tick(self, numbers: Any, now: float) -> str:
         tractors = [telling.tractor_told(self.centre, number, now, self._times[number]) for number in numbers]
         for told in tractors:
             told |= self.twins.told(told["tractor"] - 1)
-        fleet = telling.fleet_told(self.centre, self._deadline_s(), self.probability)
+        fleet = telling.fleet_told(self.centre, self.deadline_s(), self.chances)
         return packed({"kind": "tick", "time": utc_now(), "tractors": tractors, "fleet": fleet})
 
 

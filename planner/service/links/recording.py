@@ -16,6 +16,9 @@ COLUMNS = (
     "steering_deg", "shuttle", "implement",
 )  # fmt: skip
 KEPT = ("sequence", *COLUMNS, "leg", "leg_m", "mode")
+TIME, SHUTTLE = KEPT.index("time_s"), KEPT.index("shuttle")
+COMMANDS = KEPT.index("speed_command_mps"), KEPT.index("steering_command_deg")
+GAP_S = 0.4  # between two frames, beyond which nobody knows what was commanded in between
 ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 Row = list[Any]
 
@@ -77,6 +80,22 @@ def rising(rows: Iterable[Row]) -> list[Row]:
         if not kept or (row[0] > kept[-1][0] and row[1] > kept[-1][1]):
             kept.append(row)
     return kept
+
+
+def holding(rows: Sequence[Row]) -> list[Row]:
+    """Rows for a diagnosis, which takes the commands of a row to hold until the next one.
+
+    A frame tells the commands that hold when it is sent: those of the next one came into force somewhere between the
+    two. Half way is taken, that is, the mean of both until then. Over gaps and changes of direction rows stay as they
+    are.
+    """
+    kept = rising(rows)
+    held = [list(row) for row in kept]
+    for row, now, after in zip(held, kept[:-1], kept[1:], strict=False):
+        if after[TIME] - now[TIME] <= GAP_S and after[SHUTTLE] == now[SHUTTLE]:
+            for column in COMMANDS:
+                row[column] = round(0.5 * (now[column] + after[column]), 4)
+    return held
 
 
 def log_csv(rows: Sequence[Row]) -> str:

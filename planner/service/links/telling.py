@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from planner.service.centre.centre import Centre
+from planner.service.centre.chances import Chances
 from planner.service.centre.course import leg_told
 from planner.service.links.converting import heading_deg
 from vehicle.compile import outline
@@ -74,11 +75,14 @@ def tractor_told(centre: Centre, number: int, now: float, time: str | None) -> d
     }  # fmt: skip
 
 
-def fleet_told(centre: Centre, deadline_s: float | None, probability: float | None) -> dict[str, Any]:
-    """The fleet in a tick; the deadline in seconds from now."""
+def fleet_told(centre: Centre, deadline_s: float | None, chances: Chances | None) -> dict[str, Any]:
+    """The fleet in a tick; the deadline in seconds from now, with the probability of keeping it where it is known."""
     done, worked = centre.done_m(), centre.plan.worked_m
     finish = max((s for s, state in zip(centre.finish_in_s, centre.states, strict=True) if not state.failed),
                  default=math.inf)  # fmt: skip
+    probability = None
+    if chances is not None and deadline_s is not None:
+        probability = chances.in_time(finish * centre.rules.times, deadline_s * centre.rules.times)
     return {
         "state": centre.state, "eta_s": _finite(finish),
         "done_pct": round(100.0 * done / worked, 2) if worked else 100.0,

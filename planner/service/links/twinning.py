@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from planner.service.centre.alarms import WARNING
 from planner.service.centre.centre import Centre
 from planner.service.centre.fleet_plan import FleetPlan
@@ -15,7 +18,10 @@ from vehicle.twin.twin import Fix, Twin
 
 CORRECT_S = 1.0  # between two fixes that a twin is given, as in section 5.2.2, by its own clock
 PERIOD_S = 0.1  # between two states
+AHEAD_S = 0.1  # between two poses of a foretold path
 DOUBT_S = 1.0  # between two looks at whether a twin is wrong
+
+Array = npt.NDArray[np.float64]
 
 
 class Twins:
@@ -97,6 +103,31 @@ class Twins:
             return None, None
         ahead, right, heading = last
         return round(math.hypot(ahead, right), 4), round(math.degrees(heading), 3)
+
+    def place(self, number: int) -> tuple[float, float] | None:
+        """Where a tractor's guided point is by its twin (m of the plan); None without a twin that is trusted."""
+        twin = self.items[number]
+        if twin is None or twin.doubt() is not None:
+            return None
+        state = twin.state
+        x, y = self._guided(np.array([[state.x_m, state.y_m, state.heading_rad]]))[0, :2]
+        return float(x), float(y)
+
+    def path(self, number: int, times_s: Array) -> Array | None:
+        """Poses (steps, 3) of it that its twin foretells at times from now on; None without a twin that is trusted."""
+        twin = self.items[number]
+        if twin is None or twin.doubt() is not None:
+            return None
+        ahead = self._guided(twin.ahead(float(times_s[-1])))
+        picked: Array = ahead[np.minimum(np.round(times_s / AHEAD_S).astype(int), len(ahead) - 1)]
+        return picked
+
+    def _guided(self, poses: Array) -> Array:
+        """Poses of the guided point, abreast of the antenna, from those of the antenna."""
+        aside, moved = self.plan.tractor.antenna_right_m, poses.copy()
+        moved[:, 0] -= aside * np.sin(poses[:, 2])
+        moved[:, 1] += aside * np.cos(poses[:, 2])
+        return moved
 
     def changed(self, plan: FleetPlan) -> None:
         """The fleet goes on by another plan of the same tractors."""

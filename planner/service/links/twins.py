@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import secrets
-import tomllib
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,15 +13,9 @@ from starlette.concurrency import run_in_threadpool
 
 from planner.service.access import Who, needs
 from planner.service.api.answers import READS, Answer, refusals
-from planner.service.api.jobs import ask
-from planner.service.errors import MissingError, TakenError
-from planner.service.jobs.requests import DiagnosisRequest
+from planner.service.links.diagnosing import FINDING, Diagnosing
 from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
-from planner.service.links.recording import log_csv
-from planner.service.store import Store
-from vehicle.measured.answer.save import tractor_toml
-from vehicle.tractor import Tractor
 from vehicle.twin.twin import Twin
 
 router = APIRouter(tags=["twins"])
@@ -31,11 +24,13 @@ Operator = Annotated[Who, Depends(needs("control"))]
 Number = Annotated[int, Path(ge=1, le=999)]
 WRITES = refusals(401, 403, 404, 409, 422)
 SHOWN = 600  # corrections, ten minutes of them
-DONE, RESULT = "done", "tractor.toml"
 
 
 class TwinAnswer(Answer):
-    """A twin. Its `state` is null before its tractor has reported; `diagnosis` is the job that was asked for last."""
+    """A twin. Its `state` is null before its tractor has reported; `diagnosis` is the job that was asked for last.
+
+    `finding` is what that found once it is over: the ids of `named` effects, and `words`.
+    """
 
     fleet: str
     tractor: int
@@ -46,6 +41,7 @@ class TwinAnswer(Answer):
     corrections: dict[str, list[float]] = Field(default_factory=dict)
     doubt: dict[str, Any] | None = None
     diagnosis: dict[str, Any] | None = None
+    finding: dict[str, Any] | None = None
 
 
 class TwinList(Answer):
@@ -74,11 +70,16 @@ def _fleet(request: Request, id: str, number: int) -> LiveFleet:
     return live
 
 
+def _diagnosing(request: Request) -> Diagnosing:
+    diagnosing: Diagnosing = request.app.state.diagnosing
+    return diagnosing
+
+
 def _answer(live: LiveFleet, number: int, *, whole: bool) -> TwinAnswer:
     told, twin = live.twins.told(number - 1), live.twins.items[number - 1]
     answer = TwinAnswer(
         fleet=live.id, tractor=number, way=live.twins.way, state=told.get("twin"), error_m=told.get("error_m"),
-        error_deg=told.get("error_deg"),
+        error_deg=told.get("error_deg"), finding=live.findings.get(number - 1),
     )  # fmt: skip
     if twin is not None:
         doubt = twin.doubt()
@@ -111,16 +112,8 @@ async def twin(request: Request, _who: Reader, fleet: str, tractor: Number) -> T
     """One twin with its last corrections."""
     live = _fleet(request, fleet, tractor)
     answer = _answer(live, tractor, whole=True)
-    answer.diagnosis = await run_in_threadpool(_job, request.app.state.store, live, tractor)
+    answer.diagnosis = await run_in_threadpool(_diagnosing(request).job, live, tractor - 1)
     return answer
-
-
-def _job(store: Store, live: LiveFleet, number: int) -> dict[str, Any] | None:
-    id = live.diagnoses.get(number - 1)
-    if id is None:
-        return None
-    row = store.job(id, "diagnosis")
-    return {"id": row.id, "status": row.status, "error": row.error, "results": [one.name for one in row.results]}
 
 
 @router.post("/twins/{fleet}/{tractor}/diagnose", status_code=202, responses=WRITES)
@@ -129,23 +122,11 @@ async def diagnose(request: Request, who: Operator, fleet: str, tractor: Number)
     live = _fleet(request, fleet, tractor)
     hub: Hub = request.app.state.hub
     await hub.keep(live)
-    live.diagnoses[tractor - 1] = await run_in_threadpool(_asked, request, live, tractor, who)
+    await _diagnosing(request).begin(live, tractor - 1, who)
+    live.flush()
     answer = _answer(live, tractor, whole=False)
-    answer.diagnosis = await run_in_threadpool(_job, request.app.state.store, live, tractor)
+    answer.diagnosis = await run_in_threadpool(_diagnosing(request).job, live, tractor - 1)
     return answer
-
-
-def _asked(request: Request, live: LiveFleet, number: int, who: Who) -> str:
-    """The id of a job that diagnoses the recording by the tractor file that the twin has."""
-    store: Store = request.app.state.store
-    rows = store.recording(live.id, number - 1)
-    if not rows:
-        raise MissingError(f"Tractor {number} of this fleet has not reported yet.", parameter="tractor")
-    name = f"fleet {live.id[:6]} tractor {number} {secrets.token_hex(3)}"
-    store.add_file("log", name, log_csv(rows).encode())
-    store.add_file("tractor", name, tractor_toml(live.twins.tractors[number - 1]).encode())
-    body = DiagnosisRequest.model_validate({"name": name, "logs": [name], "tractor": name})
-    return ask(store, request.app.state.reader, "diagnosis", body, who).id
 
 
 @router.post("/twins/{fleet}/{tractor}/mend", status_code=201, responses=WRITES)
@@ -153,19 +134,9 @@ async def mend(request: Request, who: Operator, fleet: str, tractor: Number, wan
     """Take what the diagnosis found into a new tractor file; the twin is one of that from now on."""
     live = _fleet(request, fleet, tractor)
     name = wanted.name or f"{live.name[:40]} tractor {tractor} mended {secrets.token_hex(2)}"
-    made = await run_in_threadpool(_mended, request.app.state.store, live, tractor, name)
+    made = await run_in_threadpool(_diagnosing(request).mended, live, tractor - 1, name)
     live.twins.mended(tractor - 1, made)
+    live.centre.alarms.ended(FINDING, tractor - 1)
     live.centre.note(who.name, "mend", tractor=tractor, file=name)
     live.flush()
     return Mended(tractor=name)
-
-
-def _mended(store: Store, live: LiveFleet, number: int, name: str) -> Tractor:
-    """The tractor of the last diagnosis, kept under a name. Raises TakenError while there is none."""
-    job = _job(store, live, number)
-    if job is None or job["status"] != DONE or RESULT not in job["results"]:
-        raise TakenError(f"No diagnosis of tractor {number} is done; ask for one and wait for it.", parameter="tractor")
-    result = store.result(job["id"], RESULT, "diagnosis")
-    content = store.blobs.get(result.sha256)
-    store.add_file("tractor", name, content)
-    return Tractor(**tomllib.loads(content.decode()))

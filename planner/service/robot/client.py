@@ -46,8 +46,9 @@ class Robot:
     async def _drive(self, seconds: float | None) -> None:
         begin = due = time.monotonic()
         while seconds is None or time.monotonic() - begin < seconds:
-            text = self.waiting.add(self.driver.step(time.monotonic()))
-            await self._send(text)
+            state = self.driver.step(time.monotonic())
+            if self.driver.welcomed:  # before, it does not know where it is
+                await self._send(self.waiting.add(state))
             due = max(due + PERIOD_S, time.monotonic() - PERIOD_S)
             await asyncio.sleep(max(0.0, due - time.monotonic()))
         await self._send('{"kind":"goodbye"}')

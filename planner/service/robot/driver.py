@@ -34,6 +34,7 @@ class Driver:
         self.origin_m, self.name, self.times = origin_m, name, times
         self.update = 0
         self.sequence = -1
+        self.welcomed = False
         self.reason = "nobody has told it to drive"
         self._begun_s: float | None = None
         self._clock_s = 0.0  # of the clock on the wall when that of `now` was 0
@@ -51,6 +52,10 @@ class Driver:
         self.times = float(frame["settings"]["times"])
         self.sequence = max(self.sequence, int(frame["last_sequence"]))
         self._follow(frame["plan"])
+        leg, leg_m = int(frame.get("leg") or 0), float(frame.get("leg_m") or 0.0)
+        if not self.welcomed and (leg, leg_m) > (0, 0.0):
+            self.stepper.begin_at(leg, leg_m)  # it was driven that far before this process began
+        self.welcomed = True
 
     def _take_release(self, frame: dict[str, Any]) -> None:
         self.update, self.stepper.released = int(frame["update"]), int(frame["released"])

@@ -91,7 +91,7 @@ function twinPanel(id, number, doubt, chart) {
     if (gone) return;
     try { answer = await get(path); } catch (error) { gone = error.status === 404; return; }
     chart.set(correctionRows(answer.corrections));
-    const { doubt: wrong, diagnosis } = answer, key = JSON.stringify([wrong?.words, diagnosis]);
+    const { doubt: wrong, diagnosis, finding } = answer, key = JSON.stringify([wrong?.words, diagnosis, finding]);
     if (key === shown) return;
     shown = key;
     put(node, !wrong && el("p", { class: "small soft" }, "The corrections are no larger than noise explains."));
@@ -99,7 +99,7 @@ function twinPanel(id, number, doubt, chart) {
     const mend = button("Take it into the tractor file", ask("mend", (made) => put(doubt, note(`Saved as the tractor file ${made.tractor}; plan with it from now on.`))), "small main");
     const read = diagnosis && el("a", { class: "button", href: `#/diagnose/${part(diagnosis.id)}` }, "Read the diagnosis");
     const steps = { done: [read, mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
-    const more = !diagnosis ? "" : { done: "The diagnosis of its recording is ready.", failed: diagnosis.error ?? "" }[diagnosis.status] ?? "Its recording is being diagnosed.";
+    const more = !diagnosis ? "" : { done: finding?.words ?? "The diagnosis of its recording is ready.", failed: diagnosis.error ?? "" }[diagnosis.status] ?? "Its recording is being diagnosed.";
     put(doubt, (wrong || diagnosis) && note([wrong?.words, more].filter(Boolean).join(" "), "warn", ...steps));
   };
   return { node, look };

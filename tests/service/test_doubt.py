@@ -1,0 +1,78 @@
+"""From a twin's doubt to the finding and into the tractor file, without anybody having asked for the diagnosis."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.service.jobs.made import json_of, toml_of
+from planner.service.links import diagnosing
+from planner.service.links.recording import holding
+from tests.service.doubting import Doubting
+from tests.service.fleets import EG105, fleet_plan
+from vehicle.measured.answer.save import tractor_toml
+from vehicle.twin.motion import Noise
+
+VERDICT = "The tractor drives 10 % slower over ground than commanded."
+TWIN = "/api/v1/twins/f1/1"
+
+
+@pytest.fixture
+def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Doubting]:
+    monkeypatch.setattr(diagnosing, "LATER_S", 2.0)
+    made = Doubting(tmp_path, fleet_plan(1, 2), {"wheel_slip": 0.1}, Noise().position_m)
+    yield made
+    made.close()
+
+
+def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: Doubting) -> None:
+    assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
+    fleet.drive(12.0)
+    first = fleet.live.diagnoses[0]
+    assert fleet.client.get(TWIN).json()["diagnosis"]["status"] == "queued"
+    fleet.drive(3.0)
+    assert fleet.live.diagnoses[0] == first  # the doubt lasts, and was diagnosed
+    job = fleet.store.claim_job("test")
+    assert job is not None and job.id == first and fleet.store.claim_job("test") is None
+    mended = EG105.model_copy(update={"name": "slips"})
+    fleet.store.finish_job(job.number, "test", [
+        json_of("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
+        toml_of("tractor.toml", tractor_toml(mended)),
+    ])  # fmt: skip
+    asyncio.run(fleet.look())
+    assert f"Diagnosis of tractor 1: {VERDICT}" in fleet.alarms()
+    assert fleet.client.get(TWIN).json()["finding"] == {"named": ["wheel_slip"], "words": VERDICT}
+    taken = fleet.client.post(f"{TWIN}/mend", json={"name": "mine"})
+    assert taken.status_code == 201 and taken.json() == {"tractor": "mine"}
+    assert b"slips" in fleet.store.blobs.get(fleet.store.file("tractor", "mine").sha256)
+    assert fleet.live.twins.tractors[0].name == "slips" and not any("Diagnosis" in one for one in fleet.alarms())
+
+
+def test_an_operator_asks_again_and_a_diagnosis_that_fails_says_why(fleet: Doubting) -> None:
+    fleet.drive(1.0)
+    asked = fleet.client.post(f"{TWIN}/diagnose")
+    assert asked.status_code == 202 and asked.json()["diagnosis"]["status"] == "queued"
+    job = fleet.store.claim_job("test")
+    assert job is not None
+    fleet.store.fail_job(job.number, "test", "The log is too short.")
+    asyncio.run(fleet.look())
+    assert "Diagnosis of tractor 1: The log is too short." in fleet.alarms()
+    assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
+    again = fleet.client.post(f"{TWIN}/diagnose").json()
+    assert again["diagnosis"]["id"] != job.id and again["finding"] is None
+
+
+def test_what_is_diagnosed_has_the_commands_that_held_between_frames() -> None:
+    def row(sequence: int, time_s: float, speed: float, steering: float, shuttle: int = 1) -> list[Any]:
+        return [sequence, time_s, 1.0, 2.0, 0.0, 0.0, speed, steering, None, shuttle, 0, 0, 0.0, "automatic"]
+
+    rows = [row(0, 0.0, 1.0, 2.0), row(1, 0.1, 1.4, 4.0), row(2, 0.2, 1.4, 0.0, -1), row(3, 0.3, 1.0, 1.0, -1),
+            row(4, 5.0, 0.0, 9.0, -1)]  # fmt: skip
+    held = [each[6:8] for each in holding(rows)]
+    assert held == [[1.2, 3.0], [1.4, 4.0], [1.2, 0.5], [1.0, 1.0], [0.0, 9.0]]
+    assert rows[0][6:8] == [1.0, 2.0]
