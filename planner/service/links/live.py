@@ -27,6 +27,8 @@ from vehicle.plan_file import plan_to_json
 PAINT_S, ALL_S = 1.0, 1.0
 QUIET = ("command",)
 """Events that are kept and not shown as they happen."""
+SETS_IN_MOTION = frozenset({"resume", "command"})
+"""Orders that must not reach a tractor after an order to stand that was given later."""
 
 
 def utc_now() -> str:
@@ -240,6 +242,8 @@ class LiveFleet:
             }  # fmt: skip
         elif order.kind == "plan":
             data |= {"version": self.centre.version, "plan": mission_told(plan, order.tractor)}
+        if first:
+            client.outbox.withdraw(SETS_IN_MOTION)
         client.tell({"kind": order.kind} | data, first=first)
 
     def acknowledge(self, taken: Any) -> None:
