@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 from typing import Any
 
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
+from planner.service.centre.tractors import Report
 from planner.service.links.clients import CONTROL, TRACTOR, Client
 from planner.service.links.live import LiveFleet
-from tests.service.fleets import fleet_plan
+from tests.service.fleets import Driven, driven, fleet_plan
 
 
 def live() -> tuple[LiveFleet, Client, Client]:
@@ -20,6 +22,16 @@ def live() -> tuple[LiveFleet, Client, Client]:
     fleet.join(tractor, 0.0)
     fleet.join(operator, 0.0)
     return fleet, tractor, operator
+
+
+def remote(x: float = 0.0, y: float = 10.0, heading: float = math.pi / 2) -> Driven:
+    """A fleet whose first tractor is driven by an operator, and stands there."""
+    fleet = driven()
+    fleet.centre.lease("anna", 0, False, fleet.now)
+    fleet.obey()
+    fleet.silent = {0}
+    fleet.centre.reported(0, Report(x, y, heading, 0.0, mode="remote"), fleet.now)
+    return fleet
 
 
 def waiting(client: Client) -> list[dict[str, Any]]:
@@ -38,3 +50,12 @@ def test_nothing_older_that_sets_a_tractor_in_motion_arrives_after_a_stop() -> N
     fleet.centre.resume("anna", None, 0.0)
     fleet.flush()
     assert [frame["kind"] for frame in waiting(tractor)] == ["stop", "resume"]
+
+
+def test_a_lease_taken_over_or_again_stops_what_the_last_command_set_in_motion() -> None:
+    for who in ("bert", "anna"):
+        fleet = remote()
+        fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+        fleet.centre.taken()
+        fleet.centre.lease(who, 0, True, fleet.now)
+        assert [(order.tractor, order.kind) for order in fleet.centre.taken()[0]] == [(0, "stop")]

@@ -80,6 +80,7 @@ class Operated(Core):
         state = self.states[number]
         state.holds.add(DRIVEN)
         state.commanded_s, state.remote_command = -math.inf, (0.0, 0.0)
+        self._stand(number, DRIVEN)  # whatever it does by the orders of somebody else, or by older ones
         self.note(who, "lease", tractor=number + 1, taken_from=before)
         self._settle()
         return before
