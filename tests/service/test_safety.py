@@ -7,6 +7,9 @@ import json
 import math
 from typing import Any
 
+import pytest
+
+from planner.service.centre.alarms import CRITICAL
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import Report
@@ -59,3 +62,55 @@ def test_a_lease_taken_over_or_again_stops_what_the_last_command_set_in_motion()
         fleet.centre.taken()
         fleet.centre.lease(who, 0, True, fleet.now)
         assert [(order.tractor, order.kind) for order in fleet.centre.taken()[0]] == [(0, "stop")]
+
+
+def driving_on(mode: str, speed: float, command: float, seconds: float) -> tuple[list[float], list[str]]:
+    """When a tractor is told to stand that was stopped and reports this; the sentences of critical alarms."""
+    fleet = driven()
+    fleet.run(5)
+    fleet.centre.stop_all("anna", fleet.now)
+    fleet.obey()
+    fleet.silent, told, begin = {0}, [], fleet.now
+    for _ in range(round(10 * seconds)):
+        fleet.now += 0.1
+        fleet.centre.reported(0, Report(0.0, 5.0, math.pi / 2, speed, command, mode=mode, leg_m=5.0), fleet.now)
+        fleet.centre.tick(fleet.now)
+        told += [fleet.now - begin for o in fleet.centre.taken()[0] if o.tractor == 0 and o.kind == "stop"]
+    items = fleet.centre.alarms.items()
+    return told, [alarm.sentence for alarm in items if alarm.tractor == 0 and alarm.level == CRITICAL]
+
+
+@pytest.mark.parametrize("mode", ["automatic", "remote", "manual"])
+def test_one_that_drives_on_is_told_to_stand_every_second_and_everybody_is_told(mode: str) -> None:
+    told, alarms = driving_on(mode, 1.0, 1.0, 3.0)
+    assert told[0] <= 0.7 and len(told) == 3
+    assert alarms == ["Tractor 1 was told to stand and drives on."]
+
+
+def test_one_that_brakes_or_stands_is_not_told_again_and_one_that_never_stands_is() -> None:
+    assert driving_on("stopped", 1.0, 0.0, 1.4) == ([], [])
+    assert driving_on("automatic", 0.0, 0.0, 3.0) == ([], [])
+    assert driving_on("stopped", 1.0, 0.0, 6.0)[0]
+
+
+def test_an_operator_drives_without_being_told_to_stand() -> None:
+    fleet = remote()
+    for _ in range(20):
+        fleet.now += 0.1
+        fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
+        fleet.centre.reported(0, Report(0.0, 10.0, math.pi / 2, 0.5, 0.5, mode="remote", leg_m=10.0), fleet.now)
+        fleet.centre.tick(fleet.now)
+        assert "stop" not in [order.kind for order in fleet.centre.taken()[0]]
+
+
+def test_a_tractor_whose_frames_were_dropped_is_told_what_counts_once_more() -> None:
+    fleet, tractor, _ = live()
+    fleet.centre.start("anna", 0.0)
+    fleet.flush()
+    fleet.centre.stop_all("anna", 0.0)
+    fleet.flush()
+    for _ in range(600):
+        tractor.tell({"kind": "beat"})
+    fleet.step(1.0)
+    kinds = [frame["kind"] for frame in waiting(tractor)]
+    assert kinds[-3:-1] == ["release", "stop"] and "stop" not in kinds[:-3]

@@ -13,6 +13,7 @@ Nothing here knows a network or a clock; times are handed in.
     releasing     which legs may be driven: base and horizon
     forecast      when everybody will be done
     foresight     where everybody will be in a few seconds
+    obeying       who drives on though told to stand
     guard         fence, distances, and what a remote command may do
     obstacles     what stands in the way, and which legs it blocks
     leases        who drives which tractor

@@ -13,6 +13,7 @@ from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.forecast import finish_in_s
 from planner.service.centre.guard import MOVING_MPS, Danger
+from planner.service.centre.obeying import AGAIN_S, disobeys
 from planner.service.centre.operated import Operated
 from planner.service.centre.releasing import base_end, closed_gates
 from planner.service.centre.tractors import AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
@@ -91,6 +92,8 @@ class Centre(Operated):
             self._watched_s = now
             self._watch(now)
         self._settle()
+        for number in range(self.plan.tractors):
+            self._insist(number, now)
         if self.state == RUNNING:
             self._release()
         if now - self._forecast_s >= FORECAST_S:
@@ -108,6 +111,25 @@ class Centre(Operated):
             state.remote_command = (steering, 0.0)
             self._order(number, "command", steering_rad=steering, speed_mps=0.0)
             self.note(CENTRE, "dead_man", tractor=number + 1)
+
+    def _insist(self, number: int, now: float) -> None:
+        """One that drives on though it was told to stand is told again, and so is everybody who watches."""
+        state = self.states[number]
+        if not disobeys(state, now, self.rules):
+            if state.drives_on_since is None:
+                self.alarms.ended("drives on", number)
+            return
+        self._alarm("drives on", number, CRITICAL, f"Tractor {number + 1} was told to stand and drives on.", now)
+        if now - state.told_again_s >= AGAIN_S:
+            state.told_again_s = now
+            self._stand(number, next(iter(sorted(state.holds)), "not started"))
+
+    def told_anew(self, number: int) -> None:
+        """What a tractor was told may be lost: all that counts is told once more."""
+        if self.version > 1:
+            self._order(number, "plan", released=self.states[number].released)
+        self._tell_release(number)
+        self._order(number, "stop" if self.states[number].standing_ordered else "resume", **self._why(number))
 
     def _release(self) -> None:
         for number, state in enumerate(self.states):

@@ -51,7 +51,8 @@ class TractorState:
     """One tractor. Times are of the clock that the centre is told; -inf for never.
 
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
-    guidance, against which the plan is scaled.
+    guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move though
+    it was told to stand, `told_again_s` when it was told once more.
     """
 
     report: Report | None = None
@@ -71,6 +72,8 @@ class TractorState:
     standing_ordered: bool = True
     commanded_s: float = -math.inf
     remote_command: tuple[float, float] = (0.0, 0.0)
+    drives_on_since: tuple[float, float] | None = None
+    told_again_s: float = -math.inf
 
     @property
     def mode(self) -> str:

@@ -260,6 +260,7 @@ class LiveFleet:
         self.centre.tick(now)
         self.twins.advance(now, time.time(), self.centre)
         self.flush()
+        self._tell_anew()
         if now - self._beat_s >= self.centre.rules.beat_s - 0.01:
             self._beat_s = now
             beat = packed({"kind": "beat", "time": utc_now()})
@@ -275,6 +276,14 @@ class LiveFleet:
             for client in watchers:
                 client.outbox.put_newest(text)
         self._changed = set()
+
+    def _tell_anew(self) -> None:
+        """Tractors whose frames were too many to wait: what was dropped may have been an order to stand."""
+        for number, client in self.tractors.items():
+            if client.outbox.overflowed:
+                client.outbox.overflowed = False
+                self.centre.told_anew(number)
+        self.flush(urgent=False)
 
     def _seldom(self, watchers: list[Client], now: float) -> None:
         """Scene, alarms and paint, when there is something new."""
