@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 
 from planner.service.centre.alarms import CRITICAL
+from planner.service.centre.errors import CentreError
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import Report
 from planner.service.links.clients import CONTROL, TRACTOR, Client
 from planner.service.links.live import LiveFleet
-from tests.service.fleets import Driven, driven, fleet_plan
+from tests.service.fleets import EG105, Driven, driven, fleet_plan
 
 
 def live() -> tuple[LiveFleet, Client, Client]:
@@ -30,6 +31,7 @@ def live() -> tuple[LiveFleet, Client, Client]:
 def remote(x: float = 0.0, y: float = 10.0, heading: float = math.pi / 2) -> Driven:
     """A fleet whose first tractor is driven by an operator, and stands there."""
     fleet = driven()
+    fleet.run(1)
     fleet.centre.lease("anna", 0, False, fleet.now)
     fleet.obey()
     fleet.silent = {0}
@@ -114,3 +116,42 @@ def test_a_tractor_whose_frames_were_dropped_is_told_what_counts_once_more() -> 
     fleet.step(1.0)
     kinds = [frame["kind"] for frame in waiting(tractor)]
     assert kinds[-3:-1] == ["release", "stop"] and "stop" not in kinds[:-3]
+
+
+BALE = ((-1.0, 15.0), (1.0, 15.0), (1.0, 16.0), (-1.0, 16.0))
+
+
+@pytest.mark.parametrize("order", ["pause", "fail", "obstacle"])
+def test_pause_failure_and_obstacle_stop_one_that_is_driven_by_hand_at_once(order: str) -> None:
+    fleet = remote()
+    fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.centre.taken()
+    if order == "obstacle":
+        fleet.centre.obstacle("bert", BALE, "bale", fleet.now)
+    else:
+        getattr(fleet.centre, order)("bert", 0, fleet.now)
+    assert (0, "stop") in [(each.tractor, each.kind) for each in fleet.centre.taken()[0]]
+    assert fleet.centre.states[0].remote_command[1] == 0.0
+
+
+def test_who_is_paused_is_not_driven_until_the_lease_is_taken_anew() -> None:
+    fleet = remote()
+    fleet.centre.pause("bert", 0, fleet.now)
+    with pytest.raises(CentreError, match="paused"):
+        fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.centre.lease("anna", 0, False, fleet.now)
+    fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+
+
+def test_no_remote_command_leads_to_an_obstacle_and_one_leads_away() -> None:
+    fleet = remote(10.0, 10.0)  # off its leg
+    fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+    nose = 10.0 + EG105.length_m - EG105.rear_overhang_m - EG105.antenna_forward_m
+    fleet.centre.taken()
+    fleet.centre.obstacle("bert", tuple((x + 10.0, y + nose - 12.0) for x, y in BALE), "bale", fleet.now)
+    assert "stop" not in [order.kind for order in fleet.centre.taken()[0]]  # it stands within 2 m
+    fleet.centre.obstacle("bert", tuple((x + 10.0, y + nose - 13.0) for x, y in BALE), "stone", fleet.now)
+    assert "stop" in [order.kind for order in fleet.centre.taken()[0]]
+    with pytest.raises(CentreError, match="near an obstacle"):
+        fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.centre.command("anna", 0, 0.0, -1.0, fleet.now)

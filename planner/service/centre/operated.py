@@ -32,6 +32,7 @@ class Operated(Core):
         """One tractor or all stand until they are resumed."""
         for each in self._chosen(number):
             self.states[each].holds.add(PAUSED)
+            self._stand(each, PAUSED)
         self.note(who, "paused", tractor=None if number is None else number + 1)
         self._settle()
 
@@ -79,6 +80,7 @@ class Operated(Core):
         before = self.leases.take(number, who, takeover)
         state = self.states[number]
         state.holds.add(DRIVEN)
+        state.holds.discard(PAUSED)  # it stands for its operator instead, and one who drives it is paused anew
         state.commanded_s, state.remote_command = -math.inf, (0.0, 0.0)
         self._stand(number, DRIVEN)  # whatever it does by the orders of somebody else, or by older ones
         self.note(who, "lease", tractor=number + 1, taken_from=before)
@@ -129,7 +131,7 @@ class Operated(Core):
             return barred[0]
         if state.connection(now, self.rules.silence_s) != ONLINE:
             return "its link is broken"
-        return self.guard.allows(number, speed_mps, steering_rad, self.states, self.courses)
+        return self._harm(number, speed_mps, steering_rad)
 
     def obstacle(self, who: str, ring: Ring, name: str, now: float) -> Block:
         """Something stands there: legs that it touches are released no more, who is driving at it stands."""
@@ -152,6 +154,7 @@ class Operated(Core):
         self.check_number(number)
         self.states[number].failed = True
         self.states[number].holds.add(FAILED)
+        self._stand(number, FAILED)
         holder = self.leases.holder(number)
         if holder is not None:
             self.leases.leave(number, holder)

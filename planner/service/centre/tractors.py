@@ -13,7 +13,7 @@ PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN = (
     "paused", "stopped by stop-all", "too near another", "outside the fence", "obstacle on its way", "failed",
     "remote control",
 )  # fmt: skip
-SAFE_TO_DRIVE = frozenset({PAUSED, DRIVEN, OBSTACLE, NEAR, FENCE})
+SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE})
 """Holds under which an operator may still drive by remote control; away from danger only, which the guard sees to."""
 
 
@@ -51,8 +51,8 @@ class TractorState:
     """One tractor. Times are of the clock that the centre is told; -inf for never.
 
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
-    guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move though
-    it was told to stand, `told_again_s` when it was told once more.
+    guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move
+    though it was told to stand, `told_again_s` when it was told once more.
     """
 
     report: Report | None = None
