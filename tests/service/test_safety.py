@@ -13,10 +13,11 @@ from planner.service.centre.alarms import CRITICAL
 from planner.service.centre.errors import CentreError
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import Report
+from planner.service.centre.tractors import ASTRAY, Report
 from planner.service.links.clients import CONTROL, TRACTOR, Client
 from planner.service.links.live import LiveFleet
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
+from vehicle.missions import Gate
 
 
 def live() -> tuple[LiveFleet, Client, Client]:
@@ -155,3 +156,20 @@ def test_no_remote_command_leads_to_an_obstacle_and_one_leads_away() -> None:
     with pytest.raises(CentreError, match="near an obstacle"):
         fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
     fleet.centre.command("anna", 0, 0.0, -1.0, fleet.now)
+
+
+@pytest.mark.parametrize(("leg", "leg_m"), [(9, 0.0), (9, 1e6), (2, 5.0), (1, 1e6), (0, 3.0)])
+def test_a_place_where_a_tractor_cannot_be_is_no_progress_and_it_stands(leg: int, leg_m: float) -> None:
+    fleet = driven(fleet_plan(legs=10, gates={(1, 3): (Gate(0, 8, 0.0),)}))
+    fleet.run(25)
+    before = fleet.centre.states[0]
+    assert (before.leg, before.released) == (1, 2)
+    known = before.leg, before.leg_m
+    said = Report(0.0, 25.0, math.pi / 2, 1.0, 1.0, leg=leg, leg_m=leg_m, done=leg == 9)
+    fleet.centre.reported(0, said, fleet.now)
+    assert (before.leg, before.leg_m, before.done) == (*known, False)
+    assert ASTRAY in before.holds
+    assert [(order.tractor, order.kind) for order in fleet.centre.taken()[0]] == [(0, "stop")]
+    assert [alarm.level for alarm in fleet.centre.alarms.items()] == [CRITICAL]
+    fleet.run(1)  # it says where it is again
+    assert not before.holds and fleet.at_m[0] > 25.0

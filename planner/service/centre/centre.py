@@ -15,8 +15,9 @@ from planner.service.centre.forecast import finish_in_s
 from planner.service.centre.guard import MOVING_MPS, Danger
 from planner.service.centre.obeying import AGAIN_S, disobeys
 from planner.service.centre.operated import Operated
+from planner.service.centre.plausible import fault_of
 from planner.service.centre.releasing import base_end, closed_gates
-from planner.service.centre.tractors import AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
+from planner.service.centre.tractors import ASTRAY, AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
 from vehicle.speed import follower_speed
 
 WATCH_S, FORECAST_S = 0.2, 1.0
@@ -52,17 +53,34 @@ class Centre(Operated):
             )
         before, state.report = state.report, report
         moved = report.mode == AUTOMATIC and now - state.heard_s <= LONGEST_STEP_S and report.speed_mps > 0.0
-        self._progressed(state, course, report, (now - state.heard_s) * self.rules.times if moved else 0.0)
+        driving_s = (now - state.heard_s) * self.rules.times if moved else 0.0
         state.heard_s = now
         self.alarms.ended("broken", number)
+        if not self._believed(number, report, now):
+            return
+        self._progressed(state, course, report, driving_s)
         self.painting.at(number, report.x_m, report.y_m, bool(report.implement))
         if report.errors and (before is None or before.errors != report.errors):
             self._alarm("error", number, WARNING, f"Tractor {number + 1} reports: {'; '.join(report.errors)}.", now)
         elif not report.errors:
             self.alarms.ended("error", number)
-        if report.done and not state.done and report.leg == len(course.legs) - 1:
+        if report.done and not state.done and report.leg == len(course.legs) - 1 < state.released:
             state.done = True
             self.note(CENTRE, "done", tractor=number + 1)
+
+    def _believed(self, number: int, report: Report, now: float) -> bool:
+        """Whether a tractor can be where it says; if not it stands, and nothing is released by it."""
+        state = self.states[number]
+        fault = fault_of(report, state, self.courses[number])
+        if fault is None:
+            self.alarms.ended("astray", number)
+            state.holds.discard(ASTRAY)
+            return True
+        self._alarm("astray", number, CRITICAL, f"Tractor {number + 1} says it is {fault}: it stands.", now)
+        if ASTRAY not in state.holds:
+            state.holds.add(ASTRAY)
+            self._stand(number, ASTRAY)
+        return False
 
     def _progressed(self, state: TractorState, course: Course, report: Report, driving_s: float) -> None:
         if (report.leg, report.leg_m) < (state.leg, state.leg_m):

@@ -9,11 +9,11 @@ AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
 MODES = (AUTOMATIC, REMOTE, MANUAL, STOPPED)
 ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
 # What keeps a tractor from driving its legs; while any holds, it stands.
-PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN = (
+PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY = (
     "paused", "stopped by stop-all", "too near another", "outside the fence", "obstacle on its way", "failed",
-    "remote control",
+    "remote control", "not where it can be",
 )  # fmt: skip
-SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE})
+SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY})
 """Holds under which an operator may still drive by remote control; away from danger only, which the guard sees to."""
 
 
