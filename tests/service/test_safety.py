@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -17,7 +18,7 @@ from planner.service.centre.tractors import ASTRAY, Report
 from planner.service.links.clients import CONTROL, TRACTOR, Client
 from planner.service.links.live import LiveFleet
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
-from vehicle.missions import Gate
+from vehicle.missions import Follow, Gate, Mission
 
 
 def live() -> tuple[LiveFleet, Client, Client]:
@@ -173,3 +174,28 @@ def test_a_place_where_a_tractor_cannot_be_is_no_progress_and_it_stands(leg: int
     assert [alarm.level for alarm in fleet.centre.alarms.items()] == [CRITICAL]
     fleet.run(1)  # it says where it is again
     assert not before.holds and fleet.at_m[0] > 25.0
+
+
+@pytest.mark.parametrize("lost", ["failed", "silent", "gone", "unheard"])
+def test_who_follows_one_that_is_lost_stands(lost: str) -> None:
+    plan = fleet_plan(length_m=100.0)
+    second = plan.courses[1]
+    legs = tuple(replace(leg, follow=Follow(0, leg_number)) for leg_number, leg in enumerate(second.legs))
+    fleet = driven(replace(plan, courses=(plan.courses[0], replace(second, mission=Mission(legs)))))
+    told = []
+    for step in range(30):
+        fleet.now += 0.1
+        for number in (0, 1) if step < 10 or lost != "silent" else (1,):
+            report = Report(20.0 * number, 15.0 - 15.0 * number, math.pi / 2, 1.0, 1.0)
+            fleet.centre.reported(number, report, fleet.now)
+        if step == 10 and lost == "failed":
+            fleet.centre.fail("anna", 0, fleet.now)
+        if step == 10 and lost == "gone":
+            fleet.centre.left(0, fleet.now, goodbye=True)
+        if step == 10 and lost == "unheard":
+            fleet.centre.states[0].report = None
+            fleet.centre.joined(1, fleet.now)
+        fleet.centre.tick(fleet.now)
+        orders = [o for o in fleet.centre.taken()[0] if o.tractor == 1 and o.kind == "release"]
+        told += [order.data["limit_mps"] for order in orders]
+    assert 1.0 in told and 0.0 in told and None not in told

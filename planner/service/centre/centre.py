@@ -33,6 +33,7 @@ class Centre(Operated):
         state = self.states[number]
         state.linked, state.said_goodbye, state.heard_s = True, False, now
         self.alarms.ended("broken", number)
+        state.limit_mps = self._limit(number)
         self._tell_release(number)
         self._order(number, "stop" if state.standing_ordered else "resume", **self._why(number))
 
@@ -161,17 +162,24 @@ class Centre(Operated):
                 self._tell_release(number)
 
     def _limit(self, number: int) -> float | None:
-        """How fast a tractor may follow its leader (Eq. 6.1), rounded to centimetres a second; None for no leader."""
+        """How fast a tractor may follow its leader (Eq. 6.1), rounded to centimetres a second; None for no leader.
+
+        One that has failed or is not heard of counts as standing where it was last; where nobody knows, nobody drives.
+        """
         state, course = self.states[number], self.courses[number]
         follow = course.legs[min(state.leg, len(course.legs) - 1)].follow
-        if follow is None or state.report is None:
+        if follow is None:
             return None
         leader = self.states[follow.tractor]
-        if leader.done or leader.failed or leader.leg != follow.leg or leader.report is None:
+        if leader.done or leader.leg != follow.leg:
             return None
         mine, its = state.report, leader.report
+        if mine is None or its is None:
+            return 0.0
+        lost = leader.failed or not leader.linked or self._is_on(follow.tractor)
+        speed_mps = 0.0 if lost else abs(its.speed_mps)
         gap = (its.x_m - mine.x_m) * math.cos(mine.heading_rad) + (its.y_m - mine.y_m) * math.sin(mine.heading_rad)
-        return round(float(follower_speed(gap, follow.gap_m, abs(its.speed_mps))), 2)
+        return round(float(follower_speed(gap, follow.gap_m, speed_mps)), 2)
 
     def _watch(self, now: float) -> None:
         """Hold those in danger, let go those out of it."""
