@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from planner.service.centre.alarms import CRITICAL
+from planner.service.centre.alarms import CRITICAL, WARNING, Alarms
 from planner.service.centre.errors import CentreError
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
@@ -199,3 +199,23 @@ def test_who_follows_one_that_is_lost_stands(lost: str) -> None:
         orders = [o for o in fleet.centre.taken()[0] if o.tractor == 1 and o.kind == "release"]
         told += [order.data["limit_mps"] for order in orders]
     assert 1.0 in told and 0.0 in told and None not in told
+
+
+def test_an_alarm_that_rises_or_says_something_else_has_to_be_seen_anew() -> None:
+    alarms = Alarms()
+    first = alarms.raised("near 2", 0, WARNING, "Within 2.30 m in 4.0 s.", 0.0)
+    assert first is not None
+    alarms.acknowledge(first.id, "anna")
+    version = alarms.version
+    assert alarms.raised("near 2", 0, WARNING, "Within 2.30 m in 4.0 s.", 1.0) is None
+    assert alarms.version == version
+    assert alarms.raised("near 2", 0, WARNING, "Within 2.10 m in 3.5 s.", 1.0) is None
+    assert alarms.version > version and alarms.items()[0].acknowledged == "anna"
+    assert alarms.items()[0].sentence == "Within 2.10 m in 3.5 s."
+    risen = alarms.raised("near 2", 0, CRITICAL, "Within 0.40 m in 1.0 s.", 2.0)
+    assert risen is not None and (risen.id, risen.level, risen.acknowledged) == (first.id, CRITICAL, None)
+    assert alarms.raised("near 2", 0, WARNING, "Within 0.50 m in 1.5 s.", 3.0) is None
+    assert alarms.items()[0].level == CRITICAL
+    alarms.acknowledge(first.id, "anna")
+    assert alarms.raised("near 2", 0, CRITICAL, "They touch.", 4.0) is not None
+    assert [alarm.acknowledged for alarm in alarms.items()] == [None]
