@@ -14,7 +14,7 @@ from planner.service.centre.alarms import CRITICAL, WARNING, Alarms
 from planner.service.centre.errors import CentreError
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import ASTRAY, Report
+from planner.service.centre.tractors import ASTRAY, DRIVEN, Report
 from planner.service.links.clients import CONTROL, TRACTOR, Client
 from planner.service.links.live import LiveFleet
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
@@ -219,3 +219,23 @@ def test_an_alarm_that_rises_or_says_something_else_has_to_be_seen_anew() -> Non
     alarms.acknowledge(first.id, "anna")
     assert alarms.raised("near 2", 0, CRITICAL, "They touch.", 4.0) is not None
     assert [alarm.acknowledged for alarm in alarms.items()] == [None]
+
+
+@pytest.mark.parametrize(("gear", "heading", "goes"), [(1, 60, True), (1, 130, True), (1, 200, False), (1, 270, False),
+                                                      (-1, 270, True), (-1, 90, False)])  # fmt: skip
+def test_one_that_was_driven_by_hand_goes_on_only_when_it_heads_along_its_leg(
+    gear: int, heading: int, goes: bool
+) -> None:
+    fleet = remote(heading=math.radians(heading))
+    course = fleet.centre.courses[0]
+    legs = tuple(replace(leg, gear=gear) for leg in course.legs)  # they lead north
+    plan = fleet.centre.plan
+    fleet.centre.plan = replace(plan, courses=(replace(course, mission=Mission(legs)), *plan.courses[1:]))
+    fleet.centre.leave("anna", 0, fleet.now)
+    if not goes:
+        with pytest.raises(CentreError, match="degrees away from its leg"):
+            fleet.centre.resume("bert", 0, fleet.now)
+        fleet.centre.resume("bert", None, fleet.now)
+    else:
+        fleet.centre.resume("bert", 0, fleet.now)
+    assert (DRIVEN not in fleet.centre.states[0].holds) == goes
