@@ -51,6 +51,7 @@ def at(plan: FleetPlan, share: float) -> Centre:
         at_m = share * course.before_m[-1]
         leg = next(k for k in range(len(course.legs)) if course.before_m[k + 1] > at_m)
         x, y, heading = course.along(leg, at_m - course.before_m[leg], [0.0], len(course.legs))[0]
+        centre.states[number].released = leg + 1
         for each in range(leg + 1):
             metres = at_m - course.before_m[leg] if each == leg else course.lengths_m[each]
             centre.reported(number, Report(x, y, heading, 1.0, leg=each, leg_m=metres), 0.1)

@@ -14,6 +14,8 @@ Nothing here knows a network or a clock; times are handed in.
     forecast      when everybody will be done
     chances       how likely that is in time
     foresight     where everybody will be in a few seconds
+    obeying       who drives on though told to stand
+    plausible     who cannot be where it says
     guard         fence, distances, and what a remote command may do
     obstacles     what stands in the way, and which legs it blocks
     leases        who drives which tractor

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from typing import Any
 
 from planner.service.centre.errors import CentreError
 
 WARNING, CRITICAL = "warning", "critical"
+MEASURED = re.compile(r"\d+\.\d+")
 
 
 @dataclass(frozen=True)
@@ -42,14 +44,31 @@ class Alarms:
         return (code, tractor) in self._on
 
     def raised(self, code: str, tractor: int | None, level: str, sentence: str, now: float) -> Alarm | None:
-        """A new alarm; None where it is on already."""
+        """A new alarm, or one that is on and says more now, which has to be seen anew; None where nothing is new.
+
+        While it is on its level never falls. Figures with a decimal point are measured ones, which go on changing: they
+        are shown, but do not make it another alarm.
+        """
         if (code, tractor) in self._on:
-            return None
+            return self._changed(self._items[self._on[code, tractor]], level, sentence)
         self._last += 1
         alarm = Alarm(self._last, code, level, tractor, sentence, now)
         self._items[alarm.id], self._on[code, tractor] = alarm, alarm.id
         self.version += 1
         return alarm
+
+    def _changed(self, before: Alarm, level: str, sentence: str) -> Alarm | None:
+        rises = level == CRITICAL and before.level != CRITICAL
+        if not rises and sentence == before.sentence:
+            return None
+        anew = rises or MEASURED.sub("", sentence) != MEASURED.sub("", before.sentence)
+        alarm = replace(
+            before, level=CRITICAL if rises else before.level, sentence=sentence,
+            acknowledged=None if anew else before.acknowledged,
+        )  # fmt: skip
+        self._items[before.id] = alarm
+        self.version += 1
+        return alarm if anew else None
 
     def ended(self, code: str, tractor: int | None) -> None:
         """Its cause is gone; it stays to be seen until somebody has acknowledged it."""

@@ -13,9 +13,11 @@ from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.forecast import finish_in_s
 from planner.service.centre.guard import MOVING_MPS, Danger
+from planner.service.centre.obeying import AGAIN_S, disobeys
 from planner.service.centre.operated import Operated
+from planner.service.centre.plausible import fault_of
 from planner.service.centre.releasing import base_end, closed_gates
-from planner.service.centre.tractors import AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
+from planner.service.centre.tractors import ASTRAY, AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
 from vehicle.speed import follower_speed
 
 WATCH_S, FORECAST_S = 0.2, 1.0
@@ -31,6 +33,7 @@ class Centre(Operated):
         state = self.states[number]
         state.linked, state.said_goodbye, state.heard_s = True, False, now
         self.alarms.ended("broken", number)
+        state.limit_mps = self._limit(number)
         self._tell_release(number)
         self._order(number, "stop" if state.standing_ordered else "resume", **self._why(number))
 
@@ -51,17 +54,34 @@ class Centre(Operated):
             )
         before, state.report = state.report, report
         moved = report.mode == AUTOMATIC and now - state.heard_s <= LONGEST_STEP_S and report.speed_mps > 0.0
-        self._progressed(state, course, report, (now - state.heard_s) * self.rules.times if moved else 0.0)
+        driving_s = (now - state.heard_s) * self.rules.times if moved else 0.0
         state.heard_s = now
         self.alarms.ended("broken", number)
+        if not self._believed(number, report, now):
+            return
+        self._progressed(state, course, report, driving_s)
         self.painting.at(number, report.x_m, report.y_m, bool(report.implement))
         if report.errors and (before is None or before.errors != report.errors):
             self._alarm("error", number, WARNING, f"Tractor {number + 1} reports: {'; '.join(report.errors)}.", now)
         elif not report.errors:
             self.alarms.ended("error", number)
-        if report.done and not state.done and report.leg == len(course.legs) - 1:
+        if report.done and not state.done and report.leg == len(course.legs) - 1 < state.released:
             state.done = True
             self.note(CENTRE, "done", tractor=number + 1)
+
+    def _believed(self, number: int, report: Report, now: float) -> bool:
+        """Whether a tractor can be where it says; if not it stands, and nothing is released by it."""
+        state = self.states[number]
+        fault = fault_of(report, state, self.courses[number])
+        if fault is None:
+            self.alarms.ended("astray", number)
+            state.holds.discard(ASTRAY)
+            return True
+        self._alarm("astray", number, CRITICAL, f"Tractor {number + 1} says it is {fault}: it stands.", now)
+        if ASTRAY not in state.holds:
+            state.holds.add(ASTRAY)
+            self._stand(number, ASTRAY)
+        return False
 
     def _progressed(self, state: TractorState, course: Course, report: Report, driving_s: float) -> None:
         if (report.leg, report.leg_m) < (state.leg, state.leg_m):
@@ -91,6 +111,8 @@ class Centre(Operated):
             self._watched_s = now
             self._watch(now)
         self._settle()
+        for number in range(self.plan.tractors):
+            self._insist(number, now)
         if self.state == RUNNING:
             self._release()
         if now - self._forecast_s >= FORECAST_S:
@@ -109,6 +131,25 @@ class Centre(Operated):
             self._order(number, "command", steering_rad=steering, speed_mps=0.0)
             self.note(CENTRE, "dead_man", tractor=number + 1)
 
+    def _insist(self, number: int, now: float) -> None:
+        """One that drives on though it was told to stand is told again, and so is everybody who watches."""
+        state = self.states[number]
+        if not disobeys(state, now, self.rules):
+            if state.drives_on_since is None:
+                self.alarms.ended("drives on", number)
+            return
+        self._alarm("drives on", number, CRITICAL, f"Tractor {number + 1} was told to stand and drives on.", now)
+        if now - state.told_again_s >= AGAIN_S:
+            state.told_again_s = now
+            self._stand(number, next(iter(sorted(state.holds)), "not started"))
+
+    def told_anew(self, number: int) -> None:
+        """What a tractor was told may be lost: all that counts is told once more."""
+        if self.version > 1:
+            self._order(number, "plan", released=self.states[number].released)
+        self._tell_release(number)
+        self._order(number, "stop" if self.states[number].standing_ordered else "resume", **self._why(number))
+
     def _release(self) -> None:
         for number, state in enumerate(self.states):
             if state.failed or state.done:
@@ -121,17 +162,24 @@ class Centre(Operated):
                 self._tell_release(number)
 
     def _limit(self, number: int) -> float | None:
-        """How fast a tractor may follow its leader (Eq. 6.1), rounded to centimetres a second; None for no leader."""
+        """How fast a tractor may follow its leader (Eq. 6.1), rounded to centimetres a second; None for no leader.
+
+        One that has failed or is not heard of counts as standing where it was last; where nobody knows, nobody drives.
+        """
         state, course = self.states[number], self.courses[number]
         follow = course.legs[min(state.leg, len(course.legs) - 1)].follow
-        if follow is None or state.report is None:
+        if follow is None:
             return None
         leader = self.states[follow.tractor]
-        if leader.done or leader.failed or leader.leg != follow.leg or leader.report is None:
+        if leader.done or leader.leg != follow.leg:
             return None
         mine, its = state.report, leader.report
+        if mine is None or its is None:
+            return 0.0
+        lost = leader.failed or not leader.linked or self._is_on(follow.tractor)
+        speed_mps = 0.0 if lost else abs(its.speed_mps)
         gap = (its.x_m - mine.x_m) * math.cos(mine.heading_rad) + (its.y_m - mine.y_m) * math.sin(mine.heading_rad)
-        return round(float(follower_speed(gap, follow.gap_m, abs(its.speed_mps))), 2)
+        return round(float(follower_speed(gap, follow.gap_m, speed_mps)), 2)
 
     def _watch(self, now: float) -> None:
         """Hold those in danger, let go those out of it."""

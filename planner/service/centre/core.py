@@ -107,10 +107,20 @@ class Core:
             legs = self.obstacles.blocked(course)
             self.blocked[number] = {leg: name for leg, name in legs.items() if leg >= state.released}
             if self.obstacles.ahead(course, state.leg, state.leg_m, state.released) and not state.done:
-                state.holds.add(OBSTACLE)
+                if OBSTACLE not in state.holds:
+                    state.holds.add(OBSTACLE)
+                    self._stand(number, OBSTACLE)
             else:
                 state.holds.discard(OBSTACLE)
+            steering, speed = state.remote_command
+            if self._harm(number, speed, steering):
+                self._stand(number, OBSTACLE)
         self._settle()
+
+    def _harm(self, number: int, speed_mps: float, steering_rad: float) -> str | None:
+        """Why a remote command would do harm; None when it does not."""
+        shapes = [block.shape for block in self.obstacles.items.values()]
+        return self.guard.allows(number, speed_mps, steering_rad, self.states, self.courses, shapes)
 
     def waits_for(self, number: int) -> list[tuple[int, int]]:
         """(tractor, leg) that a tractor waits for now."""

@@ -104,11 +104,23 @@ class Course:
 
     def off_m(self, leg: int, place: tuple[float, float]) -> float:
         """How far a place is from a leg."""
+        return float(self._apart_m(leg, place).min())
+
+    def off_rad(self, leg: int, place: tuple[float, float], heading_rad: float) -> float:
+        """Angle in [0, pi] between a heading and that of a tractor on a leg, where the leg is nearest to a place."""
+        driven = self.legs[min(leg, len(self.legs) - 1)]
+        segment = int(self._apart_m(leg, place).argmin())
+        x, y = driven.gear * (driven.points[segment + 1] - driven.points[segment])
+        return abs(math.remainder(heading_rad - math.atan2(y, x), 2.0 * math.pi))
+
+    def _apart_m(self, leg: int, place: tuple[float, float]) -> Array:
+        """How far a place is from each segment of a leg."""
         points = self.legs[min(leg, len(self.legs) - 1)].points
         a, along = points[:-1], np.diff(points, axis=0)
         square = np.maximum((along**2).sum(axis=1), 1e-12)
         share = np.clip(((place - a) * along).sum(axis=1) / square, 0.0, 1.0)
-        return float(np.hypot(*(a + share[:, None] * along - place).T).min())
+        apart: Array = np.hypot(*(a + share[:, None] * along - place).T)
+        return apart
 
 
 def leg_told(leg: Leg, origin_m: tuple[float, float]) -> dict[str, Any]:

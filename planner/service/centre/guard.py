@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import shapely
+import shapely.affinity
 
 from planner.service.centre.course import Course
 from planner.service.centre.fleet_plan import FleetPlan
@@ -25,8 +27,9 @@ from planner.service.centre.foresight import (
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import AUTOMATIC, NEAR, TractorState
 from vehicle.approach import approaches, distances
-from vehicle.compile import compile_model
+from vehicle.compile import compile_model, outline
 from vehicle.missions import ENTER, LEAVE
+from vehicle.tractor import Implement, Tractor
 
 Array = npt.NDArray[np.float64]
 AWAY_M = 0.01  # rounding, of distances that must not become smaller
@@ -54,6 +57,7 @@ class Guard:
     def __init__(self, plan: FleetPlan, rules: Rules, twins: Virtual | None = None) -> None:
         self.tractor, self.rules, self.twins = plan.tractor, rules, twins or NoTwins()
         self.model = np.array([compile_model(plan.tractor, plan.implement)])
+        self.boxes = footprint(plan.tractor, plan.implement)
         self.clearance_m = min(rules.clearance_m, plan.clearance_m)
         self.beside_m = min(rules.beside_m, self.clearance_m)
         self.fence = shapely.buffer(plan.ground, rules.fence_margin_m, quad_segs=4)
@@ -127,7 +131,7 @@ class Guard:
 
     def allows(
         self, number: int, velocity_mps: float, steering_rad: float, states: Sequence[TractorState],
-        courses: Sequence[Course],
+        courses: Sequence[Course], obstacles: Sequence[shapely.Geometry] = (),
     ) -> str | None:
         """Why a remote command would do harm; None when it does not, or leads away from it."""
         report = states[number].report
@@ -141,7 +145,18 @@ class Guard:
             return "it would leave the fence"
         if not self._clear(number, path, states, courses):
             return "it would come too near another tractor"
+        if self._at_obstacle(centres(path, self.tractor), obstacles):
+            return "it would come too near an obstacle"
         return None
+
+    def _at_obstacle(self, poses: Array, obstacles: Sequence[shapely.Geometry]) -> bool:
+        """Whether a machine comes nearer to an obstacle than the margin, or deeper into one; `poses` of its centre."""
+        machines = np.array([_placed(self.boxes, pose) for pose in poses])
+        for shape in obstacles:
+            apart = shapely.distance(machines, shape) - shapely.area(shapely.intersection(machines, shape))
+            if apart[1:].min(initial=np.inf) < min(self.rules.obstacle_margin_m, apart[0] - AWAY_M):
+                return True
+        return False
 
     def _clear(
         self, number: int, path: Array, states: Sequence[TractorState], courses: Sequence[Course]
@@ -159,6 +174,22 @@ class Guard:
             if metres[1:].min(initial=np.inf) < min(least, metres[0] - AWAY_M):
                 return False
         return True
+
+
+def footprint(tractor: Tractor, implement: Implement) -> shapely.MultiPolygon:
+    """Outlines of tractor and implement, the centre of mass at the origin, forward along x."""
+    box = outline(tractor, implement)
+    half, tool = box["half_width"], box["tool_half_width"]
+    return shapely.MultiPolygon([
+        shapely.box(box["tail"], -half, box["nose"], half),
+        shapely.box(box["tool_tail"], -tool, box["tool_front"], tool),
+    ])  # fmt: skip
+
+
+def _placed(boxes: shapely.MultiPolygon, pose: Array) -> shapely.Geometry:
+    x, y, heading = pose.tolist()
+    cos, sin = math.cos(heading), math.sin(heading)
+    return shapely.unary_union(shapely.affinity.affine_transform(boxes, [cos, -sin, sin, cos, x, y]))
 
 
 def _there(state: TractorState, course: Course) -> bool:

@@ -15,6 +15,8 @@ from planner.service.centre.obstacles import Block, Ring
 from planner.service.centre.releasing import passed
 from planner.service.centre.tractors import DRIVEN, FAILED, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE, TractorState
 
+REJOIN_RAD = math.radians(45.0)  # between the heading of a tractor that goes on by itself and that of its leg
+
 
 class Operated(Core):
     """A fleet that takes orders; `who` gave each is in the log."""
@@ -32,11 +34,13 @@ class Operated(Core):
         """One tractor or all stand until they are resumed."""
         for each in self._chosen(number):
             self.states[each].holds.add(PAUSED)
+            self._stand(each, PAUSED)
         self.note(who, "paused", tractor=None if number is None else number + 1)
         self._settle()
 
     def resume(self, who: str, number: int | None, now: float) -> None:
-        """One tractor or all go on by themselves; raises CentreError for one that stands too far off its leg."""
+        """One tractor or all go on by themselves; raises CentreError for one that stands too far off its leg, or
+        across it."""
         for each in self._chosen(number):
             self._rejoin(each, alone=number is not None)
         if self.state in (READY, STOPPED) and number is None:
@@ -47,9 +51,11 @@ class Operated(Core):
 
     def _rejoin(self, number: int, alone: bool) -> None:
         state = self.states[number]
-        off_m = 0.0
+        off_m = off_rad = 0.0
         if state.report is not None and DRIVEN in state.holds:
-            off_m = self.courses[number].off_m(state.leg, (state.report.x_m, state.report.y_m))
+            place = state.report.x_m, state.report.y_m
+            off_m = self.courses[number].off_m(state.leg, place)
+            off_rad = self.courses[number].off_rad(state.leg, place, state.report.heading_rad)
         held = self.leases.holder(number) is not None
         if alone and held:
             raise CentreError(f"Tractor {number + 1} is driven by {self.leases.holder(number)}; they must leave first.")
@@ -58,8 +64,13 @@ class Operated(Core):
                 f"Tractor {number + 1} stands {off_m:.1f} m off its leg; drive it back to within "
                 f"{self.rules.rejoin_m:g} m first."
             )
+        if alone and off_rad > REJOIN_RAD:
+            raise CentreError(
+                f"Tractor {number + 1} heads {math.degrees(off_rad):.0f} degrees away from its leg; turn it to within "
+                f"{math.degrees(REJOIN_RAD):.0f} degrees first."
+            )
         state.holds -= {PAUSED, HALTED}
-        if not held and off_m <= self.rules.rejoin_m:
+        if not held and off_m <= self.rules.rejoin_m and off_rad <= REJOIN_RAD:
             state.holds.discard(DRIVEN)
 
     def stop_all(self, who: str, now: float) -> None:
@@ -79,7 +90,9 @@ class Operated(Core):
         before = self.leases.take(number, who, takeover)
         state = self.states[number]
         state.holds.add(DRIVEN)
+        state.holds.discard(PAUSED)  # it stands for its operator instead, and one who drives it is paused anew
         state.commanded_s, state.remote_command = -math.inf, (0.0, 0.0)
+        self._stand(number, DRIVEN)  # whatever it does by the orders of somebody else, or by older ones
         self.note(who, "lease", tractor=number + 1, taken_from=before)
         self._settle()
         return before
@@ -128,7 +141,7 @@ class Operated(Core):
             return barred[0]
         if state.connection(now, self.rules.silence_s) != ONLINE:
             return "its link is broken"
-        return self.guard.allows(number, speed_mps, steering_rad, self.states, self.courses)
+        return self._harm(number, speed_mps, steering_rad)
 
     def obstacle(self, who: str, ring: Ring, name: str, now: float) -> Block:
         """Something stands there: legs that it touches are released no more, who is driving at it stands."""
@@ -151,6 +164,7 @@ class Operated(Core):
         self.check_number(number)
         self.states[number].failed = True
         self.states[number].holds.add(FAILED)
+        self._stand(number, FAILED)
         holder = self.leases.holder(number)
         if holder is not None:
             self.leases.leave(number, holder)

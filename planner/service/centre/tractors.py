@@ -9,11 +9,11 @@ AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
 MODES = (AUTOMATIC, REMOTE, MANUAL, STOPPED)
 ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
 # What keeps a tractor from driving its legs; while any holds, it stands.
-PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN = (
+PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY = (
     "paused", "stopped by stop-all", "too near another", "outside the fence", "obstacle on its way", "failed",
-    "remote control",
+    "remote control", "not where it can be",
 )  # fmt: skip
-SAFE_TO_DRIVE = frozenset({PAUSED, DRIVEN, OBSTACLE, NEAR, FENCE})
+SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY})
 """Holds under which an operator may still drive by remote control; away from danger only, which the guard sees to."""
 
 
@@ -51,7 +51,8 @@ class TractorState:
     """One tractor. Times are of the clock that the centre is told; -inf for never.
 
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
-    guidance, against which the plan is scaled.
+    guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move
+    though it was told to stand, `told_again_s` when it was told once more.
     """
 
     report: Report | None = None
@@ -71,6 +72,8 @@ class TractorState:
     standing_ordered: bool = True
     commanded_s: float = -math.inf
     remote_command: tuple[float, float] = (0.0, 0.0)
+    drives_on_since: tuple[float, float] | None = None
+    told_again_s: float = -math.inf
 
     @property
     def mode(self) -> str:

@@ -30,7 +30,7 @@ class Client:
 
     def tell(self, frame: dict[str, Any], *, first: bool = False) -> None:
         """Send it a frame."""
-        self.outbox.put(packed(frame), first=first)
+        self.outbox.put(packed(frame), frame["kind"], first=first)
 
 
 def packed(frame: dict[str, Any]) -> str:

@@ -28,6 +28,8 @@ from vehicle.plan_file import plan_to_json
 PAINT_S, ALL_S = 1.0, 1.0
 QUIET = ("command",)
 """Events that are kept and not shown as they happen."""
+SETS_IN_MOTION = frozenset({"resume", "command"})
+"""Orders that must not reach a tractor after an order to stand that was given later."""
 
 
 def utc_now() -> str:
@@ -249,6 +251,8 @@ class LiveFleet:
             }  # fmt: skip
         elif order.kind == "plan":
             data |= {"version": self.centre.version, "plan": mission_told(plan, order.tractor)}
+        if first:
+            client.outbox.withdraw(SETS_IN_MOTION)
         client.tell({"kind": order.kind} | data, first=first)
 
     def acknowledge(self, taken: Any) -> None:
@@ -265,6 +269,7 @@ class LiveFleet:
         self.centre.tick(now)
         self.twins.advance(now, time.time(), self.centre)
         self.flush()
+        self._tell_anew()
         if now - self._beat_s >= self.centre.rules.beat_s - 0.01:
             self._beat_s = now
             beat = packed({"kind": "beat", "time": utc_now()})
@@ -280,6 +285,14 @@ class LiveFleet:
             for client in watchers:
                 client.outbox.put_newest(text)
         self._changed = set()
+
+    def _tell_anew(self) -> None:
+        """Tractors whose frames were too many to wait: what was dropped may have been an order to stand."""
+        for number, client in self.tractors.items():
+            if client.outbox.overflowed:
+                client.outbox.overflowed = False
+                self.centre.told_anew(number)
+        self.flush(urgent=False)
 
     def _seldom(self, watchers: list[Client], now: float) -> None:
         """Scene, alarms and paint, when there is something new."""

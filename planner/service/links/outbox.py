@@ -15,7 +15,7 @@ class Outbox:
     """
 
     def __init__(self, most: int = MOST) -> None:
-        self._waiting: deque[str] = deque()
+        self._waiting: deque[tuple[str, str]] = deque()
         self._newest: str | None = None
         self._most = most
         self._filled = asyncio.Event()
@@ -25,16 +25,20 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def put(self, text: str, *, first: bool = False) -> None:
+    def put(self, text: str, kind: str = "", *, first: bool = False) -> None:
         """One more frame; with `first` before all others that wait."""
         if len(self._waiting) >= self._most:
             self._waiting.clear()
             self.overflowed = True
         if first:
-            self._waiting.appendleft(text)
+            self._waiting.appendleft((text, kind))
         else:
-            self._waiting.append(text)
+            self._waiting.append((text, kind))
         self._filled.set()
+
+    def withdraw(self, kinds: frozenset[str]) -> None:
+        """Frames of these kinds that still wait are not sent any more."""
+        self._waiting = deque(each for each in self._waiting if each[1] not in kinds)
 
     def put_newest(self, text: str) -> None:
         """A tick."""
@@ -51,7 +55,7 @@ class Outbox:
         """The next frame to be sent, as soon as there is one; None at the end."""
         while not self.ended:
             if self._waiting:
-                return self._waiting.popleft()
+                return self._waiting.popleft()[0]
             if self._newest is not None:
                 newest, self._newest = self._newest, None
                 return newest
