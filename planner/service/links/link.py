@@ -18,6 +18,7 @@ from planner.service.links import frames
 from planner.service.links.clients import CONTROL, TRACTOR, Client, packed
 from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
+from planner.service.links.recording import check_time
 
 HELLO_S = 10.0
 REFUSED, REPLACED = 1008, 4001
@@ -132,6 +133,7 @@ def _carry_out(fleet: LiveFleet, client: Client, frame: Any) -> None:
     if isinstance(frame, frames.Goodbye):
         client.said_goodbye = True
     elif isinstance(frame, frames.State):
+        check_time(frame, time.time())
         fleet.reported(client, frame, time.monotonic())
     else:
         fleet.ordered(client, frame, time.monotonic())
