@@ -257,6 +257,23 @@ def test_a_lease_is_shown_to_both_and_only_the_holder_drives(service: Service) -
     assert service.fleet.centre.leases.holder(1) is None
 
 
+def test_whose_token_is_revoked_is_turned_out_and_what_it_leased_is_free(service: Service) -> None:
+    token = service.hub.store.new_token("leaver", "control")
+    with service.link("control") as operator, service.link("control") as other:
+        hello(operator, "control", None, token)
+        hello(other, "control", None, service.tokens["control"])
+        operator.send_json({"kind": "lease", "tractor": 1})
+        assert until(operator, "lease")["mine"] is True
+        service.hub.store.revoke_token("leaver")
+        assert service.client.portal is not None
+        service.client.portal.call(service.hub.check_tokens)
+        assert "was revoked" in until(operator, "refused")["sentence"]
+        with pytest.raises(WebSocketDisconnect) as end:
+            operator.receive_json()
+        assert end.value.code == 1008
+        assert until(other, "tick") and service.fleet.centre.leases.holder(0) is None
+
+
 JUNK = st.one_of(
     st.text(max_size=40), st.binary(max_size=40),
     st.recursive(
