@@ -40,11 +40,13 @@ def serve(
     """
     from planner.commands.single import one_thread
     from planner.interrupts import quiet
+    from planner.service.store.holding import held
 
     one_thread()
     settings = settings_of(data, database, host=host, port=port)
     try:
-        _run(settings)
+        with held(settings):
+            _run(settings)
     except KeyboardInterrupt:
         quiet()
 

@@ -347,6 +347,47 @@ def test_a_fleet_goes_on_from_stored_progress() -> None:
     assert first.at_m == other.at_m
 
 
+def test_last_places_and_what_was_seen_of_alarms_outlive_a_restart() -> None:
+    first = driven()
+    first.run(5)
+    for _ in range(2):
+        block = first.centre.obstacle("anna", ((90.0, 0.0), (91.0, 0.0), (91.0, 1.0)), "bale", first.now)
+    first.centre.clear("anna", 1, first.now)
+    first.centre.fail("anna", 0, first.now)
+    failed = first.centre.alarms.items()[-1]
+    first.centre.acknowledge("bert", failed.id, first.now)
+    kept = json.loads(json.dumps(progress_of(first.centre, first.now, 1e9)))
+    again = Centre(first.centre.plan, Rules())
+    restore(again, kept, 3.0, 1e9 + 60.0)
+    assert [s.report for s in again.states] == [s.report for s in first.centre.states]
+    assert again.states[1].heard_s == pytest.approx(3.0 - 60.0) and again.states[1].connection(3.0, 1.0) == "broken"
+    before = {alarm.id: alarm for alarm in first.centre.alarms.items()}
+    assert {alarm.id: alarm.acknowledged for alarm in again.alarms.items()} == {
+        id: alarm.acknowledged for id, alarm in before.items()
+    }
+    assert again.alarms.on("failed", 0)
+    assert again.alarms.items()[-1].since_s == pytest.approx(failed.since_s - first.now + 3.0 - 60.0)
+    assert block.id == 2 and list(again.obstacles.items) == [1]
+    again.clear("anna", 1, 3.0)
+    assert all(alarm.over for alarm in again.alarms.items() if alarm.code.startswith("obstacle"))
+
+
+def test_the_pace_is_that_of_the_tractor_also_when_its_reports_come_all_at_once() -> None:
+    fleet = driven(fleet_plan(1))
+    fleet.run(1)
+    state = fleet.centre.states[0]
+    begun_s, begun_plan_s = state.driving_s, state.driven_plan_s
+    clock, at = 1e9, fleet.at_m[0]
+    for step in range(101):  # ten seconds at half the speed of the plan
+        y = at + 0.05 * step
+        fleet.centre.reported(0, Report(0.0, y, math.pi / 2, 0.5, leg=0, leg_m=y, time_s=clock + 0.1 * step), fleet.now)
+    assert state.driving_s - begun_s == pytest.approx(10.0, abs=0.15)
+    assert state.driven_plan_s - begun_plan_s == pytest.approx(5.0, abs=0.15)
+    gone = Report(0.0, at + 9.0, math.pi / 2, 0.5, leg=0, leg_m=at + 9.0, time_s=clock + 100.0)
+    fleet.centre.reported(0, gone, fleet.now)  # nobody knows how long it drove in between
+    assert state.driven_plan_s - begun_plan_s == pytest.approx(5.0, abs=0.15)
+
+
 def test_progress_of_a_tractor_never_goes_back() -> None:
     fleet = driven()
     fleet.run(25)

@@ -11,8 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from planner.service.errors import TakenError
 from planner.service.settings import Settings
 from planner.service.store import Store
+from planner.service.store.holding import held
+from tests.service.databases import KINDS, database
 
 COMMAND = [sys.executable, "-W", "error", "-c", "from planner.main import main; main()"]
 
@@ -73,6 +76,30 @@ def test_a_backup_holds_the_database(run: Callable[..., tuple[int, str, str]], t
     assert zipfile.ZipFile(file).namelist() == ["headland.db"]
     assert run("backup", file, "--data", tmp_path / "data")[0] == 2
     assert run("backup", file, "--data", tmp_path / "data", "--force")[0] == 0
+
+
+def test_a_second_service_on_one_folder_is_refused(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path
+) -> None:
+    with held(Settings(data=tmp_path)):
+        status, out, err = run("serve", "--port", "0", "--data", tmp_path)
+        assert (status, out) == (2, "") and len(err.splitlines()) == 1
+        assert "Another headland serve" in err and str(tmp_path) in err
+    with held(Settings(data=tmp_path)):
+        pass  # the first one has let go
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_second_service_on_one_database_is_refused_whatever_its_folder(kind: str, tmp_path: Path) -> None:
+    with database(kind) as url:
+        url = url or f"sqlite:///{tmp_path / 'shared.db'}"
+        first, second = (Settings(data=tmp_path / name, database=url) for name in ("one", "two"))
+        for each in (first, second):
+            each.data.mkdir()
+        with held(first), pytest.raises(TakenError, match="--database"), held(second):
+            pass
+        with held(second):
+            pass
 
 
 @pytest.mark.skipif(os.name != "posix", reason="ends the service by a signal")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import asynccontextmanager
@@ -185,4 +186,53 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         assert [row[0] for row in store.recording(id, 0)] == list(range(9))
 
     asyncio.run(after(asyncio.run(before())))
+    store.close()
+
+
+def test_fleets_are_there_as_soon_as_the_service_has_started(tmp_path: Path) -> None:
+    store = Store(Settings(data=tmp_path))
+    settings = {"times": 1.0, "way": "predict", "begin_s": 0.0}
+    store.save_fleet("good", "north", TEXT, settings)
+    store.save_fleet("bad", "south", TEXT, settings | {"times": "fast"})
+
+    async def started() -> None:
+        hub = InlineHub(store)
+        await hub.start()
+        try:
+            assert hub.fleet("good").tractor_count == 2
+            assert set(hub.faults) == {"bad"}
+        finally:
+            await hub.stop()
+
+    asyncio.run(started())
+    store.close()
+
+
+def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Store(Settings(data=tmp_path))
+    writing, go_on, add_event = threading.Event(), threading.Event(), store.add_event
+
+    def slow(*arguments: Any) -> int:
+        writing.set()
+        assert go_on.wait(10.0)
+        return add_event(*arguments)
+
+    monkeypatch.setattr(store, "add_event", slow)
+
+    async def ended() -> None:
+        hub = InlineHub(store)
+        fleet = await hub.create("north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}})
+        fleet.centre.note("anna", "seen once")
+        fleet.flush()
+        keeping = asyncio.create_task(hub.keep(fleet))
+        await asyncio.to_thread(writing.wait, 10.0)
+        keeping.cancel()
+        await asyncio.gather(keeping, return_exceptions=True)
+        go_on.set()
+        await hub.stop()
+
+    asyncio.run(ended())
+    assert [event.what for event in store.events()].count("seen once") == 1
     store.close()

@@ -30,6 +30,7 @@ from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
 from planner.service.links.outbox import Outbox
 from planner.service.links.recording import log_csv
+from planner.service.links.twinning import Twins
 from planner.service.settings import Settings
 from planner.service.store import Store
 from tests.service.fleets import fleet_plan
@@ -163,8 +164,9 @@ def test_states_are_acknowledged_once_kept_and_not_kept_twice(service: Service) 
 def test_the_recording_is_a_log_that_diagnosis_reads(service: Service, tmp_path: Path) -> None:
     with service.link("tractor") as tractor:
         hello(tractor, "tractor", 3, service.tokens["control"])
+        begin = time.time() - 3.0
         for sequence in range(30):
-            at = datetime.fromtimestamp(1.9e9 + 0.1 * sequence, UTC).isoformat()
+            at = datetime.fromtimestamp(begin + 0.1 * sequence, UTC).isoformat()
             tractor.send_json(state(sequence, time=at, northing_m=2000.0 + 0.1 * sequence, speed_mps=1.0, implement=1))
         while until(tractor, "ack")["sequence"] < 29:
             pass
@@ -175,6 +177,25 @@ def test_the_recording_is_a_log_that_diagnosis_reads(service: Service, tmp_path:
     path.write_bytes(archive.read("tractor-3.csv"))
     log = read_log(path)
     assert log.rows_used == 30 and log.speed_mps is not None and log.speed_mps[0] == 1.0
+
+
+@pytest.mark.parametrize("at", ["0001-01-02T00:00:00Z", "2001-01-01T00:00:00Z", "9999-12-30T00:00:00Z"])
+def test_a_state_of_a_wrong_clock_is_refused_and_known_to_nobody(service: Service, at: str) -> None:
+    with service.link("tractor") as tractor:
+        seen = hello(tractor, "tractor", 2, service.tokens["control"])["last_sequence"]
+        tractor.send_json(state(seen + 1, time=at))
+        refused = until(tractor, "refused")
+        assert refused["sequence"] == seen + 1 and "set the clock" in refused["sentence"]
+    assert service.fleet.recorder.seen[1] == seen
+
+
+def test_a_state_that_waited_for_a_link_says_nothing_to_a_twin() -> None:
+    clock = 1.9e9
+    twins = Twins(fleet_plan(1), "predict", 1.0, clock - 1000.0)
+    for age, there in ((600.0, False), (1.0, True)):
+        at = datetime.fromtimestamp(clock - age, UTC).isoformat()
+        twins.reported(0, frames.State.model_validate_json(json.dumps(state(0, time=at))), clock)
+        assert (twins.items[0] is not None) == there
 
 
 def test_a_log_leaves_out_what_was_sent_twice_and_what_goes_back_in_time() -> None:
@@ -234,6 +255,23 @@ def test_a_lease_is_shown_to_both_and_only_the_holder_drives(service: Service) -
         assert (command["steering_command_deg"], command["speed_command_mps"], command["shuttle"]) == (-5.0, 0.5, 1)
         assert until(tractor, "command")["speed_command_mps"] == 0.0  # nobody says so again: dead man
     assert service.fleet.centre.leases.holder(1) is None
+
+
+def test_whose_token_is_revoked_is_turned_out_and_what_it_leased_is_free(service: Service) -> None:
+    token = service.hub.store.new_token("leaver", "control")
+    with service.link("control") as operator, service.link("control") as other:
+        hello(operator, "control", None, token)
+        hello(other, "control", None, service.tokens["control"])
+        operator.send_json({"kind": "lease", "tractor": 1})
+        assert until(operator, "lease")["mine"] is True
+        service.hub.store.revoke_token("leaver")
+        assert service.client.portal is not None
+        service.client.portal.call(service.hub.check_tokens)
+        assert "was revoked" in until(operator, "refused")["sentence"]
+        with pytest.raises(WebSocketDisconnect) as end:
+            operator.receive_json()
+        assert end.value.code == 1008
+        assert until(other, "tick") and service.fleet.centre.leases.holder(0) is None
 
 
 JUNK = st.one_of(

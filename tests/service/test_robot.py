@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from websockets.asyncio.server import ServerConnection, serve
 
+from planner.service.errors import ServiceError
 from planner.service.links.converting import mission_told
 from planner.service.links.frames import OF_ROLE
+from planner.service.links.link import REPLACED
+from planner.service.robot import client
+from planner.service.robot.client import Robot
 from planner.service.robot.driver import Driver
 from planner.service.robot.sending import Unacknowledged
 from tests.service.fleets import BAR, EG105, LENGTH, fleet_plan
@@ -98,7 +105,142 @@ def test_states_wait_until_they_are_acknowledged_and_the_oldest_are_lost_first()
         waiting.add({"sequence": sequence})
     assert waiting.lost == 2 and len(waiting) == 3
     waiting.acknowledged(3)
-    assert waiting.texts() == ['{"sequence":4}']
+    assert waiting.after(2) == [(4, '{"sequence":4}')] and waiting.after(4) == []
+
+
+@pytest.mark.parametrize(("said", "goes_on"), [("beat", True), ("stop", False), ("welcome", False)])
+def test_one_that_follows_goes_on_when_it_hears_the_centre_again_and_never_against_a_stop(
+    said: str, goes_on: bool
+) -> None:
+    driver = robot()
+    release(driver, 3, 0.0, 0.8)
+    let(driver, 0.0, 4.0)
+    assert let(driver, 4.0, 3.0, beats=False)["mode"] == "stopped"
+    driver.heard({"kind": said, "reason": "test", "settings": {"times": 1.0}, "last_sequence": 6,
+                  "plan": mission_told(PLAN, 0)}, 7.0)  # fmt: skip
+    state = let(driver, 7.0, 3.0)
+    assert (float(str(state["speed_mps"])) > 0.5) == goes_on == (state["mode"] == "automatic")
+
+
+def test_a_stop_before_the_silence_stays_one() -> None:
+    driver = robot()
+    release(driver, 3, 0.0, 0.8)
+    let(driver, 0.0, 2.0)
+    driver.heard({"kind": "stop", "reason": "test"}, 2.0)
+    driver.step(4.0)  # the process itself stood still that long
+    assert let(driver, 4.1, 2.0)["mode"] == "stopped"
+
+
+class Counter:
+    """Makes numbered states of some size instead of driving."""
+
+    welcomed = True
+
+    def __init__(self) -> None:
+        self.sequence, self.kinds = -1, []
+
+    def heard(self, frame: dict[str, Any], now: float) -> None:
+        self.kinds.append(frame["kind"])
+
+    def step(self, now: float) -> dict[str, Any]:
+        self.sequence += 1
+        return {"sequence": self.sequence, "filling": 20_000 * "x"}
+
+
+@pytest.fixture
+def counting(monkeypatch: pytest.MonkeyPatch) -> Counter:
+    monkeypatch.setattr(client, "PERIOD_S", 0.005)
+    monkeypatch.setattr(client, "AGAIN_S", 0.01)
+    return Counter()
+
+
+def linked(counting: Counter, server: Any) -> Robot:
+    return Robot(counting, f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}", "f", 1, None)  # type: ignore[arg-type]
+
+
+def welcome(last: int) -> str:
+    return json.dumps({"kind": "welcome", "last_sequence": last})
+
+
+def test_every_state_arrives_once_and_orders_are_heard_while_old_ones_are_sent_again(counting: Counter) -> None:
+    async def whole() -> list[int]:
+        sequences: list[int] = []
+        last: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        async def centre(link: ServerConnection) -> None:
+            await link.recv()
+            await link.send(welcome(99))
+            await link.send('{"kind":"stop"}')
+            while "stop" not in counting.kinds or counting.sequence < 620:
+                await asyncio.sleep(0.01)
+            async for text in link:
+                sequences.append(json.loads(text).get("sequence"))
+                if sequences[-1] == 640:
+                    last.set_result(None)
+
+        async with serve(centre, "127.0.0.1", 0) as server:
+            robot = linked(counting, server)
+            for _ in range(600):
+                robot.waiting.add(counting.step(0.0))
+            driving = asyncio.create_task(robot.run())
+            await asyncio.wait_for(last, 20.0)
+            driving.cancel()
+            await asyncio.gather(driving, return_exceptions=True)
+        return sequences
+
+    assert asyncio.run(whole())[:541] == list(range(100, 641))
+
+
+def test_a_robot_says_goodbye_after_its_last_state(counting: Counter) -> None:
+    heard: list[Any] = []
+
+    async def centre(link: ServerConnection) -> None:
+        await link.recv()
+        await link.send(welcome(-1))
+        async for text in link:
+            heard.append(json.loads(text))
+
+    async def whole() -> None:
+        async with serve(centre, "127.0.0.1", 0) as server:
+            await linked(counting, server).run(0.2)
+
+    asyncio.run(whole())
+    assert heard[-1] == {"kind": "goodbye"} and heard[-2]["sequence"] == counting.sequence
+
+
+def test_a_robot_comes_again_when_the_service_goes_in_the_midst_of_a_greeting(counting: Counter) -> None:
+    async def whole() -> None:
+        thrice, come = asyncio.Event(), []
+
+        async def going(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            await reader.readline()
+            writer.close()
+            come.append(1)
+            if len(come) == 3:
+                thrice.set()
+
+        async with await asyncio.start_server(going, "127.0.0.1", 0) as server:
+            driving = asyncio.create_task(linked(counting, server).run())
+            await asyncio.wait_for(thrice.wait(), 20.0)
+            assert not driving.done()
+            driving.cancel()
+            await asyncio.gather(driving, return_exceptions=True)
+
+    asyncio.run(whole())
+
+
+def test_a_robot_whose_place_was_taken_ends(counting: Counter) -> None:
+    async def centre(link: ServerConnection) -> None:
+        await link.recv()
+        await link.send(welcome(-1))
+        await link.close(REPLACED)
+
+    async def whole() -> None:
+        async with serve(centre, "127.0.0.1", 0) as server:
+            await asyncio.wait_for(linked(counting, server).run(), 20.0)
+
+    with pytest.raises(ServiceError, match="taken the place of tractor 1"):
+        asyncio.run(whole())
 
 
 def test_one_that_starts_again_goes_on_where_it_was_and_one_that_is_linked_again_stays() -> None:

@@ -27,11 +27,12 @@ FORWARDED = ("forwarded", "x-forwarded-for", "x-real-ip", "via")
 
 @dataclass(frozen=True)
 class Who:
-    """Who asks: the name of the token, its scope (None without one), and whether from this machine."""
+    """Who asks: the name of the token, its scope (None without one), whether from this machine, and its SHA-256."""
 
     name: str
     scope: str | None
     loopback: bool
+    token: str | None = None
 
     def may(self, scope: str) -> bool:
         """Whether this scope, or one that includes it, is theirs; a reader on this machine needs no token."""
@@ -74,7 +75,7 @@ def who_of(connection: HTTPConnection, token: str | None) -> Who:
     row = store.token(token)
     if row is None:
         raise TokenError("This token is not known here; it may have been revoked.", parameter="token")
-    return Who(row.name, row.scope, loopback)
+    return Who(row.name, row.scope, loopback, row.sha256)
 
 
 def who_of_socket(websocket: WebSocket, hello_token: str | None = None) -> Who:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -91,6 +92,13 @@ class Alarms:
         if alarm.over:
             del self._items[number]
         return alarm
+
+    def put_back(self, alarms: Iterable[Alarm]) -> None:
+        """These, and no others, are there: what was kept of them before a restart."""
+        self._items = {alarm.id: alarm for alarm in alarms}
+        self._on = {(alarm.code, alarm.tractor): alarm.id for alarm in self._items.values() if not alarm.over}
+        self._last = max([self._last, *self._items])
+        self.version += 1
 
     def told(self) -> list[dict[str, Any]]:
         """As pages are told."""

@@ -53,8 +53,7 @@ class Centre(Operated):
                 parameter="leg",
             )
         before, state.report = state.report, report
-        moved = report.mode == AUTOMATIC and now - state.heard_s <= LONGEST_STEP_S and report.speed_mps > 0.0
-        driving_s = (now - state.heard_s) * self.rules.times if moved else 0.0
+        driving_s = self._driving_s(before, report, now - state.heard_s)
         state.heard_s = now
         self.alarms.ended("broken", number)
         if not self._believed(number, report, now):
@@ -83,12 +82,22 @@ class Centre(Operated):
             self._stand(number, ASTRAY)
         return False
 
+    def _driving_s(self, before: Report | None, report: Report, silent_s: float) -> float:
+        """Seconds of the plan's time that a tractor drove by its own guidance since it reported last.
+
+        Its own clock counts where it has one, as reports that waited for a link come all at once.
+        """
+        if before is not None and before.time_s is not None and report.time_s is not None:
+            silent_s = report.time_s - before.time_s
+        drove = report.mode == AUTOMATIC and 0.0 <= silent_s <= LONGEST_STEP_S and report.speed_mps > 0.0
+        return silent_s * self.rules.times if drove else 0.0
+
     def _progressed(self, state: TractorState, course: Course, report: Report, driving_s: float) -> None:
         if (report.leg, report.leg_m) < (state.leg, state.leg_m):
             return
         planned = course.driven_s(report.leg, report.leg_m) - course.driven_s(state.leg, state.leg_m)
         state.leg, state.leg_m = report.leg, report.leg_m
-        if report.mode == AUTOMATIC:
+        if driving_s > 0.0:
             state.driving_s += driving_s
             state.driven_plan_s += planned
 

@@ -22,7 +22,7 @@ class Report:
     """What a tractor says of itself, in metres of the plan, m/s and radians.
 
     `heading_rad` is a mathematical angle, steering is positive to the right, as everywhere in `vehicle`; (x, y) is the
-    guided point, abreast of the antenna.
+    guided point, abreast of the antenna. `time_s` is when that was, by its own clock (seconds since 1970).
     """
 
     x_m: float
@@ -39,6 +39,7 @@ class Report:
     implement: int = 0
     done: bool = False
     errors: tuple[str, ...] = ()
+    time_s: float | None = None
 
     @property
     def velocity_mps(self) -> float:

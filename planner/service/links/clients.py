@@ -13,7 +13,9 @@ TRACTOR, TWIN, CONTROL, VIEWER = "tractor", "twin", "control", "viewer"
 
 @dataclass(eq=False)
 class Client:
-    """One linked client; `who` is its name in the log, `tractor` counts from 0.
+    """One linked client; `who` is its name in the log, `tractor` counts from 0, `token` is the SHA-256 of its token.
+
+    `refused` is why it is turned out, None for one that is not.
     """
 
     role: str
@@ -22,11 +24,18 @@ class Client:
     outbox: Outbox = field(default_factory=Outbox)
     said_goodbye: bool = False
     command_sequence: int = 0
+    token: str | None = None
+    refused: str | None = None
 
     @property
     def watches(self) -> bool:
         """Whether it is shown the fleet."""
         return self.role != TRACTOR
+
+    def turn_out(self, sentence: str) -> None:
+        """Its link ends, and nothing that it says is taken any more."""
+        self.refused = sentence
+        self.outbox.end()
 
     def tell(self, frame: dict[str, Any], *, first: bool = False) -> None:
         """Send it a frame."""

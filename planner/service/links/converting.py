@@ -35,6 +35,7 @@ def report_of(state: State, plan: FleetPlan) -> Report:
         implement=state.implement,
         done=state.done,
         errors=tuple(state.errors),
+        time_s=state.time.timestamp(),
     )
 
 

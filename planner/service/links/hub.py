@@ -26,7 +26,8 @@ from planner.service.links.recording import keep, rising
 from planner.service.links.warming import warm
 from planner.service.store import Store
 
-STEP_S, KEEP_S, LOOK_S = 0.05, 1.0, 1.0
+STEP_S, KEEP_S, LOOK_S, TOKENS_S = 0.05, 1.0, 1.0, 1.0
+REVOKED = "The token of this link was revoked; link again with another one."
 MOST_FLEETS = 20
 X, Y, WORKS = 2, 3, 10  # columns of kept rows
 Files = Mapping[str, tuple[str, bytes]]
@@ -59,13 +60,14 @@ class Hub:
         self._keeping = asyncio.Lock()
 
     async def start(self) -> None:
-        """Take up stored fleets, and let time pass.
+        """Take up stored fleets, before anybody asks for them, and let time pass.
 
         Before that all that is compiled on first use is loaded, as nobody's frames are to wait for it later.
         """
         await asyncio.to_thread(warm)
-        self._tasks = [asyncio.create_task(each) for each in (self._run(), self._keep_on(), self._look_on(),
-                                                              self.take_up())]  # fmt: skip
+        await self.take_up()
+        loops = (self._run(), self._keep_on(), self._look_on(), self._watch_tokens())
+        self._tasks = [asyncio.create_task(each) for each in loops]
 
     async def stop(self) -> None:
         """Keep what there is and end."""
@@ -146,6 +148,9 @@ class Hub:
             except (HeadlandError, KeyError) as refusal:
                 self.faults[row.id] = str(refusal)
                 logging.getLogger(__name__).warning("Fleet %s is not taken up again: %s", row.id, refusal)
+            except Exception:
+                self.faults[row.id] = "What is kept of this fleet cannot be read; make it anew of its plan."
+                logging.getLogger(__name__).exception("Fleet %s is not taken up again", row.id)
 
     async def _repaint(self, fleet: LiveFleet, progress: Mapping[str, Any]) -> None:
         """Sequences and painted ground from what was recorded."""
@@ -187,15 +192,40 @@ class Hub:
                 except Exception:
                     logging.getLogger(__name__).exception("Looking at fleet %s", fleet.id)
 
+    async def _watch_tokens(self) -> None:
+        while True:
+            await asyncio.sleep(TOKENS_S)
+            try:
+                await self.check_tokens()
+            except Exception:
+                logging.getLogger(__name__).exception("Looking for revoked tokens")
+
+    async def check_tokens(self) -> None:
+        """Turn out all whose tokens were revoked since they were linked."""
+        holders = [(fleet, client) for fleet in self.fleets.values() for client in fleet.clients if client.token]
+        if not holders:
+            return
+        known = {token.sha256 for token in await asyncio.to_thread(self.store.tokens)}
+        for fleet, client in holders:
+            if client.token not in known:
+                client.turn_out(REVOKED)
+                fleet.leave(client, time.monotonic())
+
     async def keep(self, fleet: LiveFleet) -> None:
-        """Write what was reported and what happened, then acknowledge it."""
+        """Write what was reported and what happened, then acknowledge it.
+
+        A write that has begun is ended also when who asked for it is cancelled, so that nothing is written twice.
+        """
+        await asyncio.shield(self._keep(fleet))
+
+    async def _keep(self, fleet: LiveFleet) -> None:
         async with self._keeping:
             taken, events = fleet.recorder.take(), fleet.events
             fleet.events = []
             progress = {"centre": progress_of(fleet.centre, time.monotonic(), time.time()), "plan": fleet.plan_text}
             try:
                 await asyncio.to_thread(_write, self.store, fleet.id, taken, events, progress)
-            except BaseException:
+            except Exception:
                 fleet.recorder.back(taken)
                 fleet.events = events + fleet.events
                 raise
@@ -204,6 +234,7 @@ class Hub:
 
 def _write(store: Store, id: str, taken: Any, events: list[tuple[str, Event]], progress: dict[str, Any]) -> None:
     keep(store, id, taken)
-    for _, event in events:
-        store.add_event(id, event.who, event.what, event.data)
+    while events:  # what is left of them after a fault is written next time
+        store.add_event(id, events[0][1].who, events[0][1].what, events[0][1].data)
+        del events[0]
     store.save_progress(id, progress)

@@ -18,6 +18,7 @@ from planner.service.links import frames
 from planner.service.links.clients import CONTROL, TRACTOR, Client, packed
 from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
+from planner.service.links.recording import check_time
 
 HELLO_S = 10.0
 REFUSED, REPLACED = 1008, 4001
@@ -50,7 +51,7 @@ async def _greeted(websocket: WebSocket) -> Client:
     who = await asyncio.to_thread(who_of_socket, websocket, hello.token)
     who.check("control" if hello.role in (CONTROL, TRACTOR) else "read")
     number = None if hello.tractor is None else hello.tractor - 1
-    return Client(hello.role, _name(who, hello), number)
+    return Client(hello.role, _name(who, hello), number, token=who.token)
 
 
 def _name(who: Who, hello: frames.Hello) -> str:
@@ -82,11 +83,13 @@ async def _linked(websocket: WebSocket, fleet: LiveFleet, client: Client) -> Non
 
 
 async def _send(websocket: WebSocket, client: Client) -> None:
-    """Send what the client is to be told, until another link takes its place or it is gone."""
+    """Send what the client is to be told, until it is turned out, another link takes its place, or it is gone."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect, OSError):
         while (text := await client.outbox.take()) is not None:
             await websocket.send_text(text)
-        await websocket.close(REPLACED)
+        if client.refused is not None:
+            await websocket.send_text(packed({"kind": "refused", "sentence": client.refused, "sequence": None}))
+        await websocket.close(REPLACED if client.refused is None else REFUSED)
 
 
 async def _receive(websocket: WebSocket, fleet: LiveFleet, client: Client) -> None:
@@ -132,6 +135,7 @@ def _carry_out(fleet: LiveFleet, client: Client, frame: Any) -> None:
     if isinstance(frame, frames.Goodbye):
         client.said_goodbye = True
     elif isinstance(frame, frames.State):
+        check_time(frame, time.time())
         fleet.reported(client, frame, time.monotonic())
     else:
         fleet.ordered(client, frame, time.monotonic())

@@ -8,6 +8,7 @@ import zipfile
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from planner.service.errors import ServiceError
 from planner.service.links.frames import State
 from planner.service.store import Store
 
@@ -19,8 +20,24 @@ KEPT = ("sequence", *COLUMNS, "leg", "leg_m", "mode")
 TIME, SHUTTLE = KEPT.index("time_s"), KEPT.index("shuttle")
 COMMANDS = KEPT.index("speed_command_mps"), KEPT.index("steering_command_deg")
 GAP_S = 0.4  # between two frames, beyond which nobody knows what was commanded in between
+OLDEST_S, AHEAD_S = 900.0, 2.0  # of the time of a state, by the clock here
 ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 Row = list[Any]
+
+
+def check_time(state: State, clock_s: float) -> None:
+    """Refuse a state whose time cannot be by a clock that is right; `clock_s` is now, in seconds since 1970.
+
+    States that waited for a link are old, but only so old. Raises ServiceError.
+    """
+    age_s = clock_s - state.time.timestamp()
+    if not -AHEAD_S <= age_s <= OLDEST_S:
+        told = f"{age_s:.0f} s ago" if age_s > 0.0 else f"{-age_s:.0f} s from now"
+        raise ServiceError(
+            f"The time of the state, {state.time.isoformat()}, is {told}; set the clock of the tractor: it may be "
+            f"{OLDEST_S:g} s ago and {AHEAD_S:g} s ahead at most.",
+            parameter="time",
+        )
 
 
 def row_of(state: State, begin_s: float, times: float) -> Row:

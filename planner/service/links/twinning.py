@@ -19,6 +19,7 @@ from vehicle.twin.twin import Fix, Twin
 CORRECT_S = 1.0  # between two fixes that a twin is given, as in section 5.2.2, by its own clock
 PERIOD_S = 0.1  # between two states
 AHEAD_S = 0.1  # between two poses of a foretold path
+OLDEST_S = 4.0  # on the wall, of a state that a twin can still use
 DOUBT_S = 1.0  # between two looks at whether a twin is wrong
 
 Array = npt.NDArray[np.float64]
@@ -40,9 +41,14 @@ class Twins:
         return (clock_s - self.begin_s) * self.times
 
     def reported(self, number: int, state: State, clock_s: float) -> None:
-        """A tractor has reported: what it was told is held, and once a second where it is corrects its twin."""
+        """A tractor has reported: what it was told is held, and once a second where it is corrects its twin.
+
+        A state that is sent again long after it was made tells nothing of where the tractor is now.
+        """
         arrived = self.time_s(clock_s)
         time_s = min(self.time_s(state.time.timestamp()), arrived)
+        if time_s < arrived - OLDEST_S * self.times:
+            return
         east, north = self.plan.saved.origin_m
         sign = -1.0 if state.shuttle < 0 else 1.0
         fix = Fix(time_s, state.easting_m - east, state.northing_m - north, math.radians(90.0 - state.heading_deg),

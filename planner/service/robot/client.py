@@ -11,24 +11,30 @@ import urllib.request
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
 from planner.service.errors import ServiceError
 from planner.service.robot.driver import Driver
 from planner.service.robot.sending import Unacknowledged
 
-PERIOD_S, AGAIN_S, OPEN_S = 0.1, 0.5, 5.0
-REFUSED = 1008
+PERIOD_S, AGAIN_S, OPEN_S, GOODBYE_S = 0.1, 0.5, 5.0, 1.0
+REPLACED = 4001
+NO_SUCH_PAGE = (400, 401, 403, 404, 405, 426)
 
 
 class Robot:
-    """A driver and its link. `token` may be None where none is needed."""
+    """A driver and its link. `token` may be None where none is needed.
+
+    A state waits until it is acknowledged. One task sends them in order over the link there is, from the last one that
+    the service has seen on, so that none is left out between those sent again and those that come new.
+    """
 
     def __init__(self, driver: Driver, url: str, fleet: str, tractor: int, token: str | None) -> None:
         self.driver, self.tractor, self.token = driver, tractor, token
         self.address = f"{url.rstrip('/').replace('http', 'ws', 1)}/api/v1/fleets/{fleet}/link"
         self.waiting = Unacknowledged()
-        self._link: ClientConnection | None = None
+        self._fresh, self._gone = asyncio.Event(), asyncio.Event()
+        self._linked = self._leaving = False
 
     async def run(self, seconds: float | None = None) -> None:
         """Drive until cancelled, done or for so long. Raises ServiceError when the service does not let it in."""
@@ -48,40 +54,66 @@ class Robot:
         while seconds is None or time.monotonic() - begin < seconds:
             state = self.driver.step(time.monotonic())
             if self.driver.welcomed:  # before, it does not know where it is
-                await self._send(self.waiting.add(state))
+                self.waiting.add(state)
+                self._fresh.set()
             due = max(due + PERIOD_S, time.monotonic() - PERIOD_S)
             await asyncio.sleep(max(0.0, due - time.monotonic()))
-        await self._send('{"kind":"goodbye"}')
-
-    async def _send(self, text: str) -> None:
-        if self._link is not None:
-            with contextlib.suppress(ConnectionClosed, asyncio.TimeoutError):
-                await asyncio.wait_for(self._link.send(text), PERIOD_S)
+        self._leaving = True
+        self._fresh.set()
+        if self._linked:
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._gone.wait(), GOODBYE_S)
 
     async def _stay_linked(self) -> None:
+        """Link again and again. Raises ServiceError where that is of no use."""
         while True:
             try:
                 async with connect(self.address, open_timeout=OPEN_S, proxy=None, compression=None) as link:
-                    await self._linked(link)
-            except (OSError, ConnectionClosed, TimeoutError):
-                pass
-            finally:
-                self._link = None
+                    await self._speak(link)
+            except InvalidStatus as answer:
+                code = answer.response.status_code
+                if code in NO_SUCH_PAGE:
+                    raise ServiceError(f"{self.address} answers {code}; is it a Headland service?") from None
+            except ConnectionClosed as end:
+                if end.rcvd is not None and end.rcvd.code == REPLACED:
+                    raise ServiceError(
+                        f"Another robot has taken the place of tractor {self.tractor}; end one of the two."
+                    ) from None
+            except (OSError, InvalidHandshake, TimeoutError):
+                pass  # nobody is there yet, or somebody who is just going
             await asyncio.sleep(AGAIN_S)
 
-    async def _linked(self, link: ClientConnection) -> None:
+    async def _speak(self, link: ClientConnection) -> None:
+        """Say hello, then send and hear until the link is lost."""
         hello = {"kind": "hello", "role": "tractor", "tractor": self.tractor, "token": self.token, "version": 1}
         await link.send(json.dumps(hello))
         welcome = json.loads(await link.recv())
         if welcome["kind"] == "refused":
             raise ServiceError(f"The service does not let tractor {self.tractor} in: {welcome['sentence']}")
-        self.waiting.acknowledged(welcome["last_sequence"])
         self.driver.heard(welcome, time.monotonic())
-        for text in self.waiting.texts():
-            await link.send(text)
-        self._link = link
-        async for message in link:
-            self._hear(json.loads(message))
+        self._linked = True
+        sending = asyncio.create_task(self._send(link, welcome["last_sequence"]))
+        try:
+            async for message in link:
+                self._hear(json.loads(message))
+        finally:
+            self._linked = False
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
+    async def _send(self, link: ClientConnection, sent: int) -> None:
+        """Send all states after one as they come, and goodbye after the last."""
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                self._fresh.clear()
+                for sequence, text in self.waiting.after(sent):
+                    await link.send(text)
+                    sent = sequence
+                if self._leaving:
+                    await link.send('{"kind":"goodbye"}')
+                    self._gone.set()
+                    return
+                await self._fresh.wait()
 
     def _hear(self, frame: dict[str, Any]) -> None:
         if frame["kind"] == "ack":

@@ -12,7 +12,7 @@ from typing import Any
 from vehicle.missions import Mission
 from vehicle.plan_file import saved_from_json
 from vehicle.tractor import Implement, Tractor
-from vehicle.twin.stepper import AUTOMATIC, REMOTE, Stepper
+from vehicle.twin.stepper import REMOTE, Stepper
 
 SILENCE_S = 1.0
 STANDING_MPS = 0.02
@@ -22,7 +22,8 @@ class Driver:
     """One tractor. Times are of a clock that only goes on; `times` is how much faster than it the tractor lives.
 
     Silence of the centre for a second stops it at once when it is driven by remote control or follows another tractor,
-    of which nobody tells it now; else it ends its released legs and stands.
+    of which nobody tells it now; else it ends its released legs and stands. One that only followed goes on with the
+    next word of the same link; over a new one it is told anew.
     """
 
     def __init__(
@@ -40,10 +41,15 @@ class Driver:
         self._clock_s = 0.0  # of the clock on the wall when that of `now` was 0
         self._heard_s = -math.inf
         self._silent = False
+        self._told_to_go = self._stopped_by_silence = False
 
     def heard(self, frame: dict[str, Any], now: float) -> None:
         """The centre says something; a frame of a kind that is not for tractors changes nothing."""
         self._heard_s, self._silent = now, False
+        if self._stopped_by_silence:
+            self._stopped_by_silence = False
+            if frame.get("kind") != "welcome":
+                self.stepper.automatic()
         take = getattr(self, f"_take_{frame.get('kind')}", None)
         if take is not None:
             take(frame)
@@ -64,12 +70,15 @@ class Driver:
 
     def _take_stop(self, frame: dict[str, Any]) -> None:
         self.reason = str(frame["reason"])
+        self._told_to_go = False
         self.stepper.halt()
 
     def _take_resume(self, _frame: dict[str, Any]) -> None:
+        self._told_to_go = True
         self.stepper.automatic()
 
     def _take_command(self, frame: dict[str, Any]) -> None:
+        self._told_to_go = False
         self.stepper.remote(math.radians(frame["steering_command_deg"]), float(frame["speed_command_mps"]))
 
     def _take_plan(self, frame: dict[str, Any]) -> None:
@@ -93,8 +102,9 @@ class Driver:
 
     def _lost(self) -> None:
         """Nothing was heard of the centre for a second."""
-        following = math.isfinite(self.stepper.limit_mps)
-        if self.stepper.state.mode == REMOTE or (self.stepper.state.mode == AUTOMATIC and following):
+        follows = self._told_to_go and math.isfinite(self.stepper.limit_mps)
+        if follows or self.stepper.state.mode == REMOTE:
+            self._stopped_by_silence = follows
             self.reason = "the centre is silent"
             self.stepper.halt()
 

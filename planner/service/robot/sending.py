@@ -31,6 +31,6 @@ class Unacknowledged:
         while self._waiting and self._waiting[0][0] <= sequence:
             self._waiting.popleft()
 
-    def texts(self) -> list[str]:
-        """What is to be sent again."""
-        return [text for _, text in self._waiting]
+    def after(self, sequence: int) -> list[tuple[int, str]]:
+        """What is to be sent when all up to a sequence was: sequences and texts."""
+        return [each for each in self._waiting if each[0] > sequence]

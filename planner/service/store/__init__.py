@@ -5,6 +5,7 @@
 models, migrations  the tables, and the steps that lead to them
 database   one engine for SQLite and PostgreSQL; migrate or refuse
 blobs      bytes of files and results in the folder
+holding    one service at a time on a folder and on a database
 base       what the parts share; names that may be used
 tokens, files, jobs, fleets  the parts of the store
 whole      all of them
