@@ -163,6 +163,7 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         fleet.centre.start("anna", time.monotonic())
         tractor = Client(TRACTOR, "tractor 1", 0)
         fleet.join(tractor, time.monotonic())
+        fleet.step(time.monotonic())  # its first leg is released
         for sequence in range(8):
             fleet.reported(tractor, state(sequence, 1.5 * sequence), time.monotonic())
         fleet.step(time.monotonic())

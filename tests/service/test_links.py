@@ -247,7 +247,10 @@ def test_a_lease_is_shown_to_both_and_only_the_holder_drives(service: Service) -
         two.send_json({"kind": "lease", "tractor": 2, "takeover": True})
         assert until(two, "lease")["mine"] is True
         assert until(one, "lease")["mine"] is False
-        drive = {"kind": "command", "tractor": 2, "steering_command_deg": -5.0, "speed_command_mps": 0.5}
+        drive = {
+            "kind": "command", "sequence": 0, "time": datetime.now(UTC).isoformat(), "tractor": 2,
+            "steering_command_deg": -5.0, "speed_command_mps": 0.5,
+        }  # fmt: skip
         one.send_json(drive)
         assert "not yours" in until(one, "refused")["sentence"]
         two.send_json(drive)

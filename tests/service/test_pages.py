@@ -408,21 +408,52 @@ def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_ther
           const pad = { connected: true, axes: [0.5, 0.04], buttons: [] }, limits = { limit_mps: 2, steering_deg: 30 };
           for (let k = 0; k < 8; k++) pad.buttons.push({ pressed: false, value: 0 });
           navigator.getGamepads = () => [null, pad];
+          let hidden = false;
+          Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
           const hands = new m.Hands({ surface: box, pad: box, ready: () => true });
           const said = [m.commandOf(hands.read(), limits)];
           pad.buttons[5].pressed = true;
           said.push(m.commandOf(hands.read(), limits));
           pad.buttons[6].value = 0.5;
           said.push(m.commandOf(hands.read(), limits));
+          for (const away of [() => dispatchEvent(new Event("blur")), () => { hidden = true; }]) {
+            away();
+            said.push(m.commandOf(hands.read(), limits));
+            hidden = false;
+            said.push(m.commandOf(hands.read(), limits));
+            pad.buttons[5].pressed = false;
+            hands.read();
+            pad.buttons[5].pressed = true;
+            said.push(m.commandOf(hands.read(), limits));
+          }
           pad.connected = false;
           said.push(m.commandOf(hands.read(), limits));
           hands.close();
+          delete document.hidden;
           return said; })()""",
     )
     still = {"steering_command_deg": 0, "speed_command_mps": 0, "shuttle": 0, "start": 0}
-    assert told[0] == told[3] == still, "no button held, and no gamepad any more"
+    assert told[0] == told[9] == still, "no button held, and no gamepad any more"
+    assert told[3] == told[4] == told[6] == told[7] == still, "the page was left, and the button not let go since"
+    assert told[5] == told[8] == told[2], "pressed anew"
     assert told[1] == {"steering_command_deg": 15, "speed_command_mps": 0, "shuttle": 0, "start": 0}
     assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}
+
+
+def test_commands_are_numbered_and_dated_by_the_clock_of_the_service(watched: Watched) -> None:
+    page = watched.open("/access")
+    told = told_by(
+        page,
+        """(() => { const clock = new m.ServiceClock(), stamp = new m.Stamp(clock), said = [stamp.next(0)];
+          clock.heard("2026-06-01T08:00:00.700Z", 1000);
+          clock.heard("2026-06-01T08:00:01.900Z", 2000);
+          clock.heard("2026-06-01T08:00:01.950Z", 3000);
+          said.push(stamp.next(3000), stamp.next(3100));
+          return said; })()""",
+    )
+    assert told[0] is None, "nothing is said before the clock is known"
+    assert [one["sequence"] for one in told[1:]] == [0, 1]
+    assert told[1]["time"] == "2026-06-01T08:00:02.899Z", "a frame that was held up does not set the clock back"
 
 
 def test_the_pages_speak_with_the_service_itself(

@@ -6,6 +6,7 @@ import asyncio
 import json
 import math
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import ASTRAY, DRIVEN, Report
 from planner.service.links.clients import CONTROL, TRACTOR, Client
+from planner.service.links.frames import Drive, TakeLease
 from planner.service.links.live import LiveFleet
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
 from vehicle.missions import Follow, Gate, Mission
@@ -239,3 +241,30 @@ def test_one_that_was_driven_by_hand_goes_on_only_when_it_heads_along_its_leg(
     else:
         fleet.centre.resume("bert", 0, fleet.now)
     assert (DRIVEN not in fleet.centre.states[0].holds) == goes
+
+
+def drive(sequence: int, age_s: float = 0.0, speed: float = 1.0) -> Drive:
+    """A remote command to tractor 1 of the operator."""
+    at = datetime.now(UTC) - timedelta(seconds=age_s)
+    return Drive(kind="command", sequence=sequence, time=at, tractor=1, steering_command_deg=0.0,
+                 speed_command_mps=speed)  # fmt: skip
+
+
+def test_a_command_that_comes_late_or_again_is_not_driven_and_one_to_stand_always_is() -> None:
+    fleet, tractor, operator = live()
+    fleet.centre.reported(0, Report(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), 0.0)
+    fleet.ordered(operator, TakeLease(kind="lease", tractor=1), 0.0)
+    fleet.ordered(operator, drive(5), 0.0)
+    for late in (drive(6, age_s=0.8), drive(6, age_s=-2.0), drive(5), drive(4)):
+        with pytest.raises(CentreError, match="not carried out"):
+            fleet.ordered(operator, late, 0.0)
+    fleet.ordered(operator, drive(2, age_s=60.0, speed=0.0), 0.0)
+    fleet.ordered(operator, drive(6), 0.0)
+    fleet.ordered(operator, drive(9, speed=0.0), 0.0)
+    with pytest.raises(CentreError, match="after command 9"):
+        fleet.ordered(operator, drive(8), 0.0)
+    fleet.ordered(operator, TakeLease(kind="lease", tractor=1), 0.0)
+    fleet.ordered(operator, drive(0), 0.0)
+    commands = [frame["speed_command_mps"] for frame in waiting(tractor) if frame["kind"] == "command"]
+    assert commands == [1.0]  # those before the lease was taken anew are withdrawn
+    assert fleet.centre.states[0].remote_command[1] == 1.0

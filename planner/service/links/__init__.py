@@ -3,6 +3,7 @@
 frames       every frame as a model: what comes in is checked against it, what goes out is documented by it
 asyncapi     the document of these frames
 converting   frames to reports of the centre and back
+freshness    whether a remote command is of now
 outbox       what waits to be sent to one client, with an end to it
 clients      who is linked to a fleet, in which role
 telling      scene, tick and alarms as frames

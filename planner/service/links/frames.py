@@ -106,10 +106,16 @@ class Leave(_Order):
     tractor: Number
 
 
-class Drive(_Order):
-    """How a leased tractor is to be driven; to be sent again at least every half second."""
+class Drive(Frame):
+    """How a leased tractor is to be driven; to be sent again at least every half second.
+
+    `sequence` rises from command to command of a lease, `time` is that of the service's clock (`server_time` of the
+    welcome). One that is older than half a second, or than one before, is not carried out unless it says stand.
+    """
 
     kind: Literal["command"]
+    sequence: Sequence
+    time: AwareDatetime
     tractor: Number
     steering_command_deg: Steering
     speed_command_mps: Speed

@@ -20,6 +20,7 @@ from planner.service.centre.rules import Rules
 from planner.service.links import frames, telling
 from planner.service.links.clients import CONTROL, TRACTOR, Client, packed
 from planner.service.links.converting import metres_of, mission_told, report_of
+from planner.service.links.freshness import Freshness
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import Recorder, row_of
 from planner.service.links.twinning import Twins
@@ -55,6 +56,7 @@ class LiveFleet:
         self.centre = Centre(plan, rules, self.twins)
         self.recorder = Recorder(id, plan.tractors)
         self.proposals = propose or Proposals()
+        self.freshness = Freshness(rules.dead_man_s)
         self.clients: set[Client] = set()
         self.tractors: dict[int, Client] = {}
         self.events: list[tuple[str, Event]] = []
@@ -177,10 +179,14 @@ class LiveFleet:
     def _drive(self, client: Client, frame: frames.Drive, now: float) -> None:
         speed = abs(frame.speed_command_mps) * frame.shuttle if frame.shuttle is not None else frame.speed_command_mps
         speed = 0.0 if frame.start == 0 else speed
+        self.centre.check_number(frame.tractor - 1)
+        self.centre.leases.check(frame.tractor - 1, client.who)
+        self.freshness.check(frame, speed != 0.0, time.time())
         self.centre.command(client.who, frame.tractor - 1, math.radians(frame.steering_command_deg), speed, now)
 
     def _lease(self, client: Client, frame: frames.TakeLease, now: float) -> None:
         self.centre.lease(client.who, frame.tractor - 1, frame.takeover, now)
+        self.freshness.leased(frame.tractor)
         self._tell_lease(frame.tractor - 1)
 
     def _leave(self, client: Client, frame: frames.Leave, now: float) -> None:

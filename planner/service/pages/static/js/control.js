@@ -1,7 +1,7 @@
 // Hands on a tractor: keys, touch or a gamepad give a share of full steering and full speed, while a dead-man switch is
 // held. Whatever lets go of it (a key up, a finger off, the window left, the pad unplugged) means stand.
 
-const RAMP_PER_S = 1.6, DEAD_ZONE = 0.08, SHOULDERS = [4, 5];
+const RAMP_PER_S = 1.6, DEAD_ZONE = 0.08, DRIFT = 1e-4, SHOULDERS = [4, 5];
 const KEYS = {
   ArrowLeft: ["left"], ArrowRight: ["right"], ArrowUp: ["on"], ArrowDown: ["back"],
   KeyA: ["left"], KeyD: ["right"], KeyW: ["on"], KeyS: ["back"],
@@ -10,11 +10,12 @@ const KEYS = {
 /** Reads all devices; `read(now)` answers {held, steering, speed, by}, shares from -1 to 1, right and on positive. */
 export class Hands {
   constructor({ surface, pad, ready }) {
-    Object.assign(this, { ready, pad, down: new Set(), touch: null, ramp: 0, before: performance.now() });
+    Object.assign(this, { ready, pad, down: new Set(), touch: null, let: false, ramp: 0, before: performance.now() });
     this.listeners = [
       [surface, "keydown", (event) => this.key(event, true)],
       [window, "keyup", (event) => this.key(event, false)],
       [window, "blur", () => this.release()],
+      [window, "pagehide", () => this.release()],
       [document, "visibilitychange", () => this.release()],
       [pad, "pointerdown", (event) => this.grab(event)],
       [pad, "pointermove", (event) => this.drag(event)],
@@ -48,6 +49,7 @@ export class Hands {
   release() {
     this.down.clear();
     this.touch = null;
+    this.let = true; // a pad has no event for it: until its button was seen up it counts as not held
   }
 
   held(way) { return [...this.down].some((code) => KEYS[code]?.[0] === way); }
@@ -69,12 +71,41 @@ export class Hands {
     const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected);
     if (!pad) return null;
     const axis = (value) => (Math.abs(value) < DEAD_ZONE ? 0 : value);
-    const held = SHOULDERS.some((k) => pad.buttons[k]?.pressed);
+    const pressed = SHOULDERS.some((k) => pad.buttons[k]?.pressed);
+    if (document.hidden) this.let = true;
+    else if (!pressed) this.let = false;
+    const held = pressed && !this.let;
     const triggers = (pad.buttons[7]?.value ?? 0) - (pad.buttons[6]?.value ?? 0);
     return { held, steering: held ? axis(pad.axes[0] ?? 0) : 0, speed: held ? triggers || -axis(pad.axes[1] ?? 0) : 0, by: "gamepad" };
   }
 
   close() { this.listeners.forEach(([node, name, how]) => node.removeEventListener(name, how)); }
+}
+
+/** The clock of the service, from the times in its frames: those that came quickest count, the others were held up. */
+export class ServiceClock {
+  constructor() { this.begin(); }
+
+  begin() { this.ahead = -Infinity; this.at = 0; }
+
+  heard(time, now = performance.now()) {
+    const ahead = Date.parse(time) - now;
+    if (!Number.isFinite(ahead)) return;
+    this.ahead = Math.max(ahead, this.ahead - DRIFT * (now - this.at));
+    this.at = now;
+  }
+
+  time(now = performance.now()) { return Number.isFinite(this.ahead) ? new Date(now + this.ahead).toISOString() : null; }
+}
+
+/** Commands numbered and dated: `next` answers what a command carries, null while the service's clock is not known. */
+export class Stamp {
+  constructor(clock) { Object.assign(this, { clock, sequence: 0 }); }
+
+  next(now = performance.now()) {
+    const time = this.clock.time(now);
+    return time && { sequence: this.sequence++, time };
+  }
 }
 
 /** The command that shares come to: degrees positive to the right, metres a second at most `limit_mps`, direction. */

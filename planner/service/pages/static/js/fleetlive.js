@@ -2,6 +2,7 @@
 import { Link } from "./link.js";
 import { Coverage } from "./coverage.js";
 import { token } from "./api.js";
+import { ServiceClock, Stamp } from "./control.js";
 
 const LONGEST_AHEAD_S = 1.0, TRAIL = 1500, RAD = Math.PI / 180;
 
@@ -10,6 +11,8 @@ export class FleetLive {
     Object.assign(this, { id, name, scene: null, fleet: {}, alarms: [], proposal: null, mayControl: false, link: "",
       events: [], said: "", settings: {}, fixes: new Map(), trails: new Map(), leases: new Map(), watchers: new Set() });
     this.coverage = new Coverage();
+    this.clock = new ServiceClock();
+    this.stamp = new Stamp(this.clock);
     this.connection = new Link(id, {
       role: token.get() ? "control" : "viewer",
       heard: (frame) => this.hear(frame),
@@ -27,6 +30,8 @@ export class FleetLive {
     this.mayControl = frame.role === "control";
     this.leases.clear();
     this.settings = frame.settings ?? {};
+    this.clock.begin();
+    this.clock.heard(frame.server_time);
   }
 
   on_scene(scene) {
@@ -58,6 +63,7 @@ export class FleetLive {
     }
     if (frame.fleet) this.fleet = frame.fleet;
     if (typeof frame.time === "string") this.time = frame.time;
+    this.clock.heard(frame.time);
   }
 
   // How quickly it turns, from two fixes, so that what is drawn between them bends too.

@@ -30,7 +30,8 @@ export function remotePanel(live, number) {
     const share = hands.read(), command = commandOf(share, { limit_mps: (limit.value / 100) * fastest(), steering_deg: fullLock() });
     still = share.held ? 0 : still + 1;
     // After letting go a few frames say stand, in case one is lost; then silence, which means the same.
-    if (still <= REPEAT_STILL) live.send({ kind: "command", tractor: number, ...command });
+    const stamp = still <= REPEAT_STILL && live.stamp.next();
+    if (stamp) live.send({ kind: "command", ...stamp, tractor: number, ...command });
     dead.classList.toggle("held", share.held);
     say(dead, share.held ? `Driving by ${share.by}` : "Let go: it stands");
     const far = Math.max(1, Math.hypot(share.steering, share.speed));
