@@ -162,6 +162,12 @@ def lay_tracks(
     return Layout(field, bearing_rad, width_m, headland_m, tracks_of(teeth, axes(bearing_rad)), inner)
 
 
+def check_width(field: Field, width_m: float) -> None:
+    """Raise FieldError for a working width that no track of a field, or too many, would have."""
+    _check(width_m, 0.0, None, 1.0)
+    _room(field, width_m)
+
+
 def _room(field: Field, width_m: float) -> shapely.Geometry:
     """The boundary drawn in by half the width; refuses a width that no track or too many would have."""
     region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)

@@ -153,7 +153,7 @@ def _choose(document: Document, key: str | None, local: bool, label: str) -> Raw
         around = found[0] if len(found) == 1 else _around_all(document, local)
         if around is not None:
             return around
-        raise FieldError(f"{label} holds {len(found)} fields; {_how_to_choose(document, local)}.")
+        raise FieldError(f"{label} holds {len(found)} fields; {_how_to_choose(document, local)}.", parameter="field")
     matches = [i for i, raw in enumerate(found) if key in raw.keys]
     if len(matches) > 1:
         places = ", ".join(f"#{i}" for i in matches)
@@ -162,7 +162,7 @@ def _choose(document: Document, key: str | None, local: bool, label: str) -> Raw
         return found[matches[0]]
     if key.isdecimal() and len(key) < 10 and int(key) < len(found):
         return found[int(key)]
-    raise FieldError(f"{label} has no field '{key}'; {_how_to_choose(document, local)}.")
+    raise FieldError(f"{label} has no field '{key}'; {_how_to_choose(document, local)}.", parameter="field")
 
 
 def _around_all(document: Document, local: bool) -> RawPolygon | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 _WORDS = {
     "mass_kg": "mass", "steering_rate_deg_per_s": "steering_rate", "cell_bearings": "cell_bearing",
     "counts": "tractors", "fixes": "fix",
+    "list_fields": "headland field FILE --list",
 }  # fmt: skip
 _UNITS = ("_per_deg", "_mps", "_m", "_s", "_deg")
 

@@ -18,6 +18,11 @@ from vehicle.missions import Follow, Gate, Leg, Mission, Plan, Task, check_plan
 
 VERSION = 1
 VERSION_KEY = "format_version"
+WHOLE = "The plan"
+KINDS = {
+    dict: "an object", list: "a list", str: "a text", bool: "true or false", int: "a whole number", float: "a number",
+}  # fmt: skip
+LARGEST, BRIEF = 1e300, 40
 
 
 @dataclass(frozen=True)
@@ -92,24 +97,25 @@ def saved_from_json(text: str) -> SavedPlan:
         raise
     except RecursionError:
         raise MissionError("The plan is nested too deeply; a saved plan has five levels.") from None
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise MissionError(f"The plan lacks or garbles an entry: {error!r}.") from None
+    except ValueError:
+        raise MissionError("The plan has a number of too many digits; a saved plan has none of more than 20.") from None
     check_plan(saved.plan)
     return saved
 
 
-def _saved(data: dict[str, Any]) -> SavedPlan:
-    _check_version(data.get(VERSION_KEY))
-    crs, scenario = data["crs"], data["scenario"]
-    if not (crs is None or isinstance(crs, str)):
-        raise TypeError(f"crs is {crs!r}, not a text")
-    if not isinstance(scenario, dict):
-        raise TypeError(f"scenario is {scenario!r}, not an object")
-    east, north = (float(metres) for metres in data["origin_m"])
-    if not (math.isfinite(east) and math.isfinite(north)):
-        raise ValueError(f"origin_m is {data['origin_m']!r}, not two numbers of metres")
-    missions = tuple(Mission(tuple(_leg_from_dict(leg) for leg in legs)) for legs in data["tractors"])
-    return SavedPlan(Plan(missions, dict(data["notes"])), crs, (east, north), scenario)
+def _saved(data: Any) -> SavedPlan:
+    _check_version(_entry({"plan": data}, "plan", dict, "The text").get(VERSION_KEY))
+    crs = None if _entry(data, "crs", None, WHOLE) is None else _entry(data, "crs", str, WHOLE)
+    scenario, notes = _entry(data, "scenario", dict, WHOLE), _entry(data, "notes", dict, WHOLE)
+    origin_m = _entry(data, "origin_m", list, WHOLE)
+    if len(origin_m) != 2 or not all(type(each) in (int, float) and math.isfinite(each) for each in origin_m):
+        raise MissionError(f"{WHOLE}: origin_m is {_brief(origin_m)}, not two numbers of metres.")
+    missions = []
+    for number, legs in enumerate(_entry(data, "tractors", list, WHOLE)):
+        if not isinstance(legs, list):
+            raise MissionError(f"{WHOLE}: tractor {number} is {_brief(legs)}, not a list of legs.")
+        missions.append(Mission(tuple(_leg(leg, f"Tractor {number}, leg {k}") for k, leg in enumerate(legs))))
+    return SavedPlan(Plan(tuple(missions), dict(notes)), crs, (float(origin_m[0]), float(origin_m[1])), scenario)
 
 
 def _check_version(version: Any) -> None:
@@ -126,26 +132,57 @@ def _check_version(version: Any) -> None:
         )
 
 
-def _leg_from_dict(entry: dict[str, Any]) -> Leg:
-    follow, task = entry.get("follow"), entry["task"]
-    number = task["number"]
+def _leg(entry: Any, where: str) -> Leg:
+    task, number = _entry(entry, "task", dict, where), None
+    if _entry(task, "number", None, f"{where}, task") is not None:
+        number = _entry(task, "number", int, f"{where}, task")
+    gates = [_gate(gate, f"{where}, gate {k}") for k, gate in enumerate(_entry(entry, "gates", list, where))]
     return Leg(
-        points=np.array(entry["points_m"], dtype=np.float64),
-        speed_mps=float(entry["speed_mps"]),
-        gear=_exactly(entry, "gear", int),
-        implement=_exactly(entry, "implement", bool),
-        ground=str(entry["ground"]),
-        task=Task(str(task["kind"]), None if number is None else _exactly(task, "number", int),
-                  _exactly(task, "piece", int)),
-        may_wait=_exactly(entry, "may_wait", bool),
-        gates=tuple(Gate(int(g["tractor"]), int(g["leg"]), float(g["after_m"])) for g in entry["gates"]),
-        follow=Follow(int(follow["tractor"]), int(follow["leg"]), float(follow["gap_m"])) if follow else None,
-        stand_s=float(entry.get("stand_s", 0.0)),
-    )  # fmt: skip
+        points=_points(entry, where),
+        speed_mps=_entry(entry, "speed_mps", float, where),
+        gear=_entry(entry, "gear", int, where),
+        implement=_entry(entry, "implement", bool, where),
+        ground=_entry(entry, "ground", str, where),
+        task=Task(_entry(task, "kind", str, f"{where}, task"), number, _entry(task, "piece", int, f"{where}, task")),
+        may_wait=_entry(entry, "may_wait", bool, where),
+        gates=tuple(gates),
+        follow=_follow(entry["follow"], f"{where}, follow") if entry.get("follow") else None,
+        stand_s=_entry({"stand_s": 0.0} | entry, "stand_s", float, where),
+    )
 
 
-def _exactly(entry: dict[str, Any], key: str, kind: type) -> Any:
-    value = entry[key]
-    if type(value) is not kind:
-        raise TypeError(f"{key} is {value!r}, not of type {kind.__name__}")
-    return value
+def _points(entry: dict[str, Any], where: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    points = _entry(entry, "points_m", list, where)
+    try:
+        return np.array(points, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise MissionError(f"{where}: points_m is {_brief(points)}, not a list of pairs of metres.") from None
+
+
+def _gate(entry: Any, where: str) -> Gate:
+    number, leg = _entry(entry, "tractor", int, where), _entry(entry, "leg", int, where)
+    return Gate(number, leg, _entry(entry, "after_m", float, where))
+
+
+def _follow(entry: Any, where: str) -> Follow:
+    number, leg = _entry(entry, "tractor", int, where), _entry(entry, "leg", int, where)
+    return Follow(number, leg, _entry(entry, "gap_m", float, where))
+
+
+def _entry(entries: Any, key: str, kind: type | None, where: str) -> Any:
+    """An entry of an object of the file, of a kind where one is given; raises MissionError that says where it is."""
+    if not isinstance(entries, dict):
+        raise MissionError(f"{where} is {_brief(entries)}, not an object with {key!r}.")
+    if key not in entries:
+        raise MissionError(f"{where} has no {key!r}; save the plan again.")
+    value = entries[key]
+    if kind is None or type(value) is kind:
+        return value
+    if kind is float and type(value) is int and abs(value) < LARGEST:
+        return float(value)
+    raise MissionError(f"{where}: {key} is {_brief(value)}, not {KINDS[kind]}.")
+
+
+def _brief(value: Any) -> str:
+    words = repr(value)
+    return words if len(words) <= BRIEF else f"{words[:BRIEF]}..."

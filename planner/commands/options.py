@@ -91,7 +91,7 @@ TracksOnly = Annotated[
 
 _OPTIONS = {
     "field": "the field", "headland_order": "--headland-first or --headland-last",
-    "list_fields": "headland field FILE --list"
+    "list_fields": word_of("list_fields"),
 }  # fmt: skip
 
 

@@ -31,6 +31,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"headland_first": True, "headland_last": True}, "headland_first"),
     ({"operation": "plough"}, "operation"),
     ({"margin": 1000}, "margin"),
+    ({"width": 1e-9}, "width"),
 ]
 OF_SERVICE: list[tuple[dict[str, Any], str]] = [
     ({"field": "../../etc/passwd"}, "field"),
@@ -132,6 +133,33 @@ def test_what_is_given_wins_over_the_farm(tmp_path: Path, monkeypatch: pytest.Mo
     scenario = asked.scenario
     assert scenario.width_m == 6.0 and scenario.speed_mps == pytest.approx(5 / 3.6) and scenario.start_s == 6 * 3600
     assert word_of("turn_speed_mps") == "turn_speed_kmh"
+
+
+def test_a_field_of_several_parcels_is_refused_when_it_is_asked_for(client: TestClient, token: dict[str, str]) -> None:
+    square = json.loads(SMALL)["coordinates"][0]
+    rings = [[[x + 100.0 * number, y] for x, y in square] for number in range(30)]
+    content = json.dumps({"type": "MultiPolygon", "coordinates": [[ring] for ring in rings]}).encode()
+    files = {"file": ("many.geojson", content)}
+    assert client.post("/api/v1/fields", files=files, headers=token).status_code == 201
+    summed = client.get("/api/v1/fields/many/summary?local=true").json()
+    answer = client.post("/api/v1/plans", json={"field": "many", "local": True}, headers=token)
+    assert answer.status_code == 422 and answer.json()["parameter"] == "field"
+    for told in (answer.json()["error"], summed["error"]):
+        assert "(headland field FILE --list lists all)" in told and "list_fields" not in told
+    one = client.post("/api/v1/plans", json={"field": "many#3", "local": True}, headers=token)
+    assert one.status_code == 202
+
+
+@pytest.mark.parametrize("address, words", [
+    ("events?after=3", "it takes fleet, since"), ("plans?limit=-1", "it takes none."),
+    ("events?sinc=3", "did you mean 'since'?"),
+])  # fmt: skip
+def test_a_parameter_that_an_address_does_not_have_is_refused(shared: Shared, address: str, words: str) -> None:
+    answer = shared[0].get(f"/api/v1/{address}")
+    name = address.partition("?")[2].partition("=")[0]
+    assert answer.status_code == 422 and answer.json()["parameter"] == name
+    assert answer.json()["error"].startswith(f"{name!r} is no parameter of this address; ")
+    assert words in answer.json()["error"]
 
 
 def test_only_so_many_jobs_may_wait(client: TestClient, token: dict[str, str]) -> None:

@@ -35,7 +35,8 @@ FIELD = {
 def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
     file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
     file.write_text(json.dumps(FIELD), encoding="utf-8")
-    scenario = Scenario(field=str(file), local=True, width_m=3.0, tractors=(3,), strategies=("split-field",))
+    scenario = Scenario(field=str(file), local=True, width_m=3.0, tractors=(3,), strategies=("split-field",),
+                        entrance=(0.0, 0.0))
     site = prepare(scenario)
     run = simulated(site, Candidate("split-field", 3)).run
     assert run is not None
@@ -81,7 +82,28 @@ def test_what_one_has_left_is_worked_by_the_others(half: tuple[Centre, Proposal]
     standing = shapely.Point(report.x_m, report.y_m).buffer(9.0)
     # Driven the other way, the guided point is on a track a tool's distance earlier.
     assert shapely.difference(shapely.difference(left, taken), standing).area < 0.05 * left.area
-    assert proposal.moved_m > 50.0 and proposal.left_m == 0.0 and proposal.sentence is None
+    assert proposal.moved_m > 50.0 and proposal.left_m == 0.0
+    assert proposal.sentence == f"{proposal.blocked_m:.0f} m of track lie too near to tractor 2 and stay open."
+
+
+@pytest.mark.parametrize("number, share", [(0, 0.55), (1, 0.15), (2, 0.15)])
+def test_hardly_anything_that_can_be_reached_stays_open(plan: FleetPlan, number: int, share: float) -> None:
+    centre = at(plan, share)
+    centre.fail("anna", number, 1.0)
+    proposal = replanned(rest_of(centre, [], 100.0))
+    state, course = centre.states[number], plan.courses[number]
+    own_m = course.worked_m[-1] - course.done_m(state.leg, state.leg_m)
+    assert proposal.left_m <= 0.03 * own_m
+    assert proposal.moved_m + proposal.left_m + proposal.blocked_m > 0.9 * own_m
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_before_the_start_those_that_are_left_come_in_one_after_another(plan: FleetPlan, number: int) -> None:
+    proposal = replanned(rest_of(Centre(plan, Rules()), [number], 0.0))
+    assert proposal.left_m == proposal.blocked_m == 0.0 and proposal.sentence is None
+    firsts = [course.legs[0] for n, course in enumerate(proposal.plan.courses) if n != number]
+    assert sorted(bool(leg.gates) for leg in firsts) == [False, True]
+    assert all(gate.tractor != number for leg in firsts for gate in leg.gates)
 
 
 def test_the_rest_takes_longer_without_one_and_less_than_alone(half: tuple[Centre, Proposal]) -> None:
@@ -144,3 +166,10 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
         centre.tick(now)
     assert now == pytest.approx(max(plan.finish_s), rel=0.03)
     assert centre.done_m() == pytest.approx(plan.worked_m)
+
+
+def test_nobody_is_told_to_wait_on_what_it_drives_already(plan: FleetPlan) -> None:
+    centre = at(plan, 0.3)
+    centre.fail("anna", 2, 1.0)
+    with pytest.raises(CentreError, match="would have to wait on what it drives already; ask again"):
+        replanned(rest_of(centre, [], 100.0))

@@ -6,18 +6,20 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, Depends, FastAPI
 
 from planner.parameters import word_of
 from planner.service.access.headers import SecurityHeaders
 from planner.service.access.limits import Limits
 from planner.service.access.views import Views
 from planner.service.api import docs, events, health, tokens
+from planner.service.api.answers import refusals
 from planner.service.api.files import KINDS as FILES
 from planner.service.api.files import files_router
 from planner.service.api.health import own_version
 from planner.service.api.jobs import KINDS as JOBS
 from planner.service.api.jobs import every_job, jobs_router, views
+from planner.service.api.queries import known_query
 from planner.service.api.refusals import add_refusals
 from planner.service.jobs.reading import Reader
 from planner.service.jobs.supervisor import Supervisor
@@ -49,7 +51,7 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     app.state.reader = Reader(settings, store, inline=inline)
     app.state.diagnosing = Diagnosing(store, app.state.reader)
     app.state.hub = Hub(store, app.state.diagnosing.look)
-    api = APIRouter(prefix=PREFIX)
+    api = APIRouter(prefix=PREFIX, dependencies=[Depends(known_query)], responses=refusals(422))
     parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, views]
     parts += [tokens.router, events.router, docs.router, fleets.router, twins.router, link.router]
     for router in parts:

@@ -12,6 +12,7 @@ import shapely
 import shapely.ops
 
 from planner.service.centre.course import Course
+from strategies.headland.laps import link
 from strategies.job import Job, Pass
 from strategies.legs import driven_legs, pass_legs, with_stops
 from strategies.ways.paths import Path, Pose
@@ -42,12 +43,15 @@ class Hand:
     legs: list[Leg]
 
 
-def pieces_left(course: Course, first: int, first_m: float, job: Job, blocked: shapely.Geometry) -> list[Piece]:
+def pieces_left(
+    course: Course, first: int, first_m: float, job: Job, blocked: shapely.Geometry
+) -> tuple[list[Piece], float]:
     """What is worked after `first_m` metres of leg `first`: whole tracks either way, others from where they are left.
 
-    What lies in `blocked` is left out.
+    What lies in `blocked` is left out; its metres are the second value.
     """
     pieces: list[Piece] = []
+    blocked_m = 0.0
     legs, k = course.legs, first
     while k < len(legs):
         if legs[k].task.kind not in (TRACK, ROUND, DRIVE_IN):
@@ -58,9 +62,12 @@ def pieces_left(course: Course, first: int, first_m: float, job: Job, blocked: s
             run.append(legs[k + len(run)])
         begun = k == first and (first_m > 0.0 or (k > 0 and _goes_on(legs[k - 1], run[0])))
         whole = None if begun else _whole(run[0], job, blocked)
-        pieces += [whole] if whole else _parts(run, first_m if begun else 0.0, blocked)
+        if whole is None:
+            parts, lost_m = _parts(run, first_m if begun else 0.0, blocked)
+            blocked_m += lost_m
+        pieces += [whole] if whole else parts
         k += len(run)
-    return pieces
+    return pieces, blocked_m
 
 
 def _goes_on(before: Leg, leg: Leg) -> bool:
@@ -81,8 +88,8 @@ def _whole(first: Leg, job: Job, blocked: shapely.Geometry) -> Piece | None:
     return Piece(ways, track.length)
 
 
-def _parts(run: Sequence[Leg], driven_m: float, blocked: shapely.Geometry) -> list[Piece]:
-    """Runs of legs without what was driven and what lies in `blocked`, in the direction they have."""
+def _parts(run: Sequence[Leg], driven_m: float, blocked: shapely.Geometry) -> tuple[list[Piece], float]:
+    """Runs of legs without what was driven and what lies in `blocked`, in the direction they have; and its metres."""
     points = np.concatenate([leg.points for leg in run])
     line = shapely.remove_repeated_points(shapely.LineString(points), 1e-6)
     line = shapely.ops.substring(line, max(driven_m - OVERLAP_M, 0.0), line.length)
@@ -92,7 +99,7 @@ def _parts(run: Sequence[Leg], driven_m: float, blocked: shapely.Geometry) -> li
         if part.geom_type == "LineString" and part.length >= SHORTEST_M:
             leg = replace(works, points=np.asarray(part.coords), gates=(), follow=None, stand_s=0.0, may_wait=True)
             pieces.append(Piece(((leg,),), part.length))
-    return pieces
+    return pieces, float(shapely.intersection(line, blocked).length)
 
 
 def pose_at(leg: Leg, end: int) -> Pose:
@@ -103,25 +110,48 @@ def pose_at(leg: Leg, end: int) -> Pose:
 
 
 def hand_over(pieces: Sequence[Piece], hands: Sequence[Hand], job: Job) -> list[Piece]:
-    """Give every piece to a hand; those that nobody can reach are returned."""
+    """Give every piece to a hand; those that nobody can reach are returned.
+
+    A piece whose end leads nowhere is taken as a last resort only: whoever took it would be of no more use.
+    """
     left = list(pieces)
-    while left:
-        offers = sorted(
-            (hand.free_s + _way_s(job, hand.pose, way) + _work_s(way), hand.number, place, direction)
-            for hand in hands for place, piece in enumerate(left) for direction, way in enumerate(piece.ways)
-        )  # fmt: skip
-        for _, number, place, direction in offers:
-            hand = next(each for each in hands if each.number == number)
-            if _taken(job, hand, left[place].ways[direction]):
-                del left[place]
-                break
-        else:
-            return left
+    for leads_on in (True, False):
+        while left and _handed(left, hands, job, leads_on):
+            pass
     return left
 
 
+def _handed(left: list[Piece], hands: Sequence[Hand], job: Job, leads_on: bool) -> bool:
+    """Give away the piece that is done soonest, and take it out of `left`; False where nobody can take any."""
+    offers = sorted(
+        (hand.free_s + _way_s(job, hand.pose, way) + _work_s(way), hand.number, place, direction)
+        for hand in hands for place, piece in enumerate(left) for direction, way in enumerate(piece.ways)
+    )  # fmt: skip
+    for _, number, place, direction in offers:
+        hand = next(each for each in hands if each.number == number)
+        way, others = left[place].ways[direction], [*left[:place], *left[place + 1 :]]
+        if leads_on != _leads_on(job, pose_at(way[-1], -1), others):
+            continue
+        if _taken(job, hand, way):
+            del left[place]
+            return True
+    return False
+
+
+def _leads_on(job: Job, pose: Pose, others: Sequence[Piece]) -> bool:
+    """Whether a way leads on from a pose: out of the field, or to one of the other pieces where it has no gate."""
+    if job.gate is not None:
+        return way_between(job, pose, job.gate.out().start) is not None
+    return not others or any(way_between(job, pose, pose_at(way[0], 0)) for one in others for way in one.ways)
+
+
+def way_between(job: Job, a: Pose, b: Pose) -> Path | None:
+    """The way between two pieces of work: any there is, also from the corners, where sides end at the edge."""
+    return job.way(a, b) or link(job, a, b, anyhow=True)
+
+
 def _taken(job: Job, hand: Hand, way: tuple[Leg, ...]) -> bool:
-    path = job.way(hand.pose, pose_at(way[0], 0))
+    path = way_between(job, hand.pose, pose_at(way[0], 0))
     if path is None:
         return False
     there = to_work(job, path, way[0].task)

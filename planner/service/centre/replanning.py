@@ -30,7 +30,8 @@ from planner.yielding.giving_way import Scheduled, giving_way
 from strategies.entrance import way_out
 from strategies.job import Job
 from strategies.ways.connect import Connector
-from vehicle.missions import LEAVE, Follow, Gate, Leg, Mission, Plan, Task
+from strategies.ways.paths import Pose
+from vehicle.missions import ENTER, LEAVE, Follow, Gate, Leg, Mission, Plan, Task
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
@@ -38,7 +39,9 @@ from vehicle.world import World
 LEAST_M = 0.05
 STUB_M = 0.02  # a tractor that has failed is one that drives so far: it stands in the way of the others
 OBSTACLE_M = 0.5
+ROAD_M = 1e4
 MOST_SINGLE = 5
+OPEN = 0.02  # of the work: where no more is left, no other attempt is made
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +58,18 @@ class Rest:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """The plan of the rest: legs before `kept` (by tractor) are as they were. `eta_s` counts from when it was asked."""
+    """The plan of the rest: legs before `kept` (by tractor) are as they were. `eta_s` counts from when it was asked.
+
+    `moved_m` of work are driven by others or otherwise than planned. Open stay `left_m` that nobody can reach, and
+    `blocked_m` where somebody or something stands; `sentence` says so.
+    """
 
     plan: FleetPlan
     kept: tuple[int, ...]
     eta_s: float
     moved_m: float
     left_m: float
+    blocked_m: float = 0.0
     sentence: str | None = None
 
 
@@ -93,14 +101,22 @@ def replanned(rest: Rest) -> Proposal:
     helpers = [number for number in range(rest.plan.tractors) if _can_help(rest, number)]
     if not helpers:
         raise CentreError("Every other tractor is on its way home already; nobody can take over.")
+    best: Proposal | None = None
     first: CentreError | None = None
     for keep_m, who in _attempts(site, helpers):
         try:
-            return _attempt(rest, site, _blocked(rest, site, keep_m), who)
-        except CentreError as refusal:
-            first = first or refusal
-    assert first is not None
-    raise first
+            made = _attempt(rest, site, _blocked(rest, site, keep_m), who)
+        except HeadlandError as refusal:
+            first = first or (refusal if isinstance(refusal, CentreError) else CentreError(str(refusal)))
+            continue
+        if best is None or made.left_m < best.left_m:
+            best = made
+        if best.left_m <= OPEN * (best.moved_m + best.left_m):
+            break
+    if best is None:
+        assert first is not None
+        raise first
+    return best
 
 
 def _attempts(site: Site, helpers: list[int]) -> list[tuple[float, list[int]]]:
@@ -114,17 +130,40 @@ def _attempt(rest: Rest, site: Site, blocked: shapely.Geometry, helpers: Sequenc
     plan, job = rest.plan, _job(site, blocked)
     wide = shapely.buffer(blocked, 0.5)
     ends = [_own_end(rest, number, wide, number in helpers) for number in range(plan.tractors)]
-    pieces = [piece for number, end in enumerate(ends) for piece in _pieces(rest, number, end, job, wide)]
+    shares = [_pieces(rest, number, end, job, wide) for number, end in enumerate(ends)]
+    pieces = [piece for share, _ in shares for piece in share]
     hands = [_hand(rest, number, ends[number]) for number in helpers]
     unreached = hand_over(pieces, hands, job)
     missions = _missions(rest, job, hands, ends)
     run = _without_meetings(site, _from_here(rest, missions))
+    _check_released(rest, run.plan)
     moved = sum(piece.work_m for piece in pieces) - sum(piece.work_m for piece in unreached)
     left = sum(piece.work_m for piece in unreached)
-    told = f"{left:.0f} m of track cannot be reached and stay open." if unreached else None
+    blocked_m = sum(metres for _, metres in shares)
     others = [n for n in range(plan.tractors) if n not in rest.without]
     eta_s = float(max(run.finish_s[n] for n in others)) / rest.times
-    return Proposal(_whole_plan(rest, missions, run), tuple(ends), eta_s, moved, left, told)
+    told = _told(rest, left, blocked_m)
+    return Proposal(_whole_plan(rest, missions, run), tuple(ends), eta_s, moved, left, blocked_m, told)
+
+
+def _check_released(rest: Rest, plan: Plan) -> None:
+    """Nobody has to wait on what is released, as that is not taken back. Raises CentreError."""
+    for number, mission in enumerate(plan.missions):
+        state = rest.states[number]
+        own = max(state.released - state.leg, 1 if _begun(rest, number) else 0)
+        if any(leg.gates for leg in mission.legs[:own]):
+            raise CentreError(
+                f"Tractor {number + 1} would have to wait on what it drives already; ask again when it has gone on."
+            )
+
+
+def _told(rest: Rest, left_m: float, blocked_m: float) -> str | None:
+    """What stays open, and why, in a sentence or two; None where nothing does."""
+    here = [f"tractor {number + 1}" for number in rest.without if not _outside(rest, number)]
+    here += ["an obstacle"] if rest.obstacles else []
+    near = f"{blocked_m:.0f} m of track lie too near to {' and '.join(here)} and stay open."
+    far = f"{left_m:.0f} m of track cannot be reached and stay open."
+    return " ".join(words for words, metres in ((near, blocked_m), (far, left_m)) if metres >= 0.5) or None
 
 
 def _blocked(rest: Rest, site: Site, keep_m: float) -> shapely.Geometry:
@@ -133,14 +172,34 @@ def _blocked(rest: Rest, site: Site, keep_m: float) -> shapely.Geometry:
     reach_m = half_m + site.scenario.clearance_m
     shapes = [shapely.buffer(shape, half_m + OBSTACLE_M) for shape in rest.obstacles]
     for number in rest.without:
-        report = rest.states[number].report
-        if report is not None:
-            ahead = np.array([math.cos(report.heading_rad), math.sin(report.heading_rad)])
-            place = np.array([report.x_m, report.y_m])
+        if not _outside(rest, number):
+            x, y, heading = _pose(rest, number)
+            ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
             long_m = site.tractor.length_m
             line = shapely.LineString([place - (long_m + site.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead])
             shapes.append(shapely.buffer(line, half_m + reach_m))
     return shapely.buffer(shapely.union_all(shapes), keep_m)
+
+
+def _begun(rest: Rest, number: int) -> bool:
+    """Whether a tractor has driven anything of its plan."""
+    state = rest.states[number]
+    return state.leg > 0 or state.leg_m > LEAST_M
+
+
+def _outside(rest: Rest, number: int) -> bool:
+    """Whether a tractor stands on the road: not in by the entrance yet, or out by it again."""
+    state, mission = rest.states[number], rest.plan.plan.missions[number]
+    return (mission.enters and not _begun(rest, number)) or (mission.leaves and state.done)
+
+
+def _pose(rest: Rest, number: int) -> Pose:
+    """Where a tractor says it is, or should be by what it has driven."""
+    state, course = rest.states[number], rest.plan.courses[number]
+    if state.report is not None:
+        return state.report.x_m, state.report.y_m, state.report.heading_rad
+    x, y, heading = course.along(min(state.leg, len(course.legs) - 1), state.leg_m, [0.0], len(course.legs))[0]
+    return float(x), float(y), float(heading)
 
 
 def _job(site: Site, blocked: shapely.Geometry) -> Job:
@@ -149,8 +208,10 @@ def _job(site: Site, blocked: shapely.Geometry) -> Job:
     def finder(region: shapely.Geometry) -> Connector:
         return Connector(shapely.difference(region, blocked), site.manner.radius_m, site.costs, site.kinds)
 
-    headland = None if site.beside.is_empty else finder(site.beside)
-    return replace(site.job(1), connector=finder(site.free), headland=headland, careful=(), ways={}, tables={})
+    headland, rim = (None if region.is_empty else finder(region) for region in (site.beside, site.rim))
+    return replace(
+        site.job(1), connector=finder(site.free), headland=headland, rim=rim, careful=(), ways={}, tables={}
+    )
 
 
 def _ends_m(site: Site) -> float:
@@ -181,8 +242,11 @@ def _own_end(rest: Rest, number: int, wide: shapely.Geometry, helps: bool) -> in
     return len(legs)
 
 
-def _pieces(rest: Rest, number: int, end: int, job: Job, wide: shapely.Geometry) -> list[Piece]:
-    """What a tractor will not work: all that is left of one that is gone, what is blocked of another."""
+def _pieces(rest: Rest, number: int, end: int, job: Job, wide: shapely.Geometry) -> tuple[list[Piece], float]:
+    """What a tractor will not work: all that is left of one that is gone, what is blocked of another.
+
+    The second value is the metres of it where something stands.
+    """
     state, course = rest.states[number], rest.plan.courses[number]
     if number in rest.without:
         return pieces_left(course, state.leg, state.leg_m, job, wide)
@@ -223,11 +287,22 @@ def _existing(missions: Sequence[tuple[Leg, ...]], ends: Sequence[int]) -> list[
 
 def _heeding(leg: Leg, rest: Rest) -> Leg:
     """A leg without gates that are passed or of those who drive no more, and follows nobody of them."""
-    gates = tuple(g for g in leg.gates if g.tractor not in rest.without and not passed(g, rest.states))
+    gates = tuple(g for g in _gates(leg, rest) if not passed(g, rest.states))
     follow = leg.follow
     if follow is not None and (follow.tractor in rest.without or rest.states[follow.tractor].leg > follow.leg):
         follow = None
     return replace(leg, gates=gates, follow=follow)
+
+
+def _gates(leg: Leg, rest: Rest) -> list[Gate]:
+    """What a leg waits for, but not for those who drive no more: at the entrance whoever came before them instead."""
+    gates = []
+    for gate in leg.gates:
+        if gate.tractor not in rest.without:
+            gates.append(gate)
+        elif leg.task.kind == ENTER and not _begun(rest, gate.tractor):
+            gates += _gates(rest.plan.courses[gate.tractor].legs[0], rest)
+    return gates
 
 
 def _from_here(rest: Rest, missions: Sequence[tuple[Leg, ...]]) -> Plan:
@@ -237,16 +312,17 @@ def _from_here(rest: Rest, missions: Sequence[tuple[Leg, ...]]) -> Plan:
         if number in rest.without or (state.done and state.leg >= len(legs) - 1):
             heres.append(Mission((_stub(rest, number, legs),)))
             continue
-        here = _cut(legs[state.leg], state.leg_m)
+        here = _cut(legs[state.leg], state.leg_m) if _begun(rest, number) else legs[0]
         rows = [here, *legs[state.leg + 1 :]]
         heres.append(Mission(tuple(_shifted(leg, rest, -1) for leg in rows)))
     return Plan(tuple(heres), {"strategy": "rest"})
 
 
 def _stub(rest: Rest, number: int, legs: tuple[Leg, ...]) -> Leg:
-    """A tractor that stands where it is."""
-    report = rest.states[number].report
-    x, y, heading = pose_at(legs[-1], -1) if report is None else (report.x_m, report.y_m, report.heading_rad)
+    """A tractor that stands where it is; one on the road far from where the others drive."""
+    x, y, heading = _pose(rest, number)
+    if _outside(rest, number):
+        x -= ROAD_M * (number + 1)
     ahead = np.array([math.cos(heading), math.sin(heading)])
     return Leg(np.array([(x, y), (x, y) + STUB_M * ahead]), 1.0, ground=legs[0].ground, task=Task())
 
@@ -305,11 +381,12 @@ def _whole_plan(rest: Rest, missions: Sequence[tuple[Leg, ...]], run: Run) -> Fl
     for number, legs in enumerate(missions):
         at, old = rest.states[number].leg, plan.courses[number]
         still = number in rest.without or (rest.states[number].done and at >= len(legs) - 1)
-        driven = tuple(replace(leg, gates=(), follow=None) for leg in legs[: at + (len(legs) - at if still else 1)])
-        ahead = () if still else tuple(_shifted(leg, rest, 1) for leg in run.plan.missions[number].legs[1:])
+        first = 1 if _begun(rest, number) else 0
+        driven = tuple(replace(leg, gates=(), follow=None) for leg in legs[: len(legs) if still else at + first])
+        ahead = () if still else tuple(_shifted(leg, rest, 1) for leg in run.plan.missions[number].legs[first:])
         whole = Mission((*driven, *ahead))
         wholes.append(whole)
-        seconds = (*old.seconds[: len(driven)], *here[number].seconds[1 : 1 + len(ahead)])
+        seconds = (*old.seconds[: len(driven)], *here[number].seconds[first : first + len(ahead)])
         courses.append(Course(whole, seconds))
     saved = replace(plan.saved, plan=Plan(tuple(wholes), {**plan.plan.notes, "replanned": True}))
     finish = tuple(rest.driven_s + float(seconds) for seconds in run.finish_s)

@@ -39,8 +39,15 @@ def asked_of(values: Mapping[str, Any]) -> Asked:
 
 
 def check_plan(values: Mapping[str, Any]) -> None:
-    """Raise HeadlandError for a plan request that cannot be asked; the field is read when the job is done."""
-    asked_of(values)
+    """Raise HeadlandError for a plan request that cannot be asked: the field is read, and the width held against it."""
+    from fields.errors import about
+    from fields.layout import check_width
+    from fields.read import read_field
+
+    scenario = asked_of(values).scenario
+    with about("field"):
+        field = read_field(scenario.field, local=scenario.local, crs=scenario.crs, swap=scenario.swap)
+        check_width(field, scenario.width_m)
 
 
 def check_day(values: Mapping[str, Any]) -> None:

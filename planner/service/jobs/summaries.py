@@ -23,6 +23,7 @@ def field_summary(place: str, key: str | None = None, local: bool = False) -> di
     """
     from fields.errors import FieldError
     from fields.read import list_fields, read_field
+    from planner.parameters import word_of
 
     listed = list_fields(place, local=local)
     found: dict[str, Any] = {"fields": [asdict(one) for one in listed[:MOST_FIELDS]], "field": None, "error": None}
@@ -31,7 +32,7 @@ def field_summary(place: str, key: str | None = None, local: bool = False) -> di
     except FieldError as refusal:
         if key is not None or len(listed) == 1:
             raise
-        found["error"] = str(refusal)
+        found["error"] = refusal.spoken(word_of)
     return found
 
 

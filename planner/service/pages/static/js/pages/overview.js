@@ -9,17 +9,21 @@ import { capital, percent, plural, timeOfDay, DASH } from "../words.js";
 const LOOK_AGAIN_MS = 5000, TELL_MS = 250, OVER = new Set(["done"]), LOOKS = { running: "good", stopped: "off" };
 const stateOf = (one) => one.fleet?.state ?? "";
 
+// Fleets that run before others, of either the newest first: the map opens on the first.
+const running = (a, b) => (stateOf(b) === "running") - (stateOf(a) === "running") || (a.created < b.created) - (a.created > b.created);
+
 export async function open(main, shell) {
   shell.title("Overview");
-  const known = await items("fleets");
+  const known = (await items("fleets")).sort(running);
   if (!known.length) return empty(main);
+  let picked = false;
   const lives = new Map(), active = () => [...lives.values()];
   const add = (one) => lives.has(one.id) || lives.set(one.id, begin(one));
   const messages = el("div", { class: "messages stack" });
   const begin = (one) => {
     const live = new FleetLive(one.id, one.name ?? one.id);
     messages.append(refusals(live));
-    live.watch((kind) => { if (kind === "scene") { grids(); map.fit(); } });
+    live.watch((kind) => { if (kind === "scene") { if (!picked) map.grid = gridOf(active().find((each) => each.scene)); grids(); map.fit(); } });
     return live;
   };
   const map = new LiveMap("Map of all fleets", { lives: active });
@@ -29,7 +33,7 @@ export async function open(main, shell) {
   const grids = () => {
     const names = new Map(active().filter((live) => live.scene).map((live) => [gridOf(live), live.name]));
     choice.hidden = names.size < 2;
-    put(choice, [...names].map(([grid, name]) => button(name, () => { map.grid = grid; map.fit(); grids(); }, "small", { "aria-pressed": String(grid === map.grid) })));
+    put(choice, [...names].map(([grid, name]) => button(name, () => { picked = true; map.grid = grid; map.fit(); grids(); }, "small", { "aria-pressed": String(grid === map.grid) })));
   };
   put(main, heading("Overview", "", alarms.sign, stop.node), messages,
     el("div", { class: "board" },
