@@ -487,3 +487,18 @@ def test_the_pages_speak_with_the_service_itself(
         page.click("text=Cancel")
         page.wait_for_selector("text=It was cancelled.")
         page.context.close()
+
+
+def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: Watched) -> None:
+    page = watched.page
+    told = [("f1", "08:00", "running"), ("f2", "09:00", "running"), ("f3", "10:00", "ready")]
+    items = [
+        {"id": id, "name": id, "created": f"2026-11-20T{at}:00Z", "fleet": {"state": state}, "tractors": []}
+        for id, at, state in told
+    ]
+    page.route("**/api/v1/fleets", lambda route: route.fulfill(json={"items": items}))
+    watched.open("/")
+    page.wait_for_selector(".rest .tile")
+    found = page.eval_on_selector_all(".rest .tile", "all => all.map((one) => one.getAttribute('href'))")
+    page.unroute("**/api/v1/fleets")
+    assert found == ["#/fleet/f2", "#/fleet/f1", "#/fleet/f3"]
