@@ -75,7 +75,7 @@ def field_files(where: str) -> tuple[Path, ...]:
     file = field_file(where)
     if file is None:
         return ()
-    if file.is_dir():
+    if os.path.isdir(file):
         return tuple(file / name for name in Members(file))
     kind, near = file.suffix.lower(), [file]
     with suppress(OSError):

@@ -24,7 +24,7 @@ def question_digest(asked: Asked, every: bool = False) -> str:
 
 def _content(path: Path) -> str | None:
     """SHA-256 of a file, None for one that is not there."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         return None
     with path.open("rb") as stream:
         return file_digest(stream, "sha256").hexdigest()

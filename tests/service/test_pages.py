@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-import uvicorn
-from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from planner.service.api import create_app
 from planner.service.settings import Settings
 from tests.service.fake_service import CONTROL, NASTY, Made, fake_app
+from tests.service.watching import NARROW, WIDE, Watched, painted, served, until, wide_by
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
 pytestmark = pytest.mark.skipif(
     BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"), reason="no browser is installed"
 )
-WIDE, NARROW = {"width": 1280, "height": 860}, {"width": 390, "height": 844}
 PAGES = {
     "/": "text=waits for tractor 1",
     "/fleet/f1": "text=To the deadline",
@@ -49,20 +44,6 @@ EMPTY = {
 """The same of a service that is new."""
 
 
-@contextlib.contextmanager
-def served(app: FastAPI) -> Iterator[str]:
-    """The address of an app that is served in a thread of its own."""
-    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    while not server.started:
-        assert thread.is_alive()
-        time.sleep(0.01)
-    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/"
-    server.should_exit = server.force_exit = True
-    thread.join()
-
-
 @pytest.fixture(scope="module")
 def service() -> Iterator[tuple[str, Made]]:
     app = fake_app()
@@ -78,63 +59,10 @@ def browser() -> Iterator[Browser]:
         found.close()
 
 
-class Watched:
-    """A page with what its console said and what it asked for."""
-
-    def __init__(self, browser: Browser, base: str, token: str | None = None) -> None:
-        self.base, self.said, self.asked = base, [], []
-        self.page: Page = browser.new_context(viewport=WIDE, color_scheme="light", reduced_motion="reduce").new_page()
-        self.page.set_default_timeout(15_000)
-        self.page.on("console", lambda message: self.said.append(message.text) if message.type != "log" else None)
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        if token:
-            self.page.add_init_script(f'if (origin !== "null") sessionStorage.setItem("headland-token", "{token}")')
-
-    def open(self, path: str) -> Page:
-        self.page.goto(f"{self.base}#{path}")
-        self.page.wait_for_selector("main h1")
-        return self.page
-
-    def well(self) -> None:
-        """Nothing was complained of, and nothing asked of anybody else."""
-        assert self.said == []
-        here = (self.base, "data:", "blob:")
-        assert [url for url in self.asked if not url.startswith(here)] == []
-
-
 @pytest.fixture(scope="module")
 def watched(service: tuple[str, Made], browser: Browser) -> Watched:
     """A page with a token that may control; tests open what they need in it."""
     return Watched(browser, service[0], CONTROL)
-
-
-def until(page: Page, holds: Callable[[], bool]) -> None:
-    """Wait until something holds, and fail where it does not in good time."""
-    for _ in range(400):
-        if holds():
-            return
-        page.wait_for_timeout(25)
-    pytest.fail("it never came to hold")
-
-
-def wide_by(page: Page) -> list[str]:
-    """What sticks out at the right of the window, but for what scrolls in a box of its own."""
-    found: list[str] = page.evaluate("""() => [...document.querySelectorAll("main *")].filter((one) =>
-      !one.closest(".scroll, .spoken") && one.getBoundingClientRect().right > innerWidth + 1)
-      .map((one) => `${one.tagName}.${one.className}`)""")
-    return found
-
-
-def painted(page: Page) -> int:
-    """How many colours the largest canvas has: more than a few when something is drawn."""
-    found: int = page.evaluate("""() => {
-      const all = [...document.querySelectorAll("canvas")].sort((a, b) => b.width * b.height - a.width * a.height);
-      if (!all.length) return 0;
-      const data = all[0].getContext("2d").getImageData(0, 0, all[0].width, all[0].height).data, seen = new Set();
-      for (let k = 0; k < data.length; k += 4 * 7) seen.add(`${data[k]},${data[k + 1]},${data[k + 2]}`);
-      return seen.size; }""")
-    return found
 
 
 @pytest.mark.parametrize(("path", "whole"), PAGES.items())

@@ -1,0 +1,82 @@
+"""A page in a browser, and an app for it to speak with."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+import uvicorn
+from fastapi import FastAPI
+from playwright.sync_api import Browser, Page
+
+WIDE, NARROW = {"width": 1280, "height": 860}, {"width": 390, "height": 844}
+
+
+@contextlib.contextmanager
+def served(app: FastAPI) -> Iterator[str]:
+    """The address of an app that is served in a thread of its own."""
+    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        assert thread.is_alive()
+        time.sleep(0.01)
+    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/"
+    server.should_exit = server.force_exit = True
+    thread.join()
+
+
+class Watched:
+    """A page with what its console said and what it asked for."""
+
+    def __init__(self, browser: Browser, base: str, token: str | None = None) -> None:
+        self.base, self.said, self.asked = base, [], []
+        self.page: Page = browser.new_context(viewport=WIDE, color_scheme="light", reduced_motion="reduce").new_page()
+        self.page.set_default_timeout(15_000)
+        self.page.on("console", lambda message: self.said.append(message.text) if message.type != "log" else None)
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        if token:
+            self.page.add_init_script(f'if (origin !== "null") sessionStorage.setItem("headland-token", "{token}")')
+
+    def open(self, path: str) -> Page:
+        self.page.goto(f"{self.base}#{path}")
+        self.page.wait_for_selector("main h1")
+        return self.page
+
+    def well(self) -> None:
+        """Nothing was complained of, and nothing asked of anybody else."""
+        assert self.said == []
+        here = (self.base, "data:", "blob:")
+        assert [url for url in self.asked if not url.startswith(here)] == []
+
+
+def until(page: Page, holds: Callable[[], bool]) -> None:
+    """Wait until something holds, and fail where it does not in good time."""
+    for _ in range(400):
+        if holds():
+            return
+        page.wait_for_timeout(25)
+    pytest.fail("it never came to hold")
+
+
+def wide_by(page: Page) -> list[str]:
+    """What sticks out at the right of the window, but for what scrolls in a box of its own."""
+    found: list[str] = page.evaluate("""() => [...document.querySelectorAll("main *")].filter((one) =>
+      !one.closest(".scroll, .spoken") && one.getBoundingClientRect().right > innerWidth + 1)
+      .map((one) => `${one.tagName}.${one.className}`)""")
+    return found
+
+
+def painted(page: Page) -> int:
+    """How many colours the largest canvas has: more than a few when something is drawn."""
+    found: int = page.evaluate("""() => {
+      const all = [...document.querySelectorAll("canvas")].sort((a, b) => b.width * b.height - a.width * a.height);
+      if (!all.length) return 0;
+      const data = all[0].getContext("2d").getImageData(0, 0, all[0].width, all[0].height).data, seen = new Set();
+      for (let k = 0; k < data.length; k += 4 * 7) seen.add(`${data[k]},${data[k + 1]},${data[k + 2]}`);
+      return seen.size; }""")
+    return found
