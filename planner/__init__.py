@@ -24,7 +24,6 @@ steps, showing  what each tractor does, in order; the same of a saved plan, driv
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe       a field in figures
 day            several fields and fleets on one day
-request        the same in the words of the command line and the service
 asked          a farm in place of what a scenario leaves open
 workday, transport  the clock round field work: the road from the yard, un- and folding, breaks, shifts
 workday_words  the same in sentences
