@@ -18,6 +18,7 @@ source, samples_index   what a name stands for: a sample or a file
 document            what a file holds, whatever its form, before its numbers are believed
 formats             the forms that are read, one module each, and their registry
 outline, frame, projection   its rings checked; from its numbers to local metres
+plane               metres as AgOpenGPS counts them
 reading             the text of any file that somebody named
 errors              the base of all refusals
 """

@@ -20,6 +20,7 @@ many           many fields and widths in one table, on this machine or a cluster
 planning       plan: all of it, with the best plan's run and pictures (drive)
 fleet_study    study: the tables of the thesis
 saving         a plan as text that is driven again
+guidance       the lines of a saved plan in longitude and latitude, for terminals and maps
 steps, showing  what each tractor does, in order; the same of a saved plan, driven again
 diagnosis, replaying  diagnose and replay: from logs to what the simulation gets wrong
 describe       a field in figures

@@ -25,6 +25,7 @@ from planner.commands.demo import demo
 from planner.commands.design import design
 from planner.commands.diagnose import diagnose
 from planner.commands.drive import drive
+from planner.commands.export import export
 from planner.commands.farm import farm
 from planner.commands.field import field
 from planner.commands.gnss import gnss
@@ -84,6 +85,7 @@ app = typer.Typer(
 )
 app.command()(plan)
 app.command()(show)
+app.command()(export)
 app.command()(field)
 app.command()(study)
 app.command()(diagnose)

@@ -13,6 +13,7 @@
     replay_report       a replayed run
     trials, trial_figures, agreement   the thesis's experiments, and how many of its numbers are met
     parcels             the fields of a file
+    guidance            lines of a plan for terminals and maps, one module a form, and their registry
     wording, diagnosis_words, effect_words   what results, diagnoses and effects are called
     fitting, plain, palette   tables that fit the console; values that JSON can hold; colours
     template            pages from templates: every one extends base.html.j2

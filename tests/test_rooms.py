@@ -28,12 +28,14 @@ RESULTS_OF_OTHERS = (
     "vehicle.trials.sheets.sheet",
 )
 """Modules that hold what reports are handed; the rest of those rooms they do not know."""
+FORMULAS_OF_OTHERS = ("fields.plane",)
+"""Metres of a form that is read as well as written: a formula has one place."""
 
 MAY_KNOW: dict[str, tuple[str, ...]] = {
     "fields": ("fields",),
     "vehicle": ("vehicle", "fields.errors", "fields.reading"),
     "strategies": ("strategies", "fields", "vehicle"),
-    "reports": ("reports", "fields.errors", *RESULTS_OF_OTHERS),
+    "reports": ("reports", "fields.errors", *RESULTS_OF_OTHERS, *FORMULAS_OF_OTHERS),
     "planner": ("planner", "fields", "vehicle", "strategies", "reports"),
 }
 COMMAND_LINE = ("planner.commands", "planner.main")
@@ -48,6 +50,7 @@ MAPPED = (
     *(f"planner/{name}" for name in ("candidates", "chance", "day", "farm", "ground", "many", "price", "yielding")),
     *(f"strategies/{name}" for name in ("formations", "headland", "orders", "ways")),
     *(f"planner/service{part}" for part in ("", "/access", "/api", "/jobs", "/store")),
+    "reports/guidance",
     "vehicle/measured",
     "vehicle/trials",
     "vehicle/twin",

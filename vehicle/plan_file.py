@@ -30,13 +30,15 @@ class SavedPlan:
     """A plan as it was saved.
 
     `crs` is the projected system of its metres, such as "EPSG:32654" (None for local metres), `origin_m` the easting
-    and northing that were subtracted from them. `scenario` is what was asked, as whoever saved it wrote it.
+    and northing that were subtracted from them. `scenario` is what was asked, and `ground` the outlines of the field in
+    those metres (empty where none were saved), as whoever saved it wrote them.
     """
 
     plan: Plan
     crs: str | None = None
     origin_m: tuple[float, float] = (0.0, 0.0)
     scenario: dict[str, Any] = field(default_factory=dict)
+    ground: dict[str, Any] = field(default_factory=dict)
 
 
 def plan_to_json(
@@ -45,23 +47,24 @@ def plan_to_json(
     crs: str | None = None,
     origin_m: tuple[float, float] = (0.0, 0.0),
     scenario: Mapping[str, Any] | None = None,
+    ground: Mapping[str, Any] | None = None,
 ) -> str:
     """The plan as JSON text; the keywords are those of SavedPlan, and `saved_from_json` gives all back exactly.
 
-    `scenario` holds what JSON knows: numbers, texts, booleans, None, lists and dicts (tuples come back as lists).
+    `scenario` and `ground` hold what JSON knows: numbers, texts, booleans, None, lists and dicts (tuples come back as
+    lists).
     """
-    return json.dumps(
-        {
-            VERSION_KEY: VERSION,
-            "crs": crs,
-            "origin_m": list(origin_m),
-            "scenario": dict(scenario or {}),
-            "notes": plan.notes,
-            "tractors": [[_leg_to_dict(leg) for leg in mission.legs] for mission in plan.missions],
-        },
-        indent=1,
-        allow_nan=False,
-    )
+    content: dict[str, Any] = {
+        VERSION_KEY: VERSION,
+        "crs": crs,
+        "origin_m": list(origin_m),
+        "scenario": dict(scenario or {}),
+        "notes": plan.notes,
+        "tractors": [[_leg_to_dict(leg) for leg in mission.legs] for mission in plan.missions],
+    }
+    if ground:
+        content["ground"] = dict(ground)
+    return json.dumps(content, indent=1, allow_nan=False)
 
 
 def _leg_to_dict(leg: Leg) -> dict[str, Any]:
@@ -107,6 +110,7 @@ def _saved(data: Any) -> SavedPlan:
     _check_version(_entry({"plan": data}, "plan", dict, "The text").get(VERSION_KEY))
     crs = None if _entry(data, "crs", None, WHOLE) is None else _entry(data, "crs", str, WHOLE)
     scenario, notes = _entry(data, "scenario", dict, WHOLE), _entry(data, "notes", dict, WHOLE)
+    ground = _entry({"ground": {}} | data, "ground", dict, WHOLE)
     origin_m = _entry(data, "origin_m", list, WHOLE)
     if len(origin_m) != 2 or not all(type(each) in (int, float) and math.isfinite(each) for each in origin_m):
         raise MissionError(f"{WHOLE}: origin_m is {_brief(origin_m)}, not two numbers of metres.")
@@ -115,7 +119,8 @@ def _saved(data: Any) -> SavedPlan:
         if not isinstance(legs, list):
             raise MissionError(f"{WHOLE}: tractor {number} is {_brief(legs)}, not a list of legs.")
         missions.append(Mission(tuple(_leg(leg, f"Tractor {number}, leg {k}") for k, leg in enumerate(legs))))
-    return SavedPlan(Plan(tuple(missions), dict(notes)), crs, (float(origin_m[0]), float(origin_m[1])), scenario)
+    origin = (float(origin_m[0]), float(origin_m[1]))
+    return SavedPlan(Plan(tuple(missions), dict(notes)), crs, origin, scenario, ground)
 
 
 def _check_version(version: Any) -> None:

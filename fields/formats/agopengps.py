@@ -1,8 +1,7 @@
 """AgOpenGPS: a folder of text files in metres about the StartFix of Field.txt, in a plane of the program's own.
 
-The plane is not UTM: a degree is so many metres as the series in `Plane` say, at the origin for latitude and at the
-point itself for longitude, as the program does (AgOpenGPS.Core, LocalPlane). Numbers are written with a comma for a
-point where the computer's language does so.
+The plane is that of `fields.plane`, not UTM. Numbers are written with a comma for a point where the computer's language
+does so.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import itertools
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from fields.document import Document, Format
@@ -19,6 +17,7 @@ from fields.errors import FieldError
 from fields.formats.archive import Members
 from fields.formats.features import Feature, document_of
 from fields.formats.vector import WGS84
+from fields.plane import Plane
 from fields.reading import some
 
 FIELD, BOUNDARY = "field.txt", "boundary.txt"
@@ -28,25 +27,6 @@ AB_LENGTH_M = 100.0
 UNNAMED = ("FieldNew", "XML Derived", "KML Derived")
 """What the program writes for a name where it has none; the folder is called by it."""
 _SPACES = re.compile(r"\s+")
-
-
-@dataclass(frozen=True)
-class Plane:
-    """The program's plane about an origin in degrees."""
-
-    longitude_deg: float
-    latitude_deg: float
-
-    def degrees(self, east_m: float, north_m: float) -> list[float]:
-        """Longitude and latitude of a point in metres about the origin."""
-        turn = math.radians(self.latitude_deg)
-        per_latitude = (
-            111132.92 - 559.82 * math.cos(2 * turn) + 1.175 * math.cos(4 * turn) - 0.0023 * math.cos(6 * turn)
-        )
-        latitude = self.latitude_deg + north_m / per_latitude
-        turn = math.radians(latitude)
-        per_longitude = 111412.84 * math.cos(turn) - 93.5 * math.cos(3 * turn) + 0.118 * math.cos(5 * turn)
-        return [self.longitude_deg + east_m / per_longitude, latitude]
 
 
 def _read(path: str, label: str) -> Document:

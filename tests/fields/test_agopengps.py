@@ -9,7 +9,7 @@ import pytest
 from pyproj import Geod
 
 from fields.errors import FieldError
-from fields.formats.agopengps import Plane
+from fields.plane import Plane
 from fields.read import read_field
 from tests.fields.farm_files import agopengps
 

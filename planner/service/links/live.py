@@ -217,7 +217,9 @@ class LiveFleet:
         self.centre.adopt(who, self.proposals.plan(proposal), now)
         self.proposals.accepted(proposal, self.show)
         saved = self.centre.plan.saved
-        self.plan_text = plan_to_json(saved.plan, crs=saved.crs, origin_m=saved.origin_m, scenario=saved.scenario)
+        self.plan_text = plan_to_json(
+            saved.plan, crs=saved.crs, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground
+        )
         self.twins.changed(self.centre.plan)
 
     # What is sent
