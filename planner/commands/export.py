@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from reports.guidance.form import Form
     from reports.guidance.forms import Written
 
-ZIP = ".zip"
+ZIP, TASKDATA = ".zip", "TASKDATA"
 TO = "isoxml4, isoxml3, agopengps, kml, shapefile, geojson or gpx."
 OUT = "File or folder to write, or a .zip of it all; by default named after the plan. A stick's own folder will do."
 CURVES = "Write curves, or straight lines alone. By default curves are left out of ISOXML: some terminals refuse them."
@@ -49,12 +49,12 @@ def export(
     form = _form(to)
     guidance = guidance_of(saved_from_json(read_text(plan, "a plan of headland plan --save", MissionError)), tractor)
     made = write_guidance(guidance, form, curves)
-    results = _placed(made, output, plan)
+    target, results = _placed(made, output, plan)
     paths = [path for path, _ in results]
     for path in paths:
         spare(path, force)
     remark(remarks(guidance, made))
-    with _folders(paths):
+    with _folders(target, paths):
         check_outputs(*((path, "") for path in paths), reads={plan: "the plan"})
         with written(results):
             names = [str(path) for path in paths]
@@ -77,20 +77,20 @@ def _form(to: str) -> Form:
     return form
 
 
-def _placed(made: Written, output: Path | None, plan: Path) -> list[tuple[Path, bytes]]:
-    """The files with the places they are written to."""
+def _placed(made: Written, output: Path | None, plan: Path) -> tuple[Path, list[tuple[Path, bytes]]]:
+    """The file or folder that is written, and the files with their places."""
     from planner.errors import ScenarioError
     from reports.guidance.packing import zipped
 
     ending = made.form.ending
     if output is not None and output.suffix.lower() == ZIP and not output.is_dir():
-        return [(output, zipped(made.files))]
+        return output, [(output, zipped(made.files))]
     target = output or Path(f"{plan.stem}{ending}" if made.single else f"{plan.stem}-{made.form.name}")
     if made.single:
         place = target / f"{plan.stem}{ending}" if target.is_dir() else target
         if place.suffix.lower() != ending:
             raise ScenarioError(f"{place} does not end in {ending}; name the file {place.with_suffix(ending)}.")
-        return [(place, content) for content in made.files.values()]
+        return place, [(place, content) for content in made.files.values()]
     if target.exists() and not target.is_dir():
         raise ScenarioError(f"{target} is a file, and {made.form.words} is a folder here; name another one.")
     if ending and target.suffix.lower() == ending:
@@ -98,17 +98,26 @@ def _placed(made: Written, output: Path | None, plan: Path) -> list[tuple[Path, 
             f"{target} is one file, and {made.form.words} has one for each of the tractors; name a folder, or add "
             "--tractor N."
         )
-    return [(target.joinpath(*path.split("/")), content) for path, content in made.files.items()]
+    if target.name.upper() == TASKDATA and all(path.startswith(f"{TASKDATA}/") for path in made.files):
+        target = target.parent  # what was named is the folder that is made
+    return target, [(target.joinpath(*path.split("/")), content) for path, content in made.files.items()]
 
 
 @contextmanager
-def _folders(paths: Sequence[Path]) -> Iterator[None]:
-    """Make the folders of files; whatever goes wrong after that, those that are left empty are taken away again."""
-    from planner.commands.outputs import WriteError
+def _folders(target: Path, paths: Sequence[Path]) -> Iterator[None]:
+    """Make the folders of files in a folder that is written, and that one, but none above it.
 
+    Whatever goes wrong after that, those that are left empty are taken away again.
+    """
+    from planner.commands.outputs import WriteError
+    from planner.errors import ScenarioError
+
+    if not target.parent.is_dir():
+        raise ScenarioError(f"{target} cannot be written: the folder {target.parent} does not exist; make it first.")
+    inside = {parent for path in paths for parent in path.parents if parent == target or target in parent.parents}
     made: list[Path] = []
     try:
-        for folder in sorted({parent for path in paths for parent in path.parents}, key=lambda one: len(one.parts)):
+        for folder in sorted(inside, key=lambda one: len(one.parts)):
             if not os.path.lexists(folder):
                 folder.mkdir()
                 made.append(folder)

@@ -47,7 +47,7 @@ def written(guidance: Guidance, form: Form, curves: bool | None = None) -> Writt
     """
     told = guidance if (form.curves if curves is None else curves) else guidance.straight_alone()
     if not told.lines:
-        why = "all of them are curves; add curves" if guidance.lines else "the plan has none"
+        why = "all of them are curves; add --curves" if guidance.lines else "the plan has none"
         raise ReportError(f"There is no line to write as {form.words}: {why}.")
     kept = {line.name for line in told.lines}
     left = tuple(line for line in guidance.lines if line.name not in kept)

@@ -15,11 +15,13 @@ import shapely
 
 from reports.guidance.form import Files, Form
 from reports.guidance.lines import Area, Guidance
+from reports.guidance.markup import clean
 
 ENDINGS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
 NO_DAY = "1980-01-01"
 """A dBASE table says when it was written; the same plan gives the same bytes."""
-DECIMALS = 9
+TEXT_BYTES = 254
+"""The longest text of a dBASE table."""
 
 Columns = Mapping[str, Sequence[Any]]
 
@@ -84,6 +86,8 @@ def _layer(name: str, shapes: Sequence[shapely.Geometry], columns: Columns) -> d
 
 def _column(values: Sequence[Any]) -> Any:
     kind = type(values[0])
+    if kind is str:
+        values = [clean(value).encode("utf-8")[:TEXT_BYTES].decode("utf-8", "ignore") for value in values]
     return np.array(values, dtype={int: np.int32, float: np.float64}.get(kind, object))
 
 

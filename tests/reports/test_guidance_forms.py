@@ -1,0 +1,271 @@
+"""Guidance in every form, read back by readers that know nothing of the writers: geometry to a centimetre."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import re
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from fields.read import read_field
+from planner.guidance import guidance_of
+from reports.errors import ReportError
+from reports.guidance.form import Form
+from reports.guidance.forms import FORMS, form_named, written
+from reports.guidance.lines import Guidance
+from reports.guidance.names import designator, folder_name
+from reports.guidance.packing import zipped
+from reports.guidance.told import left_out, remarks
+from tests.planner.saved_plans import BEND, GROUND, HOLE, POND, SQUARE, in_metres, saved
+from vehicle.plan_file import SavedPlan
+
+CLOSE_M = 0.01
+NAMES = [form.name for form in FORMS]
+
+
+def turned(one: SavedPlan, turn_rad: float, scale: float) -> SavedPlan:
+    """The plan and its field turned about the corner and made larger."""
+    matrix = scale * np.array([[math.cos(turn_rad), math.sin(turn_rad)], [-math.sin(turn_rad), math.cos(turn_rad)]])
+
+    def moved(points: Any) -> Any:
+        return (np.array(points, dtype=float) @ matrix).tolist()
+
+    missions = tuple(
+        replace(each, legs=tuple(replace(leg, points=np.array(moved(leg.points))) for leg in each.legs))
+        for each in one.plan.missions
+    )
+    ground = {
+        **GROUND,
+        "boundary_m": [moved(ring) for ring in (SQUARE, HOLE)],
+        "inside_headland_m": [[moved(ring) for ring in rings] for rings in GROUND["inside_headland_m"]],  # type: ignore[attr-defined]
+        "obstacles": [{"name": "pond", "outline_m": [moved(POND)]}],
+        "entrance_m": moved(GROUND["entrance_m"]),
+    }
+    return replace(one, plan=replace(one.plan, missions=missions), ground=ground)
+
+
+def put(folder: Path, form: Form, guidance: Guidance) -> list[Path]:
+    """What is written, in a folder; what a person would name to read the fields again."""
+    made = written(guidance, form, curves=True)
+    for name, content in made.files.items():
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(content)
+    if form.ending:
+        return [folder / name for name in made.files]
+    if form.name == "shapefile":
+        return [folder]
+    return sorted({(folder / name).parent for name in made.files})
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@example(longitude=-71.3, latitude=-33.4, turn=1.0, scale=2.0)  # south and west
+@example(longitude=179.9995, latitude=-17.0, turn=0.3, scale=1.0)  # across 180 degrees
+@example(longitude=-0.0004, latitude=0.0, turn=0.0, scale=1.0)
+@given(
+    longitude=st.floats(-179.9, 179.9), latitude=st.floats(-65.0, 65.0), turn=st.floats(0.0, 6.28),
+    scale=st.floats(0.7, 3.0),
+)  # fmt: skip
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_written_is_read_where_it_was(
+    tmp_path_factory: pytest.TempPathFactory, name: str, longitude: float, latitude: float, turn: float, scale: float
+) -> None:
+    form = form_named(name)
+    assert form is not None
+    assume(name != "shapefile" or longitude < 179.0)  # its rings cannot be told apart across 180 degrees
+    one = turned(saved(longitude, latitude), turn, scale)
+    guidance = guidance_of(one)
+    fields = [read_field(path) for path in put(tmp_path_factory.mktemp(name), form, guidance)]
+    found = [
+        (line.name, in_metres(one, field.to_wgs84(shapely.get_coordinates(line.line))))
+        for field in fields
+        for line in field.lines
+    ]
+    assert [line.name for line in guidance.lines] == [called for called, _ in found]
+    for line, (_, points) in zip(guidance.lines, found, strict=True):
+        meant = in_metres(one, line.points)
+        assert np.abs(points[[0, -1]] - meant[[0, -1]]).max() < CLOSE_M, line.name  # the same way round, too
+        assert shapely.hausdorff_distance(shapely.linestrings(points), shapely.linestrings(meant)) < CLOSE_M, line.name
+    for field in fields:
+        _same_boundary(one, field.to_wgs84, field.boundary, form)
+
+
+def _same_boundary(one: SavedPlan, degrees: Any, boundary: shapely.Polygon, form: Form) -> None:
+    """Every ring of the boundary is that of the field; AgOpenGPS makes inner rings of obstacles as well."""
+    assert guidance_of(one).boundary is not None
+    meant = [shapely.LinearRing(ring) for ring in one.ground["boundary_m"]]
+    if form.name == "agopengps":
+        meant.append(shapely.LinearRing(one.ground["obstacles"][0]["outline_m"][0]))
+    if "holes of the boundary" in form.lacks:
+        meant = meant[:1]
+    rings = [
+        shapely.LinearRing(in_metres(one, degrees(shapely.get_coordinates(ring))))
+        for ring in (boundary.exterior, *boundary.interiors)
+    ]
+    assert len(rings) == len(meant)
+    for ring in meant:
+        assert min(shapely.hausdorff_distance(ring, other) for other in rings) < CLOSE_M
+
+
+@pytest.mark.parametrize("name", ["isoxml4", "isoxml3"])
+def test_isoxml_is_read_by_another_library(tmp_path: Path, name: str) -> None:
+    io_of = pytest.importorskip("isoxml.util.isoxml_io")
+    one, form = saved(), form_named(name)
+    assert form is not None
+    guidance = guidance_of(one)
+    found = {}
+    for folder in put(tmp_path, form, guidance):
+        data, _ = io_of.isoxml_from_path(folder / "TASKDATA.XML")
+        (field,) = data.partfields
+        assert field.designator == "Sondre Mark" and field.area == 5850
+        patterns = [p for group in getattr(field, "guidance_groups", ()) for p in group.guidance_patterns]
+        lines = [(p.designator, p.line_strings[0]) for p in patterns] or [(e.designator, e) for e in field.line_strings]
+        found |= {key: [(float(p.east), float(p.north)) for p in line.points] for key, line in lines}
+        outer = np.array([(float(p.east), float(p.north)) for p in field.polygons[0].line_strings[0].points])
+        assert np.abs(in_metres(one, outer) - [*SQUARE, SQUARE[0]]).max() < CLOSE_M
+    assert list(found) == [line.name for line in guidance.lines]
+    for line in guidance.lines:
+        assert np.abs(in_metres(one, found[line.name]) - in_metres(one, line.points)).max() < CLOSE_M
+
+
+def taskdata(name: str, guidance: Guidance, curves: bool | None = None) -> list[ElementTree.Element]:
+    form = form_named(name)
+    assert form is not None
+    return [ElementTree.fromstring(content) for content in written(guidance, form, curves).files.values()]
+
+
+@pytest.mark.parametrize("name", ["isoxml4", "isoxml3"])
+def test_isoxml_keeps_the_rules_of_the_schemas(name: str) -> None:
+    long = replace(guidance_of(saved()), field="Überlange Bezeichnung eines Schlages am Wald mit Graben")
+    for root in taskdata(name, long, curves=True):
+        ids = [one.get("A") for one in root.iter() if one.tag in ("PFD", "GGP", "GPN")]
+        assert len(set(ids)) == len(ids) and all(re.fullmatch(r"(PFD|GGP|GPN)[0-9]{1,11}", one or "") for one in ids)
+        for one in root.iter():
+            designator_of = {"PFD": "C"}.get(one.tag, "B")
+            assert len((one.get(designator_of) or "").encode()) <= 32
+        for point in root.iter("PNT"):
+            assert all(re.fullmatch(r"-?\d{1,3}\.\d{1,9}", point.get(key) or "") for key in "CD")
+            assert point.get("A") in (("2",) if name == "isoxml3" else ("2", "3", "6", "7", "9"))
+        assert {one.get("A") for one in root.iter("PLN")} <= ({"1", "6"} if name == "isoxml3" else {"1", "6", "10"})
+
+
+@pytest.mark.parametrize(("name", "schema"), [("isoxml4", "V4-3"), ("isoxml3", "V3-3")])
+def test_isoxml_is_valid_against_the_published_schemas(tmp_path: Path, name: str, schema: str) -> None:
+    """They may not be shipped: HEADLAND_ISOXML_SCHEMAS names a folder with those of isobus.net."""
+    xmlschema = pytest.importorskip("xmlschema")
+    place = Path(os.environ.get("HEADLAND_ISOXML_SCHEMAS", "")) / f"ISO11783_TaskFile_{schema}.xsd"
+    if not place.is_file():
+        pytest.skip("HEADLAND_ISOXML_SCHEMAS names no folder with the schemas")
+    rules = xmlschema.XMLSchema(place)
+    form = form_named(name)
+    assert form is not None
+    one = saved()
+    for guidance in (guidance_of(one), guidance_of(one, 1), guidance_of(replace(one, ground={}))):
+        for curves in (True, False):
+            if any(line.straight for line in guidance.lines):
+                for content in written(guidance, form, curves).files.values():
+                    (tmp_path / "one.xml").write_bytes(content)
+                    assert [error.reason for error in rules.iter_errors(tmp_path / "one.xml")] == []
+
+
+def test_isoxml_has_straight_lines_unless_curves_are_asked_for() -> None:
+    guidance = guidance_of(saved())
+    (root,) = taskdata("isoxml4", guidance)
+    assert [one.get("B") for one in root.iter("GPN")] == ["T1 02 track 1", "T2 01 track 2a", "T2 02 track 2b"]
+    assert {one.get("C") for one in root.iter("GPN")} == {"1"}
+    (root,) = taskdata("isoxml4", guidance, curves=True)
+    kinds = [(one.get("C"), len(one.findall("LSG/PNT"))) for one in root.iter("GPN")]
+    assert kinds == [("3", len(BEND)), ("1", 2), ("1", 2), ("1", 2)]
+    assert [[one.get("B") for one in group] for group in root.iter("GGP")] == [
+        ["T1 01 round 1 side 1", "T1 02 track 1"], ["T2 01 track 2a", "T2 02 track 2b"],
+    ]  # fmt: skip
+
+
+def test_what_is_left_out_is_told() -> None:
+    guidance, form = guidance_of(saved()), form_named("isoxml3")
+    assert form is not None
+    made = written(guidance, form)
+    told = {one["what"]: one["count"] for one in left_out(guidance, made)}
+    assert told == {
+        "curves": 1, "headland": 1, "entrance": 1, "turns": 2, "ways in and out": 1, "waits for other tractors": 1,
+    }  # fmt: skip
+    assert remarks(guidance, made) == []
+    (warning,) = remarks(guidance, written(guidance, form, curves=True))
+    assert "some terminals refuse" in warning
+    kml = form_named("kml")
+    assert kml is not None and "curves" not in {one["what"] for one in left_out(guidance, written(guidance, kml))}
+
+
+def test_nothing_but_curves_is_refused_where_they_are_not_wanted() -> None:
+    guidance, form = guidance_of(saved()), form_named("isoxml4")
+    assert form is not None
+    bent = replace(guidance.tractors[0], lines=guidance.tractors[0].lines[:1])
+    with pytest.raises(ReportError, match=r"all of them are curves; add --curves\.$"):
+        written(replace(guidance, tractors=(bent,)), form)
+
+
+def test_agopengps_has_a_headland_round_each_ring() -> None:
+    """By hand: the inside of the headland is 6 m from the square, the hole has one round it, the pond none."""
+    form = form_named("agopengps")
+    assert form is not None
+    files = written(guidance_of(saved(), 1), form).files
+    assert {Path(name).name for name in files} == {"Field.txt", "Boundary.txt", "Headland.txt", "TrackLines.txt"}
+    rows = files["Sondre Mark T1/Headland.txt"].decode().split("\r\n")
+    counts = [int(row) for row in rows if row.isdecimal()]
+    assert rows[0] == "$Headland" and counts == [2 * 18 + 2 * 10, 2 * 5 + 2 * 6, 0]  # 5 m apart at most
+    points = np.array([[float(each) for each in row.split(",")] for row in rows if row.count(",") == 2])
+    east, north = np.ptp(points[: counts[0], :2], axis=0)
+    turn = math.atan(math.tan(math.radians(0.94)) * math.sin(math.radians(56.97)))  # of the grid of UTM
+    assert east == pytest.approx(88 * math.cos(turn) + 48 * math.sin(turn), abs=0.1)  # the grid is 0.04 % small
+    assert north == pytest.approx(48 * math.cos(turn) + 88 * math.sin(turn), abs=0.1)
+
+
+def test_agopengps_has_the_directions_of_its_lines() -> None:
+    form = form_named("agopengps")
+    assert form is not None
+    guidance = guidance_of(saved(), 1)
+    rows = written(guidance, form).files["Sondre Mark T1/TrackLines.txt"].decode().split("\r\n")
+    assert rows[:2] == ["$TrackLines", "T1 01 round 1 side 1"] and rows[6:8] == ["4", "True"]
+    straight = rows.index("T1 02 track 1")
+    assert math.degrees(float(rows[straight + 1])) == pytest.approx(guidance.lines[1].bearing_deg, abs=1e-2)
+    assert rows[straight + 5 : straight + 8] == ["2", "True", "0"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_plan_gives_the_same_bytes(name: str) -> None:
+    form, guidance = form_named(name), guidance_of(saved())
+    assert form is not None
+    one, other = (zipped(written(guidance, form).files) for _ in range(2))
+    assert one == other
+    with zipfile.ZipFile(io.BytesIO(one)) as archive:
+        assert archive.testzip() is None and archive.namelist() == list(written(guidance, form).files)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_of_all_kinds_are_written(tmp_path: Path, name: str) -> None:
+    form = form_named(name)
+    assert form is not None
+    for number, called in enumerate(("", "..", 'a/b\\c:"<&>', "畑", "con", "x" * 300, "tab\tand\x07bell", "\ud800")):
+        guidance = replace(guidance_of(saved(), 2), field=called)
+        folder = tmp_path / str(number)
+        (path,) = put(folder, form, guidance)
+        assert len(read_field(path).lines) == 2
+        assert all(found.resolve().is_relative_to(folder.resolve()) for found in folder.rglob("*"))
+
+
+def test_names_that_terminals_take() -> None:
+    assert designator("Ærø Straße łąka", "Field") == "AEro Strasse laka"
+    assert designator("x" * 40, "Field") == "x" * 32 and designator("畑", "Field") == "Field"
+    assert folder_name("a/b: c.", "Field") == "a b c" and folder_name("CON", "Field") == "Field CON"
+    assert folder_name("..", "Field") == "Field"
