@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 ZIP, TASKDATA = ".zip", "TASKDATA"
 TO = "isoxml4, isoxml3, agopengps, kml, shapefile, geojson or gpx."
-OUT = "File or folder to write, or a .zip of it all; by default named after the plan. A stick's own folder will do."
+OUT = "File or folder to write (that of a stick, too), or a .zip; by default named after the plan."
 CURVES = "Write curves, or straight lines alone. By default curves are left out of ISOXML: some terminals refuse them."
 
 
