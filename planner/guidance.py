@@ -15,8 +15,10 @@ import shapely
 
 from fields.plane import Plane
 from fields.projection import project
-from planner.errors import ScenarioError, named
+from planner.errors import ScenarioError, named, nearest
 from planner.steps import track_names
+from reports.guidance.form import Form
+from reports.guidance.forms import FORMS, form_named
 from reports.guidance.lines import ROUND, TRACK, Area, Degrees, Guidance, Line, TractorLines
 from vehicle.errors import MissionError
 from vehicle.missions import ENTER, LEAVE, REFILL, Leg, Plan, Task
@@ -78,6 +80,17 @@ def guidance_of(saved: SavedPlan, tractor: int | None = None) -> Guidance:
     boundary, area_m2, inside, obstacles, entrance = _ground(saved.ground, field, frame)
     told = tuple(_left_out(plan, wanted).items())
     return Guidance(field, boundary, area_m2, inside, obstacles, entrance, tractors, count > 1, told)
+
+
+def form_for(to: str) -> Form:
+    """The form that guidance is asked for in; raises ScenarioError for one that is unknown."""
+    form = form_named(to)
+    if form is None:
+        known = [each.name for each in FORMS]
+        raise ScenarioError(
+            f"{named('to')} {to!r} is unknown{nearest(to, known)}; use one of: {', '.join(known)}.", parameter="to"
+        )
+    return form
 
 
 def _words(plan: Plan) -> dict[tuple[str, int, int], str]:

@@ -13,7 +13,6 @@ import typer
 from planner.commands.options import AsJson
 
 if TYPE_CHECKING:
-    from reports.guidance.form import Form
     from reports.guidance.forms import Written
 
 ZIP, TASKDATA = ".zip", "TASKDATA"
@@ -40,13 +39,13 @@ def export(
     from fields.reading import read_text
     from planner.commands.outputs import check_outputs, spare, written
     from planner.commands.show import out, remark
-    from planner.guidance import guidance_of
+    from planner.guidance import form_for, guidance_of
     from reports.guidance.forms import written as write_guidance
     from reports.guidance.told import export_json, export_table, remarks
     from vehicle.errors import MissionError
     from vehicle.plan_file import saved_from_json
 
-    form = _form(to)
+    form = form_for(to)
     guidance = guidance_of(saved_from_json(read_text(plan, "a plan of headland plan --save", MissionError)), tractor)
     made = write_guidance(guidance, form, curves)
     target, results = _placed(made, output, plan)
@@ -62,19 +61,6 @@ def export(
                 typer.echo(export_json(guidance, made, names), nl=False)
             else:
                 out(export_table(guidance, made, names))
-
-
-def _form(to: str) -> Form:
-    from planner.errors import ScenarioError, nearest
-    from reports.guidance.forms import FORMS, form_named
-
-    form = form_named(to)
-    if form is None:
-        known = [each.name for each in FORMS]
-        raise ScenarioError(
-            f"--to {to!r} is unknown{nearest(to, known)}; use one of: {', '.join(known)}.", parameter="to"
-        )
-    return form
 
 
 def _placed(made: Written, output: Path | None, plan: Path) -> tuple[Path, list[tuple[Path, bytes]]]:

@@ -20,6 +20,7 @@ class Form:
         words: what people call it.
         write: the files of a guidance; where `apart`, of one with one tractor.
         ending: of the one file it is, "" for a folder of several.
+        media: type of that file; of a folder that of its archive.
         apart: it has no notion of a tractor, so each gets files of its own.
         named: their paths say whose they are; otherwise each tractor has a folder T1, T2, ...
         curves: whether terminals take curves, so that they are written unasked.
@@ -30,6 +31,7 @@ class Form:
     words: str
     write: Callable[[Guidance], Files]
     ending: str = ""
+    media: str = "application/zip"
     apart: bool = False
     named: bool = False
     curves: bool = True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fields.errors import named
 from reports.errors import ReportError
 from reports.guidance import agopengps, geojson, gpx, isoxml, kml, shapefile
 from reports.guidance.form import Files, Form
@@ -47,7 +48,7 @@ def written(guidance: Guidance, form: Form, curves: bool | None = None) -> Writt
     """
     told = guidance if (form.curves if curves is None else curves) else guidance.straight_alone()
     if not told.lines:
-        why = "all of them are curves; add --curves" if guidance.lines else "the plan has none"
+        why = f"all of them are curves; add {named('curves')}" if guidance.lines else "the plan has none"
         raise ReportError(f"There is no line to write as {form.words}: {why}.")
     kept = {line.name for line in told.lines}
     left = tuple(line for line in guidance.lines if line.name not in kept)

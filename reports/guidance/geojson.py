@@ -51,4 +51,4 @@ def _positions(points: Degrees) -> list[list[float]]:
     return [[round(float(x), DECIMALS), round(float(y), DECIMALS)] for x, y in points]
 
 
-FORM = Form("geojson", "GeoJSON", _write, ending=".geojson")
+FORM = Form("geojson", "GeoJSON", _write, ending=".geojson", media="application/geo+json")

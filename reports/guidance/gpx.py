@@ -46,4 +46,7 @@ def _point(parent: Element, tag: str, longitude: float, latitude: float) -> Elem
     return child(parent, tag, lat=f"{latitude:.{DECIMALS}f}", lon=f"{longitude:.{DECIMALS}f}")
 
 
-FORM = Form("gpx", "GPX", _write, ending=".gpx", apart=True, lacks=("headland", "obstacles", "holes of the boundary"))
+FORM = Form(
+    "gpx", "GPX", _write, ending=".gpx", media="application/gpx+xml", apart=True,
+    lacks=("headland", "obstacles", "holes of the boundary"),
+)  # fmt: skip

@@ -96,4 +96,4 @@ def _positions(geometry: Element, points: Degrees) -> None:
     child(geometry, "coordinates", " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in points.tolist()))
 
 
-FORM = Form("kml", "KML", _write, ending=".kml")
+FORM = Form("kml", "KML", _write, ending=".kml", media="application/vnd.google-earth.kml+xml")

@@ -7,6 +7,7 @@ import zipfile
 
 from reports.guidance.form import Files
 
+MEDIA = "application/zip"
 FIRST_DAY = (1980, 1, 1, 0, 0, 0)
 """The earliest time a ZIP archive knows; stands where there is none."""
 

@@ -211,7 +211,7 @@ def test_nothing_but_curves_is_refused_where_they_are_not_wanted() -> None:
     guidance, form = guidance_of(saved()), form_named("isoxml4")
     assert form is not None
     bent = replace(guidance.tractors[0], lines=guidance.tractors[0].lines[:1])
-    with pytest.raises(ReportError, match=r"all of them are curves; add --curves\.$"):
+    with pytest.raises(ReportError, match=r"all of them are curves; add curves\.$"):
         written(replace(guidance, tractors=(bent,)), form)
 
 

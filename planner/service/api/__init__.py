@@ -8,6 +8,7 @@ refusals   errors as answers
 health     whether it runs
 files      fields, tractors, farms, logs
 jobs       plans, days, diagnoses
+exports    a plan that was made, for terminals and maps
 queries    parameters that an address does not have
 tokens     made, listed and revoked by who administers
 events     who did what

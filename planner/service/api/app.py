@@ -12,7 +12,7 @@ from planner.parameters import word_of
 from planner.service.access.headers import SecurityHeaders
 from planner.service.access.limits import Limits
 from planner.service.access.views import Views
-from planner.service.api import docs, events, health, tokens
+from planner.service.api import docs, events, exports, health, tokens
 from planner.service.api.answers import refusals
 from planner.service.api.files import KINDS as FILES
 from planner.service.api.files import files_router
@@ -52,7 +52,7 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     app.state.diagnosing = Diagnosing(store, app.state.reader)
     app.state.hub = Hub(store, app.state.diagnosing.look)
     api = APIRouter(prefix=PREFIX, dependencies=[Depends(known_query)], responses=refusals(422))
-    parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), every_job, views]
+    parts = [health.router, *map(files_router, FILES), *map(jobs_router, JOBS), exports.router, every_job, views]
     parts += [tokens.router, events.router, docs.router, fleets.router, twins.router, link.router]
     for router in parts:
         api.include_router(router)
