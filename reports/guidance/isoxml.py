@@ -7,6 +7,7 @@ tractor gets a file of its own. Both are valid against the schemas TaskFile V4-3
 
 from __future__ import annotations
 
+from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from xml.etree.ElementTree import Element
 
@@ -16,7 +17,7 @@ from reports.guidance.markup import child, document
 from reports.guidance.names import designator
 
 PLACE = "TASKDATA/TASKDATA.XML"
-SOFTWARE, SOFTWARE_VERSION = "Headland", "0.1"
+SOFTWARE = "Headland"
 BOUNDARY, OBSTACLE, HEADLAND = "1", "6", "10"
 OUTER, INNER, GUIDANCE = "1", "2", "5"
 OTHER, ENTRANCE, POINT_A, POINT_B, BETWEEN = "2", "3", "6", "7", "9"
@@ -52,11 +53,11 @@ def _version_3(guidance: Guidance) -> Files:
     return {PLACE: document(root)}
 
 
-def _partfield(guidance: Guidance, version: str) -> tuple[Element, Element]:
+def _partfield(guidance: Guidance, major: str) -> tuple[Element, Element]:
     """The root and its partfield with boundary and obstacles."""
     root = Element("ISO11783_TaskData", {
-        "VersionMajor": version, "VersionMinor": "3", "ManagementSoftwareManufacturer": SOFTWARE,
-        "ManagementSoftwareVersion": SOFTWARE_VERSION, "DataTransferOrigin": "1",
+        "VersionMajor": major, "VersionMinor": "3", "ManagementSoftwareManufacturer": SOFTWARE,
+        "ManagementSoftwareVersion": _version(), "DataTransferOrigin": "1",
     })  # fmt: skip
     partfield = child(root, "PFD", A="PFD1", C=designator(guidance.field, UNNAMED), D=f"{guidance.area_m2:.0f}")
     if guidance.boundary is not None:
@@ -64,6 +65,14 @@ def _partfield(guidance: Guidance, version: str) -> tuple[Element, Element]:
     for area in guidance.obstacles:
         _polygon(partfield, OBSTACLE, area)
     return root, partfield
+
+
+def _version() -> str:
+    """The version of Headland that is installed."""
+    try:
+        return version("headland")
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def _polygon(partfield: Element, kind: str, area: Area) -> None:

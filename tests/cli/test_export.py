@@ -1,5 +1,6 @@
 """`headland export`: lines of a saved plan for terminals, written whole and over nothing."""
 
+import errno
 import io
 import json
 import os
@@ -148,6 +149,21 @@ def test_force_writes_over_what_is_there_and_nothing_else(headland: Run, plan: P
     assert headland("export", plan, "--to", "isoxml4", "-o", ".", "--force").status == 0
     assert TASKDATA.read_text(encoding="utf-8").startswith("<?xml")
     assert Path("TASKDATA", "TLG00001.BIN").read_bytes() == b"log"
+
+
+def test_a_full_disk_leaves_nothing_behind(headland: Run, plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    def full(number: int) -> None:
+        calls.append(number)
+        if len(calls) == 5:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    done = headland("export", plan, "--to", "agopengps")
+    assert done.status == 1 and done.out == "" and len(done.sentences) == 1
+    assert "the disk is full; nothing was written" in done.sentences[0]
+    assert [str(path) for path in Path().rglob("*")] == ["plan.json"]
 
 
 def test_a_folder_that_takes_no_files_is_refused(headland: Run, plan: Path) -> None:
