@@ -1,7 +1,7 @@
 """GPX 1.1: the boundary as a track and the lines as routes in driving order, a file for every tractor.
 
 A track that comes back to where it began is read as a boundary, by Headland and by others, so there is one of these
-alone: holes, obstacles and the headland have no place in it.
+alone: holes, obstacles and the headland have no place in it. (A round without corners looks like one, too.)
 """
 
 from __future__ import annotations

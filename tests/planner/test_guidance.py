@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fields.errors import HeadlandError
-from planner.guidance import STRAIGHT_M, guidance_of
+from planner.guidance import guidance_of
 from tests.planner.saved_plans import BEND, GROUND, HOLE, SQUARE, in_metres, leg, plan, saved
 from vehicle.missions import Mission, Plan
 from vehicle.plan_file import plan_to_json, saved_from_json
@@ -43,7 +43,7 @@ def test_a_bearing_is_from_true_north() -> None:
     assert westwards.bearing_deg == pytest.approx(grid_deg + off_deg, abs=2e-3)
 
 
-@pytest.mark.parametrize(("off_m", "straight"), [(0.9 * STRAIGHT_M, True), (1.2 * STRAIGHT_M, False)])
+@pytest.mark.parametrize(("off_m", "straight"), [(0.009, True), (0.012, False)])
 def test_a_line_is_straight_to_a_centimetre(off_m: float, straight: bool) -> None:
     bent = leg("track", 0, 0, [0.0, 0.0], [40.0, off_m], [80.0, 0.0])
     (line,) = guidance_of(replace(saved(), plan=Plan((Mission((bent,)),)))).lines

@@ -237,6 +237,10 @@ def test_agopengps_has_the_directions_of_its_lines() -> None:
     guidance = guidance_of(saved(), 1)
     rows = written(guidance, form).files["Sondre Mark T1/TrackLines.txt"].decode().split("\r\n")
     assert rows[:2] == ["$TrackLines", "T1 01 round 1 side 1"] and rows[6:8] == ["4", "True"]
+    curve = np.array([[float(each) for each in row.split(",")] for row in rows if row.count(",") == 2])
+    steps = np.diff(curve[:, :2], axis=0)
+    assert int(rows[8]) == len(curve) and np.hypot(*steps.T).max() < 2.01  # close enough for its look ahead
+    assert np.abs(np.arctan2(*steps.T) % (2 * math.pi) - curve[:-1, 2]).max() < 2e-3
     straight = rows.index("T1 02 track 1")
     assert math.degrees(float(rows[straight + 1])) == pytest.approx(guidance.lines[1].bearing_deg, abs=1e-2)
     assert rows[straight + 5 : straight + 8] == ["2", "True", "0"]
