@@ -79,7 +79,7 @@ class Guidance:
 
     def alone(self) -> tuple[Guidance, ...]:
         """The guidance of every tractor by itself."""
-        return tuple(replace(self, tractors=(each,), several=self.several) for each in self.tractors)
+        return tuple(replace(self, tractors=(each,)) for each in self.tractors)
 
     def straight_alone(self) -> Guidance:
         """The same without its curves; the lines keep their names."""
