@@ -101,6 +101,29 @@ def test_columns_may_stand_still_where_the_tractor_does_nothing_else() -> None:
     assert all(read(frame).doubts == () for frame in runs().values())
 
 
+ROWS = drive(
+    "rows", 190.0, stairs(*[(18.0, 0.0), (9.0, 30.0), (18.0, 0.0), (9.0, -30.0)] * 4), 1.6,
+    stairs(*[(18.0, 1.0), (9.0, 0.0)] * 8),
+)  # fmt: skip
+
+
+def test_an_implement_switch_the_wrong_way_round_is_told() -> None:
+    frame = log_of(ROWS)
+    assert read(frame).doubts == ()
+    wrong = frame.assign(implement=1 - frame.implement)
+    text = refusal(lambda: read(wrong))
+    assert "implement is 1 where it is lifted and 0 where it works" in text and "fixes implement-reversed" in text
+    mended = log_from_frame(wrong, "run", ["implement-reversed"])
+    assert np.array_equal(mended.implement, frame.implement)
+    assert "leave that fix out" in refusal(lambda: log_from_frame(frame, "run", ["implement-reversed"]))
+
+
+def test_two_rows_are_too_few_to_contradict_each_other() -> None:
+    few = log_of(WEAVE)[40:52]
+    log = log_from_frame(few.assign(steering_deg=-few.steering_command_deg - np.arange(12)), "few")
+    assert "no stretch reaches 5 s" in remarks(log)[-1]
+
+
 def test_what_was_set_right_stays_as_it_is() -> None:
     frame = log_of(WEAVE)
     once = read(frame.assign(speed_mps=frame.speed_mps * 1.3, heading_deg=12.0))

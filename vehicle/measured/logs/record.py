@@ -36,6 +36,7 @@ class Fix(StrEnum):
     HEADING_REVERSED = "heading-reversed"
     STEERING_RADIANS = "steering-radians"
     STEERING_LEFT = "steering-left-positive"
+    IMPLEMENT_REVERSED = "implement-reversed"
 
 
 MEANING = {
@@ -52,6 +53,7 @@ MEANING = {
     Fix.HEADING_REVERSED: "heading_deg points backwards",
     Fix.STEERING_RADIANS: "steering angles are in radians",
     Fix.STEERING_LEFT: "steering is positive to the left",
+    Fix.IMPLEMENT_REVERSED: "implement is 1 where it is lifted and 0 where it works",
 }
 
 

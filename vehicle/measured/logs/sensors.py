@@ -224,4 +224,4 @@ def _is_off(angle: Array, curvature: Array, run: Mask, line: tuple[float, float,
     slope, at_zero, scatter = line
     shown = angle[run]
     off = np.abs((curvature[run] - at_zero) / slope - shown) - 0.5 * np.abs(shown)
-    return float(np.mean(off > _OFF_DEG + 2.0 * scatter / slope)) > _OFF_SHARE
+    return float(np.mean(off > _OFF_DEG + 3.0 * scatter / slope)) > _OFF_SHARE
