@@ -25,7 +25,7 @@ _FEWEST = 12
 _WINDOW_S, _SEARCH_S, _GRID_S, _SMOOTH_S = 20.0, 2.5, 0.1, 0.6
 _LEAST_WINDOWS, _LEAST_DRIFT_S, _MATCHES = 5, 0.3, 0.75
 # A wheel sensor that is off repeats one value for long; what the path says it should be is averaged over that.
-_STILL_S, _OFF_DEG, _MOVES_DEG, _RUN_CHORDS, _OFF_SHARE = 4.0, 3.0, 2.0, 4, 0.5
+_STILL_S, _OFF_DEG, _MOVES_DEG, _RUN_CHORDS, _OFF_SHARE = 4.0, 3.0, 2.0, 5, 0.4
 
 
 def set_right(log: Log) -> Log:
