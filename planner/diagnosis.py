@@ -20,6 +20,8 @@ from vehicle.measured.answer.diagnose import diagnose as find_causes
 from vehicle.measured.answer.verdict import Diagnosis, PlanGain
 from vehicle.measured.logs.reading import read_logs
 from vehicle.measured.logs.record import Log
+from vehicle.measured.logs.size import as_driven as driven_size
+from vehicle.measured.logs.size import refuse_other
 from vehicle.run import DONE, Run
 from vehicle.tractor import Tractor, as_tractor
 from vehicle.world import World
@@ -40,17 +42,23 @@ def diagnose(
     tractor: Tractor | str | Path = "eg105",
     ground: str = "soil",
     fixes: Sequence[str] = (),
+    as_driven: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """What the simulation of a tractor gets wrong in measured logs, why, and what mending it gains.
 
     `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an
-    object, a name or a file. `progress` is called with (done, an estimate of all). Raises LogError and VehicleError.
+    object, a name or a file. Logs that cannot be of this tractor are refused with the size that they suggest, or
+    diagnosed with a tractor of that size where `as_driven` says so. `progress` is called with (done, an estimate of
+    all). Raises LogError and VehicleError.
     """
     with about("tractor"):
         machine = as_tractor(tractor)
     with about("logs"):
         read = logs_of(logs, fixes, machine)
+    if as_driven:
+        machine = driven_size(read, machine, ground)
+    refuse_other(read, machine, ground)
     return _with_gain(find_causes(read, machine, ground, progress), machine)
 
 

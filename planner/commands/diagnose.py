@@ -26,6 +26,9 @@ def diagnose(
     tractor: TractorOption = "eg105",
     ground: Ground = "soil",
     fix: Fixes = None,
+    as_driven: Annotated[
+        bool, typer.Option("--as-driven", help="Where the file is of another vehicle, take its size from the logs.")
+    ] = False,
     demo: Annotated[bool, typer.Option("--demo", help="Hide an effect in made logs and find it.")] = False,
     seed: Annotated[Optional[int], typer.Option(help="Seed of the demonstration, 1 by default.")] = None,  # noqa: UP045
     hide: Annotated[Optional[str], typer.Option(help="Effect to hide in the demonstration; by default drawn.")] = None,  # noqa: UP045
@@ -42,9 +45,9 @@ def diagnose(
     one_thread()
     from planner.commands.outputs import check_outputs, inputs, written
 
-    _check_demo(demo, logs, seed, hide, fix)
+    _check_demo(demo, logs, seed, hide, fix, as_driven)
     check_outputs((html, ".html"), (save, ".toml"), reads=inputs(logs=logs or (), tractor=tractor))
-    found, hidden = _answer(logs, tractor, ground, fix, 1 if seed is None else seed, hide)
+    found, hidden = _answer(logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide)
     with written(_results(found, hidden, html, save)):
         _print(found, hidden, json)
 
@@ -65,7 +68,7 @@ def _results(
 
 
 def _check_demo(
-    demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, fix: list[str] | None
+    demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, fix: list[str] | None, as_driven: bool
 ) -> None:
     """Raise ScenarioError for both or neither of logs and demonstration, and for an option that would be ignored."""
     from planner.errors import ScenarioError
@@ -74,14 +77,17 @@ def _check_demo(
         raise ScenarioError("Give log files, or --demo for a demonstration; not both and not neither.")
     if demo and fix:
         raise ScenarioError("--fix converts log files; leave it out with --demo.")
+    if demo and as_driven:
+        raise ScenarioError("--as-driven takes a size from log files; leave it out with --demo.")
     for name, value in (("--seed", seed), ("--hide", hide)):
         if value is not None and not demo:
             raise ScenarioError(f"{name} {value} belongs to the demonstration; add --demo or leave {name} out.")
 
 
 def _answer(
-    logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, seed: int, hide: str | None
-) -> tuple[Diagnosis, Hidden | None]:
+    logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, as_driven: bool, seed: int,
+    hide: str | None,
+) -> tuple[Diagnosis, Hidden | None]:  # fmt: skip
     """The diagnosis; without logs that of the demonstration, and what it had hidden."""
     from planner.commands.show import progress_bar
     from planner.diagnosis import demonstrate
@@ -90,7 +96,10 @@ def _answer(
     with progress_bar("Diagnosing") as progress:
         if not logs:
             return demonstrate(tractor=tractor, ground=ground, seed=seed, hide=hide, progress=progress)
-        return explain(logs, tractor=tractor, ground=ground, fixes=fix or (), progress=progress), None
+        found = explain(
+            logs, tractor=tractor, ground=ground, fixes=fix or (), as_driven=as_driven, progress=progress
+        )
+        return found, None
 
 
 def _print(found: Diagnosis, hidden: Hidden | None, json: bool) -> None:

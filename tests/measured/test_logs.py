@@ -277,7 +277,7 @@ def test_motion_needs_a_drive() -> None:
 
 
 @pytest.mark.parametrize("name", BENT)
-@pytest.mark.parametrize("fix", Fix)
+@pytest.mark.parametrize("fix", SPOIL)
 def test_a_wrong_convention_is_named_and_its_fix_mends_it(fix: Fix, name: str) -> None:
     spoiled_frame = SPOIL[fix](runs()[name])
     message = refusal(lambda: log_from_frame(spoiled_frame, name))
@@ -360,7 +360,7 @@ def test_logs_in_degrees_share_one_origin(tmp_path: Path) -> None:
     assert one.easting_m[0] == 0.0 and one.northing_m[0] == 0.0
 
 
-@pytest.mark.parametrize("fix", [fix for fix in Fix if fix is not Fix.POSITION_DEGREES])
+@pytest.mark.parametrize("fix", [fix for fix in SPOIL if fix is not Fix.POSITION_DEGREES])
 def test_fixes_undo_the_spoiling_exactly(fix: Fix) -> None:
     frame = runs()["steps"]
     wrong = {str(name): values.to_numpy(dtype=float) for name, values in SPOIL[fix](frame).items()}

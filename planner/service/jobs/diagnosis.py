@@ -32,8 +32,9 @@ def run_diagnosis(work: Work) -> list[Made]:
         )  # fmt: skip
     else:
         found = diagnose(
-            request.logs, tractor=request.tractor, ground=request.ground, fixes=request.fix, progress=progress
-        )
+            request.logs, tractor=request.tractor, ground=request.ground, fixes=request.fix,
+            as_driven=request.as_driven, progress=progress,
+        )  # fmt: skip
     return list(_results(found, hidden))
 
 

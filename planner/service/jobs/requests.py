@@ -99,6 +99,7 @@ class DiagnosisRequest(Request):
     tractor: Text = Field("eg105", description="eg105, mr1000a or an uploaded tractor.")
     ground: Text = Field("soil", description="Ground the logs were made on: soil or asphalt.")
     fix: Annotated[list[Text], Field(max_length=LIST, description="Conventions to convert from.")] = []
+    as_driven: bool = Field(False, description="Where the file is of another vehicle, take its size from the logs.")
     demo: bool = Field(False, description="Hide an effect in made logs and find it.")
     hide: Text | None = Field(None, description="Effect to hide in the demonstration; by default drawn.")
     seed: Annotated[int | None, Field(ge=0, le=LARGEST_SEED, description="Seed of the demonstration.")] = None
@@ -111,6 +112,8 @@ class DiagnosisRequest(Request):
             raise ScenarioError(f"Give {named('logs')}, or {named('demo')} for a demonstration; not both, not neither.")
         if self.demo and self.fix:
             raise ScenarioError(f"{named('fixes')} converts log files; leave it out with {named('demo')}.")
+        if self.demo and self.as_driven:
+            raise ScenarioError(f"{named('as_driven')} takes a size from logs; leave it out with {named('demo')}.")
         given: dict[str, Any] = {"seed": self.seed, "hide": self.hide}
         for name, value in given.items():
             if value is not None and not self.demo:

@@ -13,6 +13,7 @@ from vehicle.measured.logs.record import Array, Log
 
 CLEAR_STEERING_DEG = 3.0  # beyond any offset, slope or draft of the catalogue at its usual size
 _FEWEST = 5  # chords: fewer bends may be one swerve
+_FEWEST_ROWS = 20  # of two columns, before they contradict each other
 _MOST = 0.8  # of the clear bends: a few are read wrong where the steering just changes
 
 
@@ -27,6 +28,8 @@ def steering(log: Log) -> Array:
         assert angle is not None
         return angle
     one, two = command[log.used], sensor[log.used]
+    if len(one) < _FEWEST_ROWS:
+        return sensor
     spread, other = float(np.std(one)), float(np.std(two))
     if spread > 0.0 and other > 0.0:
         together = float(np.mean((one - one.mean()) * (two - two.mean()))) / (spread * other)

@@ -23,6 +23,8 @@ _KMH, _KMH_COMMAND = (2.7, 4.8), (2.7, 6.0)
 _ALIKE = 0.02  # of a mean cosine: readings that near to each other are not told apart
 _SURE = 4.0  # standard errors
 _LEAST_SPREAD = 0.02  # of the steering: 1.1 degrees in radians, and noise in degrees
+# Rows of a field: turned and straight driving, how often they must take turns, and what share of each is against it.
+_TURN_PER_M, _ROW_PER_M, _FEWEST_TURNS, _AGAINST = 0.06, 0.02, 4, 0.85
 _FEWEST_BENDS = 8  # chords, each half overlapping the next: four observations for two numbers
 
 
@@ -38,7 +40,7 @@ def conventions(log: Log, wheelbase_m: float | None = None, others: Sequence[Log
         for fix, why in check(log, wheelbase_m, others):
             suspicions.append(Suspicion(fix, why))
             log, others = fixed(log, fix), [fixed(other, fix) for other in others]
-    return [*suspicions, *directions(log, others)]
+    return [*suspicions, *directions(log, others), *_implement(log)]
 
 
 def _time(log: Log, _wheelbase_m: float | None, _others: Sequence[Log]) -> list[tuple[Fix, str]]:
@@ -134,6 +136,23 @@ def _steering_unit(log: Log, wheelbase_m: float | None, _others: Sequence[Log]) 
     base = 100.0 * math.radians(1.0) / abs(slope)
     why = f"no angle is beyond {largest:.2f}, and as degrees they would need a wheelbase of {base:.1f} cm"
     return [(Fix.STEERING_RADIANS, why)]
+
+
+def _implement(log: Log) -> list[Suspicion]:
+    """Row after row driven with the implement up, and every headland turn between them with it down."""
+    chords = motion(log)
+    if chords is None:
+        return []
+    bent = np.abs(chords.curvature)
+    kind = np.where(bent > _TURN_PER_M, 1, np.where(bent < _ROW_PER_M, 0, -1))
+    kind, working = kind[kind >= 0], log.implement[chords.row][kind >= 0] > 0.5
+    if np.count_nonzero(np.diff(kind) > 0) < _FEWEST_TURNS or np.count_nonzero(np.diff(kind) < 0) < _FEWEST_TURNS - 1:
+        return []
+    turns, rows = float(np.mean(working[kind == 1])), 1.0 - float(np.mean(working[kind == 0]))
+    if min(turns, rows) < _AGAINST:
+        return []
+    why = f"it is 1 in {100.0 * turns:.0f} % of the turns and 0 on {100.0 * rows:.0f} % of the straight rows between"
+    return [Suspicion(Fix.IMPLEMENT_REVERSED, why)]
 
 
 def _slope(x: Array, y: Array) -> tuple[float, float]:

@@ -59,6 +59,7 @@ _CONVERSIONS: dict[Fix, tuple[tuple[str, ...], Callable[[Array], Array]]] = {
     Fix.HEADING_REVERSED: (("heading_deg",), lambda values: np.mod(values + 180.0, 360.0)),
     Fix.STEERING_RADIANS: (STEERING, np.degrees),
     Fix.STEERING_LEFT: (STEERING, np.negative),
+    Fix.IMPLEMENT_REVERSED: (("implement",), lambda values: 1.0 - values),
 }
 
 
@@ -85,7 +86,8 @@ def _local_metres(columns: Columns, reference: Place) -> Columns:
 
 def fixed(log: Log, fix: Fix) -> Log:
     """The log with one fix applied to all its columns."""
-    names = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps", *STEERING)
+    names = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps", *STEERING,
+             "implement")  # fmt: skip
     columns = {name: getattr(log, name) for name in names if getattr(log, name) is not None}
     first = int(np.flatnonzero(log.used)[0])
     reference = (float(log.easting_m[first]), float(log.northing_m[first]))

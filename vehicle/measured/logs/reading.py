@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vehicle.measured.errors import LogError
+from vehicle.measured.logs.constant import without_constant
 from vehicle.measured.logs.conventions import apply_fixes, conventions, first_place
 from vehicle.measured.logs.gating import RowRules, gate_rows, segments
 from vehicle.measured.logs.record import Fix, Gated, Log, Suspicion
 from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.logs.sensors import set_right
 from vehicle.measured.logs.stretches import SHORTEST_S
 from vehicle.measured.logs.table import Columns, columns_of, read_frame
 
@@ -74,7 +76,7 @@ def read_logs(
         logs.append(replace(log, given_again=again))
     for log in logs:
         _check(log, wanted, wheelbase_m, [other for other in logs if other is not log])
-    return logs
+    return [set_right(log) for log in logs]
 
 
 def log_from_frame(
@@ -85,17 +87,18 @@ def log_from_frame(
     reference: tuple[float, float] | None = None,
     check: bool = True,
 ) -> Log:
-    """One run from a table; as read_log. Without `check`, conventions, movement and the rate are not judged."""
+    """One run from a table; as read_log. Without `check`, only constant columns and rows are judged."""
     given = _fix_set(fixes)
     raw, others = columns_of(frame, name)
     columns = apply_fixes(raw, given, reference)
     rules = gate_rows(columns)
     columns = _without_negative_noise(columns)
     _refuse_unusable(columns, rules, name)
-    log = _assemble(columns, rules, name, others)
-    if check:
-        _check(log, given, wheelbase_m)
-    return log
+    log = without_constant(_assemble(columns, rules, name, others))
+    if not check:
+        return log
+    _check(log, given, wheelbase_m)
+    return set_right(log)
 
 
 def _without_negative_noise(columns: Columns) -> Columns:

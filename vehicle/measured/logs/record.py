@@ -36,6 +36,7 @@ class Fix(StrEnum):
     HEADING_REVERSED = "heading-reversed"
     STEERING_RADIANS = "steering-radians"
     STEERING_LEFT = "steering-left-positive"
+    IMPLEMENT_REVERSED = "implement-reversed"
 
 
 MEANING = {
@@ -52,6 +53,7 @@ MEANING = {
     Fix.HEADING_REVERSED: "heading_deg points backwards",
     Fix.STEERING_RADIANS: "steering angles are in radians",
     Fix.STEERING_LEFT: "steering is positive to the left",
+    Fix.IMPLEMENT_REVERSED: "implement is 1 where it is lifted and 0 where it works",
 }
 
 
@@ -98,7 +100,7 @@ class Log:
     without a gap of more than five samples, from 0; it is -1 on rows that are not used. Speeds are never negative
     (noise down to -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file
     does not say; `implement` is then 0 throughout. `given_again` holds the further names under which the same file was
-    given.
+    given; `doubts` say what its instruments got wrong and what was set right.
     """
 
     name: str
@@ -119,6 +121,7 @@ class Log:
     gated: tuple[Gated, ...]
     ignored_columns: tuple[str, ...] = ()
     given_again: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def rows_used(self) -> int:

@@ -19,7 +19,7 @@ def remarks(log: Log) -> list[str]:
 
     The rows named in "left out" and "not used" are all rows of the file that no replay sees.
     """
-    told = [*_given(log), *_columns(log), *_tilt(log)]
+    told = [*_given(log), *_columns(log), *log.doubts, *_tilt(log)]
     told += [f"{_rows(one.rows)} left out: {one.rule} (first in line {one.first_line})" for one in log.gated]
     return [f"{log.name}: {one}." for one in [*told, *_stretches(log)]]
 

@@ -1,0 +1,130 @@
+"""Instruments that contradict each other are found, told and set right; honest ones are left alone."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.diagnosis.hiding import hidden
+from tests.measured.tables import refusal, runs, table
+from tests.truth.drives import Drive, drive, stairs, straight, triangle
+from tests.truth.model import Truth, make_logs
+from vehicle.measured.logs.constant import without_constant
+from vehicle.measured.logs.reading import Log, log_from_frame
+from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.logs.sensors import set_right
+
+WEAVE = drive("weave", 180.0, triangle(12.0, 14.0), 1.6)
+
+
+def log_of(one: Drive, seed: int = 5, **effects: dict[str, float]) -> pd.DataFrame:
+    return Truth(effects, seed, rate_hz=10.0).log(one)
+
+
+def read(frame: pd.DataFrame) -> Log:
+    return log_from_frame(frame, "run")
+
+
+def test_honest_sensors_are_left_alone() -> None:
+    slow = {"wheel_slip": {"ratio": 0.12}, "cross_slope_drift": {"ratio": 0.04, "bearing_deg": 20.0}}
+    for effects in ({}, slow, hidden(["steering_dead_time", "gnss_latency"]), hidden(["side_slip", "grip_drift"])):
+        for frame in (log_of(WEAVE, 7, **effects), *make_logs(effects, 7, rate_hz=10.0)[:12:3]):
+            log = read(frame)
+            assert log.doubts == ()
+            assert not any("off" in one.rule for one in log.gated)
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.12, 1.4])
+def test_a_factor_of_the_speed_sensor_is_told_and_taken_out(factor: float) -> None:
+    frame = log_of(WEAVE)
+    true = frame.speed_mps.to_numpy()
+    log = read(frame.assign(speed_mps=true * factor))
+    (told,) = log.doubts
+    assert told.startswith(f"speed_mps reads {100 * abs(factor - 1):.0f} % ")
+    assert log.speed_mps is not None
+    assert float(np.median(log.speed_mps[log.used]) / np.median(true)) == pytest.approx(1.0, abs=0.01)
+
+
+def test_slip_under_the_implement_is_no_factor_of_the_sensor() -> None:
+    """A wheel sensor reads more while the implement pulls and right while it does not: that is slip."""
+    half = drive("line", 120.0, stairs((60.0, 0.0), (60.0, 0.0)), 1.5, stairs((60.0, 0.0), (60.0, 1.0)))
+    frame = log_of(half)
+    frame["speed_mps"] *= np.where(frame.implement == 1, 1.25, 1.0)
+    assert read(frame).doubts == ()
+
+
+@pytest.mark.parametrize("rate", [0.004, -0.006])
+def test_clocks_that_part_are_told_and_joined(rate: float) -> None:
+    frame = log_of(WEAVE)
+    time = frame.time_s.to_numpy()
+    shown = time[0] + (time - time[0]) * (1.0 - rate)
+    late = frame.copy()
+    for name in ("easting_m", "northing_m"):
+        late[name] = np.interp(shown, time, frame[name])
+    late["heading_deg"] = np.mod(np.interp(shown, time, np.unwrap(frame.heading_deg, period=360.0)), 360.0)
+    log = read(late)
+    (told,) = log.doubts
+    assert f" s a minute {'later' if rate > 0 else 'earlier'} against the steering" in told
+    assert float(told.split()[3]) == pytest.approx(abs(60 * rate), abs=0.02)
+    inside = slice(20, -40)
+    off = np.hypot(log.easting_m - frame.easting_m, log.northing_m - frame.northing_m)[inside]
+    before = np.hypot(late.easting_m - frame.easting_m, late.northing_m - frame.northing_m)[inside]
+    assert float(off.max()) < 0.25 * float(before.max())
+
+
+def test_a_wheel_sensor_that_is_off_costs_its_rows() -> None:
+    frame = log_of(WEAVE)
+    rows = (frame.index > 600) & (frame.index < 900)
+    log = read(frame.assign(steering_deg=frame.steering_deg.where(~rows, 0.0)))
+    (gone,) = [one for one in log.gated if "the sensor is off" in one.rule]
+    assert abs(gone.rows - 299) <= 3
+    assert log.segments == 2
+
+
+def test_columns_that_stand_still_are_not_logged() -> None:
+    frame = log_of(WEAVE)
+    log = read(frame.assign(heading_deg=12.0, steering_command_deg=0.0))
+    assert log.heading_deg is None and log.steering_command_deg is None
+    assert [one.split(" in every row")[0] for one in log.doubts] == ["heading_deg is 12", "steering_command_deg is 0"]
+    assert "it counts as not logged" in remarks(log)[0]
+    assert read(frame.assign(speed_mps=0.0)).speed_mps is None
+
+
+def test_steering_that_stands_still_is_refused_only_where_the_path_bends() -> None:
+    still = log_of(WEAVE).drop(columns="steering_command_deg").assign(steering_deg=0.0)
+    assert "steering_deg is 0 in every row while the path bends" in refusal(lambda: read(still))
+    line = log_of(straight(90.0)).drop(columns="steering_command_deg").assign(steering_deg=0.0)
+    assert read(line).steering_deg is not None
+
+
+def test_columns_may_stand_still_where_the_tractor_does_nothing_else() -> None:
+    assert read(table()).doubts == ()
+    assert all(read(frame).doubts == () for frame in runs().values())
+
+
+ROWS = drive(
+    "rows", 190.0, stairs(*[(18.0, 0.0), (9.0, 30.0), (18.0, 0.0), (9.0, -30.0)] * 4), 1.6,
+    stairs(*[(18.0, 1.0), (9.0, 0.0)] * 8),
+)  # fmt: skip
+
+
+def test_an_implement_switch_the_wrong_way_round_is_told() -> None:
+    frame = log_of(ROWS)
+    assert read(frame).doubts == ()
+    wrong = frame.assign(implement=1 - frame.implement)
+    text = refusal(lambda: read(wrong))
+    assert "implement is 1 where it is lifted and 0 where it works" in text and "fixes implement-reversed" in text
+    mended = log_from_frame(wrong, "run", ["implement-reversed"])
+    assert np.array_equal(mended.implement, frame.implement)
+    assert "leave that fix out" in refusal(lambda: log_from_frame(frame, "run", ["implement-reversed"]))
+
+
+def test_two_rows_are_too_few_to_contradict_each_other() -> None:
+    few = log_of(WEAVE)[40:52]
+    log = log_from_frame(few.assign(steering_deg=-few.steering_command_deg - np.arange(12)), "few")
+    assert "no stretch reaches 5 s" in remarks(log)[-1]
+
+
+def test_what_was_set_right_stays_as_it_is() -> None:
+    frame = log_of(WEAVE)
+    once = read(frame.assign(speed_mps=frame.speed_mps * 1.3, heading_deg=12.0))
+    assert set_right(without_constant(once)).doubts == once.doubts
