@@ -67,7 +67,7 @@ class Task:
         """A name for what decides the answer: content, not names or places on the earth."""
         scenario = replace(self.scenario, field=NO_NAME, tractor=NO_NAME)
         nameless = replace(self.field, name=NO_NAME, crs=None, origin_m=(0.0, 0.0), source="", remarks=())
-        return digest(nameless, scenario, self.tractor, self.implement, self.supply)
+        return digest(nameless, scenario, self.tractor, self.implement, self.supply, worker=__name__)
 
 
 Table = tuple[tuple[FieldTime | None, ...], ...]
