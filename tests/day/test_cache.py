@@ -73,12 +73,18 @@ def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
 ) -> None:
     sources = {
         "planner/work.py": "from vehicle import drive\nfrom planner.ways import lead\n",
-        "planner/__init__.py": "", "vehicle/__init__.py": "",
-        "vehicle/drive.py": "def go():\n    import fields.place\n", "fields/place.py": "import numpy\n", "planner/ways/__init__.py": "from planner.ways.far import lead\n",
-        "planner/ways/far.py": "from strategies.registry import all\n", "planner/ways/other.py": "",
-        "strategies/registry.py": "import importlib\nfrom importlib import import_module\nimport_module('one')\n",
-        "strategies/one.py": "", "strategies/data.toml": "", "planner/service/api.py": "import planner.work\n",
-    }  # fmt: skip
+        "planner/__init__.py": "",
+        "planner/ways/__init__.py": "from planner.ways.far import lead\n",
+        "planner/ways/far.py": "from strategies.registry import all\n",
+        "planner/ways/other.py": "",
+        "planner/service/api.py": "import planner.work\n",
+        "vehicle/__init__.py": "",
+        "vehicle/drive.py": "def go():\n    import fields.place\n",
+        "fields/place.py": "import numpy\n",
+        "strategies/registry.py": "from importlib import import_module\nimport_module('one')\n",
+        "strategies/one.py": "",
+        "strategies/data.toml": "",
+    }
     for name, text in sources.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
