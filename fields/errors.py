@@ -17,6 +17,8 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
+_ALIKE, _SLIP = 0.4, 0.7  # shares of letters in common: "best" and "surest" have 0.6, and are two words
+_BEGINNING = 3
 _OPEN, _CLOSE = "\ue000", "\ue001"  # private characters of Unicode: no sentence of a person holds them
 _NAMED = re.compile(f"{_OPEN}([^{_OPEN}{_CLOSE}]*){_CLOSE}")
 
@@ -27,9 +29,17 @@ def named(parameter: str) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """ " (did you mean ...?)" when a known name is close, else nothing."""
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.4)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+    """ " (did you mean ...?)" when a known name is a slip of the fingers away or longer or shorter, else nothing."""
+    spelt = {one.lower(): one for one in known}
+    close = difflib.get_close_matches(name.lower(), list(spelt), n=3, cutoff=_ALIKE)
+    found = [one for one in close if _same(name, one) or difflib.get_close_matches(name.lower(), [one], cutoff=_SLIP)]
+    return f" (did you mean {spelt[found[0]]!r}?)" if found else ""
+
+
+def _same(name: str, other: str) -> bool:
+    """Whether one begins as the other, or is a whole word of it."""
+    short, long = sorted((name.lower(), other.lower()), key=len)
+    return len(short) >= _BEGINNING and (long.startswith(short) or short in re.split(r"[-_ ]", long))
 
 
 class HeadlandError(ValueError):

@@ -141,7 +141,9 @@ def _within(
     least, unit = min(plan.paid_cost or 0.0 for plan in dry), stakes.terms.prices.currency
     cheapest = [plan for plan in dry if plan.paid_cost == least]
     which = "No plan that is done in time" if all_paid else "No plan"
-    told = f"{which} can be paid with {price(budget)} {unit}; the closest comes to {price(least)} {unit}."
+    late = not all_paid and min(plan.paid_cost or 0.0 for plan in every) < least
+    closest = "the closest that is done in time" if late else "the closest"
+    told = f"{which} can be paid with {price(budget)} {unit}; {closest} comes to {price(least)} {unit}."
     return cheapest, told, CHEAPEST
 
 

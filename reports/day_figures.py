@@ -103,7 +103,7 @@ def _frame(axes: Axes, names: list[str], title: str, result: DayResult, span: tu
         axes.axvspan(max(start, span[0]), min(end, span[1]), color=PAUSE, zorder=0)
     for onset, share in result.rain if len(result.rain) <= 12 else ():
         if span[0] <= onset <= span[1]:
-            axes.axvline(onset, color=RAIN, linestyle="dashed", linewidth=0.9, zorder=1)
+            axes.axvline(onset, color=RAIN, linestyle="dashed", linewidth=0.9, zorder=2)
             axes.text(onset, -0.55, f" rain {percent(share)} %", fontsize=7, color=RAIN, va="top")
 
 

@@ -16,14 +16,16 @@ from reports.wording import NO_BREAK, bound
 LINE = 100  # columns; longer lines are hard to read
 _GAP = 1
 _LEAST_WORDS = 8
+MARKS = " +-"
 
 
 @dataclass(frozen=True)
 class Column:
     """A column: its heading, a shorter one for where that has no room, and when it goes.
 
-    `words` marks text on the left that may be broken over lines, unless it is `whole`; figures stay whole, on the
-    right. Of the columns with `drop` above 0 the highest goes first when the console is too narrow; those with 0 stay.
+    `words` marks text on the left that may be broken over lines after one of `marks`, unless it is `whole`; figures
+    stay whole, on the right. Of the columns with `drop` above 0 the highest goes first when the console is too narrow;
+    those with 0 stay.
     """
 
     heading: str
@@ -31,6 +33,7 @@ class Column:
     words: bool = False
     drop: int = 0
     whole: bool = False
+    marks: str = MARKS
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class FittedTable:
         column = self.columns[number]
         cells = [row[number] for row in self.rows]
         if column.words and not column.whole:
-            pieces = [piece for cell in cells for piece in re.findall(r"[^ +-]+[+-]?", cell)]
+            pieces = [piece for cell in cells for piece in _pieces(cell, column.marks)]
             return max([*map(cell_len, pieces), _heading(column, short, self.header), min(_LEAST_WORDS, _most(cells))])
         return max(_most(cells), _heading(column, short, self.header))
 
@@ -112,7 +115,7 @@ class FittedTable:
             table.add_column(Text("\n".join(lines)), justify=justify, width=width, overflow="fold")  # type: ignore[arg-type]
         for index, row in enumerate(self.rows):
             cells = [
-                "\n".join(line for part in row[n].split("\n") for line in broken(part, width))
+                "\n".join(line for part in row[n].split("\n") for line in broken(part, width, self.columns[n].marks))
                 for n, width in zip(places, widths, strict=True)
             ]
             table.add_row(*map(Text, cells), style=self.styles[index] if self.styles else "")
@@ -158,7 +161,7 @@ def wrapped(text: str, width: int) -> list[str]:
     return [line.replace(NO_BREAK, " ") for line in lines]
 
 
-def broken(text: str, width: int, marks: str = " +-") -> list[str]:
+def broken(text: str, width: int, marks: str = MARKS) -> list[str]:
     """Lines of at most `width` columns, broken after the first of `marks` that helps; longer if none does."""
     if cell_len(text) <= width or not marks:
         return [text]
@@ -176,6 +179,12 @@ def broken(text: str, width: int, marks: str = " +-") -> list[str]:
 def frame(header: bool = True) -> Table:
     """A table without lines."""
     return Table(box=None, show_header=header, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
+
+
+def _pieces(text: str, marks: str) -> list[str]:
+    """What no line of a text is shorter than: the ends of pieces are spaces, and marks that stay with them."""
+    known, kept = re.escape(marks + " "), re.escape(marks.replace(" ", ""))
+    return re.findall(rf"[^{known}]+[{kept}]?" if kept else rf"[^{known}]+", text)
 
 
 def _most(cells: Sequence[str]) -> int:

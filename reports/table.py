@@ -39,6 +39,7 @@ from reports.wording import (
 )
 
 _ELSEWHERE = "a wider window or --json shows all"
+_NAMES = " +"  # names of strategies and turns stay whole: they are what --strategies and --turn take
 
 
 @dataclass(frozen=True)
@@ -138,11 +139,11 @@ def _columns(wide: bool, told: _Told) -> list[_PlanColumn]:
     """Rank, fleet, names, time, cost and deadline stay longest: they are the answer."""
     names = (
         [
-            _PlanColumn(Column("Strategy", words=True), lambda p: p.strategy),
-            _PlanColumn(Column("Turn", words=True), lambda p: p.turn),
+            _PlanColumn(Column("Strategy", words=True, marks=_NAMES), lambda p: p.strategy),
+            _PlanColumn(Column("Turn", words=True, marks=_NAMES), lambda p: p.turn),
         ]
         if wide
-        else [_PlanColumn(Column("Strategy,\nturn", words=True), lambda p: f"{p.strategy} {p.turn}")]
+        else [_PlanColumn(Column("Strategy,\nturn", words=True, marks=_NAMES), lambda p: f"{p.strategy} {p.turn}")]
     )
     columns = [
         _PlanColumn(
@@ -194,9 +195,9 @@ def _by_count(ranking: Ranking) -> list[RenderableType]:
     if len(plans) < 2:
         return []
     columns = [
-        _PlanColumn(Column("Tractors"), lambda p: f"{'>' if p is ranking.best else ''}{p.tractors}"),
-        _PlanColumn(Column("Strategy", words=True), lambda p: p.strategy),
-        _PlanColumn(Column("In time %"), in_time),
+        _PlanColumn(Column("Tractors", "Trac-\ntors"), lambda p: f"{'>' if p is ranking.best else ''}{p.tractors}"),
+        _PlanColumn(Column("Strategy", words=True, marks=_NAMES), lambda p: p.strategy),
+        _PlanColumn(Column("In time %", "In\ntime %"), in_time),
         _PlanColumn(Column("Half the time", "Half\nthe time"), lambda p: duration(p.p50_s)),
         _PlanColumn(Column("At 95 %"), lambda p: duration(p.p95_s)),
         *_money_columns(_told(ranking, plans)),

@@ -65,12 +65,19 @@ def _rule(fault: Any, info: FieldInfo | None) -> str:
     if info is None or not any(isinstance(limit, Ge | Gt | Le | Lt) for limit in info.metadata):
         if fault["type"] == "literal_error":
             return f"use {fault['ctx']['expected']}"
-        texts = {"bool_type": "give true or false", "string_type": "give a text in quotes"}
+        texts = {
+            "bool_type": "give true or false", "string_type": "give a text in quotes",
+            "string_too_short": "give a text that is not empty", "string_too_long": _at_most(fault),
+        }  # fmt: skip
         return texts.get(fault["type"], "give a number" if "float" in fault["type"] else str(fault["msg"]))
     above = [f"{'above ' if isinstance(one, Gt) else 'from '}{_edge(one):g}" for one in info.metadata if _low(one)]
     below = [f"{'below ' if isinstance(one, Lt) else 'to '}{_edge(one):g}" for one in info.metadata if _high(one)]
     words = f" ({info.description})" if info.description else ""
     return f"give a number {' '.join(above + below)}{words}"
+
+
+def _at_most(fault: Any) -> str:
+    return f"give a text of at most {fault.get('ctx', {}).get('max_length')} letters"
 
 
 def _low(limit: Any) -> bool:

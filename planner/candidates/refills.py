@@ -31,7 +31,7 @@ class Served:
 def check_leave(job: Job, strategy: Strategy) -> None:
     """Refuse a formation that cannot do without refills, before it is driven; raises StrategyError."""
     supply = job.supply
-    if supply is None or not strategy.abreast or job.tractors == 1:
+    if supply is None or not strategy.abreast or job.tractors == 1 or not supply.alone:
         return
     length_m = job.layout.total_m + math.fsum(lap.length_m for lap in job.rounds)
     if supply.need(length_m, job.layout.width_m) > job.tractors * supply.capacity:

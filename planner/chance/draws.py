@@ -148,21 +148,26 @@ def _driven(walk: _Walk, limit: Array, keep: bool) -> Sample:
     whole = float(graph.worked_m.sum())
     kept = np.ones((graph.nodes, draws)) if keep else None
     left = None if graph.leaving is None else np.zeros(draws)
+    begun: dict[int, tuple[Array, Array]] = {}
     for node in graph.order:
-        own, seconds = int(graph.tractor[node]), float(graph.driven_s[node])
-        factor, to = walk.factor(node), links_to.get(node, [])
-        begin = walk.waits(to, walk.now[own], at_end=False) + graph.stand_s[node]
-        driven = seconds * factor
-        end = walk.waits(to, walk.held(own, seconds, begin + driven), at_end=True)
-        walk.opens(links_from.get(node, []), own, begin, factor, seconds)
-        spent[int(graph.kind[node]) == PASS] += driven
+        own, to = int(graph.tractor[node]), links_to.get(node, [])
+        if node not in begun:
+            seconds, factor = float(graph.driven_s[node]), walk.factor(node)
+            begin = walk.waits(to, walk.now[own], at_end=False) + graph.stand_s[node]
+            driven = seconds * factor
+            begun[node] = begin, walk.held(own, seconds, begin + driven)
+            walk.opens(links_from.get(node, []), own, begin, factor, seconds)
+            spent[int(graph.kind[node]) == PASS] += driven
+            walk.clock[own] += seconds
+            if kept is not None:
+                kept[node] = factor
+            if any(graph.links[index].at_end for index in to):
+                continue  # it stands in the order once more, when it is known what its end waits for
+        begin, alone = begun.pop(node)
+        walk.now[own] = end = walk.waits(to, alone, at_end=True)
         done += graph.worked_m[node] * _share(begin, end, limit)
         if left is not None and graph.leaving is not None and not graph.leaving[node]:
             left = np.maximum(left, end)
-        walk.now[own] = end
-        walk.clock[own] += seconds
-        if kept is not None:
-            kept[node] = factor
     share = done / whole if whole > 0.0 else np.ones(draws)
     return Sample(walk.now.max(axis=0), walk.now, spent[True], spent[False], share, walk.luck.late_s, kept, left)
 

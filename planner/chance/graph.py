@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.layout import REC_SPEED, STANDING, WAITING
-from vehicle.missions import LEAVE, TRACK, Leg, Mission
+from vehicle.missions import LEAVE, TRACK, Follow, Leg, Mission
 from vehicle.run import DONE, Run
 
 PASS, TURN_ONE, TURN_MORE = 0, 1, 2
@@ -50,7 +50,9 @@ class Graph:
     `driven_s` are seconds of driving without waiting and standing, `stand_s` those of standing before it. `group`
     numbers passes and turns within each tractor: legs of one share their luck; `kind` is PASS, TURN_ONE (over one
     track) or TURN_MORE. `worked_m` are metres with the implement down. `leaving` marks legs back to the entrance, None
-    where there are none. `order` are all nodes, each after those it waits for. `links` are sorted by `after`.
+    where there are none. `order` are all nodes, each after those its beginning waits for; one whose end waits as well
+    stands there twice, for its beginning and for its end, so that others may wait for the beginning of a leg before it
+    is known when it ends. `links` are sorted by `after`.
     """
 
     tractors: int
@@ -93,6 +95,10 @@ class _Rows:
     def begun_s(self, leg: int) -> float:
         """When a leg was begun at full speed, in effect."""
         return float(self.time[self.begin[leg]]) + self.stood_s(leg) + self.restart_s.get(leg, 0.0)
+
+    def done_s(self, leg: int) -> float:
+        """When a leg was driven, with all that held it up."""
+        return float(self.time[self.begin[leg + 1] if leg + 1 < len(self.begin) else -1])
 
     def stood_s(self, leg: int) -> float:
         """For how long the tractor stood before a leg, its gates open."""
@@ -233,7 +239,7 @@ def _links(run: Run, first: tuple[int, ...], rows: list[_Rows]) -> list[Link]:
                 passed = min(max(rows[tractor].begun_s(index) - opened, 0.0), typical)
                 delay = 0.0 if stands else rows[tractor].restart_s.get(index, passed)
                 links.append(Link(first[gate.tractor] + gate.leg, after, offset, delay))
-            if leg.follow is not None:
+            if leg.follow is not None and _was_behind(rows, leg.follow, tractor, index):
                 links.append(_follow(run, first, rows, tractor, index))
     return links
 
@@ -250,6 +256,12 @@ def _offset(rows: _Rows, leg: int, metres: float, mission: Mission) -> float:
     return float(np.interp(share * driven[-1], driven, np.concatenate(([0.0], np.cumsum(own)))))
 
 
+def _was_behind(rows: list[_Rows], order: Follow, tractor: int, index: int) -> bool:
+    """Whether the leader began its leg before the follower was done with its own: else it held nobody."""
+    ahead = rows[order.tractor]
+    return float(ahead.time[ahead.begin[order.leg]]) < rows[tractor].done_s(index)
+
+
 def _follow(run: Run, first: tuple[int, ...], rows: list[_Rows], tractor: int, index: int) -> Link:
     """A follower is done with its leg no sooner after its leader has driven as far as it was in the run."""
     legs = run.plan.missions[tractor].legs
@@ -259,29 +271,40 @@ def _follow(run: Run, first: tuple[int, ...], rows: list[_Rows], tractor: int, i
     metres = min(legs[index].length_m, leader.legs[order.leg].length_m)
     offset = _offset(ahead, order.leg, metres, leader)
     passed = ahead.begun_s(order.leg) + offset
-    behind = max(0.0, rows[tractor].begun_s(index) + float(_driven(rows[tractor])[index]) - passed)
-    return Link(first[order.tractor] + order.leg, first[tractor] + index, offset, behind, at_end=True)
+    behind = rows[tractor].done_s(index) - passed
+    offset = max(0.0, offset + min(behind, 0.0))  # the leader was not there yet: where it was then
+    return Link(first[order.tractor] + order.leg, first[tractor] + index, offset, max(behind, 0.0), at_end=True)
 
 
 def _order(first: tuple[int, ...], nodes: int, links: list[Link], begun: Array) -> tuple[int, ...]:
-    """All nodes, each after the one before it on its tractor and those it waits for; by time where that is open."""
-    after: list[list[int]] = [[] for _ in range(nodes)]
-    missing = np.zeros(nodes, dtype=np.int64)
+    """All nodes, as `Graph.order` has them, by time where that is open; an end is an event of its own where it waits.
+
+    Raises ValueError where tractors wait for each other in a circle.
+    """
+    own_end = {link.after: nodes + number for number, link in enumerate(links) if link.at_end}
+    event = {number: node for node, number in own_end.items()}
+    after: dict[int, list[int]] = {}
+    missing: dict[int, int] = dict.fromkeys([*range(nodes), *event], 0)
     begins = set(first)
-    pairs = [(node - 1, node) for node in range(nodes) if node not in begins]
-    for source, node in [*pairs, *((link.source, link.after) for link in links)]:
-        after[source].append(node)
-        missing[node] += 1
-    ready = [(round(float(begun[node]), 3), node) for node in range(nodes) if missing[node] == 0]
+    pairs = [(own_end.get(node - 1, node - 1), node) for node in range(nodes) if node not in begins]
+    waits = [(link.source, own_end[link.after] if link.at_end else link.after) for link in links]
+    for source, late in [*pairs, *own_end.items(), *waits]:
+        after.setdefault(source, []).append(late)
+        missing[late] += 1
+
+    def at(number: int) -> tuple[float, int]:
+        return round(float(begun[event.get(number, number)]), 3), number
+
+    ready = [at(number) for number, count in missing.items() if count == 0]
     heapq.heapify(ready)
     order = []
     while ready:
-        _, node = heapq.heappop(ready)
-        order.append(node)
-        for other in after[node]:
+        _, number = heapq.heappop(ready)
+        order.append(number)
+        for other in after.get(number, ()):
             missing[other] -= 1
             if missing[other] == 0:
-                heapq.heappush(ready, (round(float(begun[other]), 3), other))
-    if len(order) < nodes:
+                heapq.heappush(ready, at(other))
+    if len(order) < len(missing):
         raise ValueError("tractors of this plan wait for each other in a circle")
-    return tuple(order)
+    return tuple(event.get(number, number) for number in order)

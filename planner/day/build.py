@@ -24,6 +24,7 @@ from planner.day.problem import Problem, Rain
 from planner.day.times import FieldTime, Table
 from planner.errors import ScenarioError
 from planner.farm.file import FarmFile
+from planner.farm.machines import FarmImplement
 from planner.price.cost import HOUR_S, Terms, coming_and_going, paid_per_draw
 from planner.scenario import DAY_S
 from planner.workday import Workday
@@ -181,7 +182,7 @@ def problem_of(
         ),
         stake=tuple(stake),
         windows=tuple(frame.windows(said.windows) for said in day.fields),
-        move_s=_moves(km, farm),
+        move_s=tuple(_moves(day, farm, k, km) for k in range(len(day.fleets))),
         move_cost=tuple(_move_costs(day, farm, k, km) for k in range(len(day.fleets))),
         begin_s=frame.start_s + math.ceil(_late_s(day, farm)),
         home_by_s=math.floor(frame.working(frame.end_s)),
@@ -195,18 +196,26 @@ def _later(said: DayField, mean: Iterable[tuple[int, float] | None]) -> float:
     return 0.0 if said.value_per_ha is not None or not prices else min(prices)
 
 
-def _moves(km: Array, farm: FarmFile) -> tuple[tuple[int, ...], ...]:
-    """Seconds from place to place: folded, driven, unfolded; home ends with the road, and begins with it."""
-    places, yard = range(len(km)), len(km) - 1
+def _moves(day: DayFile, farm: FarmFile, fleet: int, km: Array) -> tuple[tuple[int, ...], ...]:
+    """Seconds of a fleet from place to place; home ends with the road, and begins with it."""
+    places, implement = range(len(km)), machines_of(day.fleets[fleet], farm)[1]
     return tuple(
-        tuple(0 if a == b else math.ceil(_drive_s(km[a, b], farm) + _handling_s(a, b, yard, farm)) for b in places)
+        tuple(
+            0 if a == b else math.ceil(_drive_s(km[a, b], farm) + _handling_s(a, b, len(km) - 1, farm, implement))
+            for b in places
+        )
         for a in places
     )
 
 
-def _handling_s(a: int, b: int, yard: int, farm: FarmFile) -> float:
-    """Folding and unfolding on a way; nobody does either at the yard."""
-    return (0.0 if a == yard else farm.times.fold_s) + (0.0 if b == yard else farm.times.unfold_s)
+def _handling_s(a: int, b: int, yard: int, farm: FarmFile, implement: FarmImplement) -> float:
+    """Folding and unfolding on a way, and between two fields tanks made good; nobody does any of it at the yard.
+
+    Fleets leave the yard with tanks as a field asks for them, full or empty, and come back with what is left.
+    """
+    between = implement.capacity is not None and yard not in (a, b)
+    times = farm.times
+    return (0.0 if a == yard else times.fold_s) + (0.0 if b == yard else times.unfold_s) + between * times.refill_s
 
 
 def _drive_s(km: float, farm: FarmFile) -> float:
@@ -219,8 +228,8 @@ def _move_costs(day: DayFile, farm: FarmFile, fleet: int, km: Array) -> tuple[tu
     machines, prices = machines_of(day.fleets[fleet], farm), farm.prices
 
     def way(a: int, b: int) -> float:
-        drive_s = _drive_s(km[a, b], farm)
-        found = coming_and_going(Terms(prices, *machines, float(km[a, b]), drive_s, _handling_s(a, b, home, farm)))
+        drive_s, handling_s = _drive_s(km[a, b], farm), _handling_s(a, b, home, farm, machines[1])
+        found = coming_and_going(Terms(prices, *machines, float(km[a, b]), drive_s, handling_s))
         return found - (prices.transport_per_tractor if b == home else 0.0)
 
     return tuple(tuple(0.0 if a == b else count * way(a, b) for b in places) for a in places)

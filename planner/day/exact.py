@@ -126,7 +126,7 @@ def _add_fleet(model: _Model, fleet: int) -> None:
 def _add_way(model: _Model, fleet: int, a: int, b: int) -> None:
     """One place after another: what the way costs, and how soon the second can begin."""
     problem, cp, depot = model.problem, model.cp, model.problem.fields
-    arc, move = model.arcs[fleet, a, b], problem.move_s[a][b]
+    arc, move = model.arcs[fleet, a, b], problem.move_s[fleet][a][b]
     model.price.append(model.money(problem.move_cost[fleet][a][b]) * arc)
     leaves = problem.begin_s if a == depot else model.start[a] + (problem.work_s[fleet][a] or 0)
     arrives = problem.home_by_s if b == depot else model.start[b]

@@ -28,6 +28,7 @@ EXAMPLE = "example"
 SUN = "sun"
 MOST_TOLD = 30
 MOST_KM = 1000.0
+LONGEST_NIGHT_S = DAY_S // 2
 
 
 def _is_window(text: str) -> str:
@@ -68,9 +69,15 @@ def hours(text: str) -> tuple[int, int]:
 def placed(text: str, start_s: int) -> tuple[int, int]:
     """Hours as seconds of a day that begins at `start_s`: what is over by then is of the next day.
 
-    Raises ScenarioError for a window that closes before it opens.
+    Raises ScenarioError for a window that closes before it opens. One over midnight may last LONGEST_NIGHT_S; a
+    longer one is taken for hours the wrong way round.
     """
     opens, closes = hours(text)
+    if closes < opens and closes + DAY_S - opens > LONGEST_NIGHT_S:
+        raise ScenarioError(
+            f"The window {text!r} closes before it opens; write the earlier time first, and hours over midnight that "
+            f"last longer than {LONGEST_NIGHT_S // 3600} as two windows, such as '18:00-00:00' and '00:00-09:00'."
+        )
     closes += DAY_S if closes <= start_s else 0
     opens += DAY_S if opens + DAY_S < closes else 0
     if opens >= closes:

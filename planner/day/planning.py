@@ -133,7 +133,7 @@ def _stops(
         name, machine = ready.fields[b].name, ready.day.fleets[fleet].name
         terms = terms_of(ready.day, ready.farm, fleet)
         seeded = job_seed(seed, name, machine)
-        stops.append(Stop(graph, problem.move_s[a][b], opens, closes, terms, problem.stake[b], seeded))
+        stops.append(Stop(graph, problem.move_s[fleet][a][b], opens, closes, terms, problem.stake[b], seeded))
     return stops
 
 
@@ -189,7 +189,7 @@ def _leaves(problem: Problem, fleet: int, route: Sequence[int], place: int) -> i
     """When the way to a field begins: from the yard so that nobody waits, else when the field before is done."""
     starts = problem.starts(fleet, route) or []
     if place == 0:
-        return starts[0] - problem.move_s[problem.fields][route[0]]
+        return starts[0] - problem.move_s[fleet][problem.fields][route[0]]
     return starts[place - 1] + (problem.work_s[fleet][route[place - 1]] or 0)
 
 
@@ -202,7 +202,7 @@ def _fleet(found: _Found, fleet: int) -> FleetDay:
         return FleetDay(said.name, words, None, None, 0.0)
     starts = problem.starts(fleet, route) or []
     last = starts[-1] + (problem.work_s[fleet][route[-1]] or 0)
-    home = frame.end(last + problem.move_s[route[-1]][problem.fields])
+    home = frame.end(last + problem.move_s[fleet][route[-1]][problem.fields])
     km = sum(float(ready.km[a, b]) for a, b in pairwise((problem.fields, *route, problem.fields)))
     leaves = frame.begin(_leaves(problem, fleet, route, 0))
     return FleetDay(said.name, words, leaves, home, km, problem.ways_cost(fleet, route))

@@ -7,7 +7,7 @@ fleet that follows an order begins everything as early as it can.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,7 +37,8 @@ class Problem:
 
     `work_s[k][f]` is what fleet k takes for field f (None: it cannot), `paid[k][f]` what that costs, `put_off[f]` what
     it costs to leave a field, `stake[f]` what is lost of it when rain comes before all of it. `windows[f]` are (opens,
-    closes), sorted. `move_s[a][b]` is from place to place with folding and unfolding, `move_cost[k][a][b]` its price.
+    closes), sorted. `move_s[k][a][b]` is from place to place with all that is done on the way, `move_cost[k][a][b]` its
+    price: folding and unfolding, and tanks made good after a field and before the next.
     Fleets leave at `begin_s` at the earliest and are back by `home_by_s`.
     """
 
@@ -46,7 +47,7 @@ class Problem:
     put_off: tuple[float, ...]
     stake: tuple[float, ...]
     windows: tuple[tuple[tuple[int, int], ...], ...]
-    move_s: tuple[tuple[int, ...], ...]
+    move_s: tuple[tuple[tuple[int, ...], ...], ...]
     move_cost: tuple[tuple[tuple[float, ...], ...], ...]
     begin_s: int
     home_by_s: int
@@ -62,6 +63,10 @@ class Problem:
         """Number of fleets."""
         return len(self.work_s)
 
+    def kind(self, fleet: int) -> Hashable:
+        """What fleets have in common that may take each other's place."""
+        return self.work_s[fleet], self.paid[fleet], self.move_s[fleet], self.move_cost[fleet]
+
     @cached_property
     def _known(self) -> dict[tuple[int, Route], float | None]:
         """Costs that were worked out already."""
@@ -69,16 +74,16 @@ class Problem:
 
     def starts(self, fleet: int, route: Sequence[int]) -> list[int] | None:
         """When each field of a route begins, None where one has no window left or the way home is too late."""
-        now, at, starts = self.begin_s, self.fields, []
+        now, at, starts, move_s = self.begin_s, self.fields, [], self.move_s[fleet]
         for field in route:
             work = self.work_s[fleet][field]
-            arrives = now + self.move_s[at][field]
+            arrives = now + move_s[at][field]
             start = None if work is None else self.earliest(field, arrives, work)
             if start is None or work is None:
                 return None
             starts.append(start)
             now, at = start + work, field
-        return None if route and now + self.move_s[at][self.fields] > self.home_by_s else starts
+        return None if route and now + move_s[at][self.fields] > self.home_by_s else starts
 
     def earliest(self, field: int, arrives_s: int, work_s: int) -> int | None:
         """When work can begin, None where no window is left that holds it."""

@@ -35,13 +35,15 @@ class _Fleet:
     """One kind of fleet and how many there are of it.
 
     Of fields n and seconds s after the beginning: `start_s` (n, s) when work begins that is arrived for then (-1:
-    never), `job` (n, s) what it costs when begun then; `work_s` (n,), `way` (n + 1, n + 1) the price of ways.
+    never), `job` (n, s) what it costs when begun then; `work_s` (n,), `move_s` and `way` (n + 1, n + 1) time and price
+    of ways.
     """
 
     count: int
     start_s: Whole
     job: Array
     work_s: Whole
+    move_s: Whole
     way: Array
 
 
@@ -58,7 +60,7 @@ def bound(problem: Problem, known: float, least: Sequence[float]) -> float:
     """What no day costs less than. `known` is the cost of a day, `least` what each field costs at least."""
     if not problem.fields or not math.isfinite(known) or problem.home_by_s < problem.begin_s:
         return sum(least)
-    fleets, memory, move = _fleets(problem), _memory(problem), np.array(problem.move_s, dtype=np.int64)
+    fleets, memory = _fleets(problem), _memory(problem)
     put_off = np.array(problem.put_off)
     home_s = problem.home_by_s - problem.begin_s
     grain_s = min([GRAIN_S, *(one for row in problem.work_s for one in row if one)])  # every field takes one or more
@@ -69,8 +71,8 @@ def bound(problem: Problem, known: float, least: Sequence[float]) -> float:
         value, missing = float(np.minimum(prices, put_off).sum()), 1.0 - left
         for fleet in fleets:
             worth, visits, taken = _best_route(
-                move, fleet.start_s, fleet.job, fleet.work_s, fleet.way, prices, memory.place, memory.after, home_s,
-                grain_s,
+                fleet.move_s, fleet.start_s, fleet.job, fleet.work_s, fleet.way, prices, memory.place, memory.after,
+                home_s, grain_s,
             )  # fmt: skip
             value += fleet.count * min(worth, 0.0)
             missing = missing - fleet.count * visits * (worth < 0.0)
@@ -92,8 +94,7 @@ def _fleets(problem: Problem) -> list[_Fleet]:
     """The kinds of fleets with tables of their starts and costs."""
     kinds: dict[object, list[int]] = {}
     for fleet in range(problem.fleets):
-        key = problem.work_s[fleet], problem.paid[fleet], problem.move_cost[fleet]
-        kinds.setdefault(key, []).append(fleet)
+        kinds.setdefault(problem.kind(fleet), []).append(fleet)
     return [_tables(problem, alike[0], len(alike)) for alike in kinds.values()]
 
 
@@ -113,7 +114,8 @@ def _tables(problem: Problem, fleet: int, count: int) -> _Fleet:
         for at, share in problem.rain.onsets:
             late = (seconds + (problem.begin_s + work - at)) / work
             job[field] += problem.stake[field] * share * np.clip(late, 0.0, 1.0)
-    return _Fleet(count, start, job, work_s, np.array(problem.move_cost[fleet]))
+    move_s = np.array(problem.move_s[fleet], dtype=np.int64)
+    return _Fleet(count, start, job, work_s, move_s, np.array(problem.move_cost[fleet]))
 
 
 def _memory(problem: Problem) -> _Memory:
@@ -137,7 +139,7 @@ def _memory(problem: Problem) -> _Memory:
 
 def _nearest(problem: Problem, field: int) -> list[int]:
     """All fields, itself first, then by the time of the way."""
-    away = problem.move_s[field]
+    away = problem.move_s[0][field]
     return sorted(range(problem.fields), key=lambda other: (-1 if other == field else away[other], other))
 
 

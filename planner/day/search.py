@@ -63,5 +63,5 @@ def _taken_out(problem: Problem, routes: Routes, random: np.random.Generator) ->
     if random.random() < 0.5:
         return set(np.asarray(done)[random.permutation(len(done))[:count]].tolist())
     seed = done[int(random.integers(len(done)))]
-    near = sorted(done, key=lambda field: (problem.move_s[seed][field] if field != seed else -1, field))
+    near = sorted(done, key=lambda field: (problem.move_s[0][seed][field] if field != seed else -1, field))
     return set(near[:count])

@@ -57,7 +57,7 @@ def chosen(problem: Problem, known: float, least: Sequence[float]) -> Choice | N
     tables: dict[Any, dict[int, tuple[float, Route]]] = {}
     kinds, left = [], MOST_LABELS
     for fleet in range(problem.fleets):
-        kind = problem.work_s[fleet], problem.paid[fleet], problem.move_cost[fleet]
+        kind = problem.kind(fleet)
         if kind not in tables:
             growth = _Growth(problem, least, known + ROUND_UP, left)
             if not _grow(growth, fleet):
@@ -99,7 +99,7 @@ def _onward(
         work = problem.work_s[fleet][number]
         if work is None or number in label.route:
             continue
-        start = problem.earliest(number, label.done_s + problem.move_s[at][number], work)
+        start = problem.earliest(number, label.done_s + problem.move_s[fleet][at][number], work)
         if start is not None and start + work <= problem.home_by_s:
             cost = label.cost + problem.move_cost[fleet][at][number] + problem.job_cost(fleet, number, start)
             longer = _Label(start + work, cost, (*label.route, number))
@@ -110,7 +110,7 @@ def _finish(growth: _Growth, fleet: int, mask: int, label: _Label, spare: float)
     """The route with its way home, where that is the best one for its fields."""
     problem, last = growth.problem, label.route[-1]
     cost = label.cost + problem.move_cost[fleet][last][problem.fields]
-    if label.done_s + problem.move_s[last][problem.fields] > problem.home_by_s or cost + spare > growth.below:
+    if label.done_s + problem.move_s[fleet][last][problem.fields] > problem.home_by_s or cost + spare > growth.below:
         return
     if mask not in growth.best or (cost, label.route) < growth.best[mask]:
         growth.best[mask] = cost, label.route

@@ -71,7 +71,7 @@ def least_each(problem: Problem) -> list[float]:
         options = [problem.put_off[field]]
         for fleet in range(problem.fleets):
             work = problem.work_s[fleet][field]
-            start = None if work is None else problem.earliest(field, _soonest(problem, field), work)
+            start = None if work is None else problem.earliest(field, _soonest(problem, fleet, field), work)
             if start is not None:
                 prices = [row[field] for row in problem.move_cost[fleet]]
                 way = min(price for place, price in enumerate(prices) if place != field)
@@ -80,9 +80,9 @@ def least_each(problem: Problem) -> list[float]:
     return least
 
 
-def _soonest(problem: Problem, field: int) -> int:
-    """When somebody can be there at the earliest."""
-    return problem.begin_s + min(row[field] for place, row in enumerate(problem.move_s) if place != field)
+def _soonest(problem: Problem, fleet: int, field: int) -> int:
+    """When a fleet can be there at the earliest."""
+    return problem.begin_s + min(row[field] for place, row in enumerate(problem.move_s[fleet]) if place != field)
 
 
 def _gap_pct(cost: float, bound: float) -> float:

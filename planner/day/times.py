@@ -39,7 +39,7 @@ Whole = npt.NDArray[np.int64]
 class FieldTime:
     """The quickest plan of a fleet on a field; `graph` is None where none can be driven, and `reason` says why.
 
-    Where something is carried, `refills` are the stops of the plan, and making tanks good before it counts in the time.
+    Where something is carried, `refills` are the stops of the plan, which begins with tanks full, or empty to fill.
     """
 
     strategy: str = ""
@@ -67,7 +67,7 @@ class Task:
         """A name for what decides the answer: content, not names or places on the earth."""
         scenario = replace(self.scenario, field=NO_NAME, tractor=NO_NAME)
         nameless = replace(self.field, name=NO_NAME, crs=None, origin_m=(0.0, 0.0), source="", remarks=())
-        return digest(nameless, scenario, self.tractor, self.implement, self.supply)
+        return digest(nameless, scenario, self.tractor, self.implement, self.supply, worker=__name__)
 
 
 Table = tuple[tuple[FieldTime | None, ...], ...]
@@ -136,20 +136,11 @@ def work_out(task: Task) -> FieldTime:
         best, run = planned.ranking.best, planned.run
         if best is not None and run is not None:
             graph = graph_of(in_planned_order(run, planned.site.tractor, planned.site.implement))
-            ready_s = 0.0 if task.supply is None else task.supply.refill_s
             return FieldTime(
-                best.strategy, count, float(best.time_s or 0.0) + ready_s, best.worked_pct, best.missed_m2,
-                made_ready(graph, ready_s), best.refills,
+                best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2, graph, best.refills
             )
         reason = reason or next((each.reason for each in planned.ranking.plans if each.reason), "")
     return FieldTime(reason=reason)
-
-
-def made_ready(graph: Graph, seconds: float) -> Graph:
-    """The graph with tanks made good before anybody begins: what the field before has left in them does not last."""
-    stand_s = graph.stand_s.copy()
-    stand_s[[place for place in graph.first if place < graph.nodes]] += seconds
-    return replace(graph, stand_s=stand_s)
 
 
 def packed(found: FieldTime) -> dict[str, Any]:

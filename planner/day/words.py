@@ -54,11 +54,11 @@ def _first(refusals: Sequence[str]) -> str:
 def _late_s(problem: Problem, fleet: int, field: int) -> int:
     """By how much a fleet that works nothing else misses the best window and the end of the day; 0 for not at all."""
     work, depot = problem.work_s[fleet][field] or 0, problem.fields
-    arrives = problem.begin_s + problem.move_s[depot][field]
+    arrives = problem.begin_s + problem.move_s[fleet][depot][field]
 
     def late(window: tuple[int, int]) -> int:
         end = max(arrives, window[0]) + work
-        return max(end - window[1], end + problem.move_s[field][depot] - problem.home_by_s, 0)
+        return max(end - window[1], end + problem.move_s[fleet][field][depot] - problem.home_by_s, 0)
 
     return min(late(window) for window in problem.windows[field])
 

@@ -21,8 +21,9 @@ def with_refills(job: Job, plan: Plan, *, abreast: bool = False, staggered: bool
 
     `collects` is noted as well: whether the amounts are taken out of the tanks.
 
-    With `staggered` a tractor heeds when those before it are served, where only one is served at a time. Raises
-    StrategyError where a load cannot be made good in time, or tractors work `abreast` and cannot leave.
+    With `staggered` a tractor heeds when those before it are served, where only one is served at a time. Tractors
+    `abreast` are served on the headland, where the others wait at their gates until all are in place. Raises
+    StrategyError where a load cannot be made good in time, or a formation would have to part for it.
     """
     supply = job.supply
     if supply is None:
@@ -33,7 +34,7 @@ def with_refills(job: Job, plan: Plan, *, abreast: bool = False, staggered: bool
         own.append(filled(job, supply, mission, busy))
     if not any(each.stops for each in own):
         return replace(plan, notes={**plan.notes, "refills": []})
-    if abreast and job.tractors > 1:
+    if abreast and job.tractors > 1 and supply.alone:
         raise StrategyError(no_leave(job, supply))
     legs = [_renumbered(each.legs, own) for each in own]
     if supply.alone and job.tractors > 1:
@@ -48,9 +49,9 @@ def no_leave(job: Job, supply: Supply) -> str:
     """Why a formation does without refills, and what helps."""
     hectares = supply.capacity / supply.rate_per_m2 / 1e4
     return (
-        f"Tractors that work abreast wait for each other, so none leaves for a refill, and a load of "
-        f"{supply.capacity:g} lasts for {hectares:.3g} ha of its share; use split-field or interleaved, or a larger "
-        "tank."
+        f"Tractors that work abreast wait for each other, so none is served alone, and a load of {supply.capacity:g} "
+        f"lasts for {hectares:.3g} ha of its share; refill on the headland, use split-field or interleaved, or a "
+        "larger tank."
     )
 
 

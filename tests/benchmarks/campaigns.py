@@ -160,7 +160,7 @@ def best_ways_s(jobs: Sequence[Job], times: Times) -> tuple[float, float]:
     )
     problem = Problem(
         work_s=((1,) * count,), paid=((0.0,) * count,), put_off=(1e6,) * count, stake=(0.0,) * count,
-        windows=(((0, whole),),) * count, move_s=moves,
+        windows=(((0, whole),),) * count, move_s=(moves,),
         move_cost=(tuple(tuple(float(seconds) for seconds in row) for row in moves),), begin_s=0, home_by_s=whole,
     )  # fmt: skip
     day = solved(problem)

@@ -6,7 +6,8 @@ FOLDER holds ISO 11783-10 task data with time logs (forage harvester jobs of the
 job is planned for one tractor, harvest, the headland first. Net time is the logged time without stops of `STOP_S` and
 more. What one machine and its driver are like is taken from the other jobs alone, so that none helps to predict itself:
 how much slower the headland is driven than the rest, one factor on the time, one on the worked distance, and how much
-jobs scatter. East-west is stretched so that the outline has the area that the task data says it has.
+jobs scatter. The tracks are also planned in the order in which the driver took them (driven_order). East-west is
+stretched so that the outline has the area that the task data says it has.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from planner.chance.graph import Graph, graph_of
 from planner.chance.settings import Chances
 from planner.scenario import Scenario
 from planner.site import prepare
+from tests.benchmarks.driven_order import Driven, driven_again, worked
 from tests.benchmarks.time_logs import (
     ACTIVE_MM,
     INACTIVE_MM,
@@ -64,6 +66,7 @@ class Job:
     planned_active_m: float
     planned_inactive_m: float
     graph: Graph
+    driven: Driven | None
 
 
 def stops_s(time_s: Array, speed_mps: Array, least_s: float = STOP_S) -> float:
@@ -113,6 +116,7 @@ def measured_job(parcel: Parcel, log: TimeLog, width_m: float) -> Job:
         planned_active_m=sum(leg.length_m for leg in legs if leg.implement),
         planned_inactive_m=sum(leg.length_m for leg in legs if not leg.implement),
         graph=graph_of(one.run),
+        driven=driven_again(field, scenario, worked(points, log.time_s, moving), ~near[moving]),
     )
 
 
@@ -180,6 +184,7 @@ def report(jobs: list[Job]) -> list[str]:
             f"{100 * error:7.1f}{guess.low_s / 60:7.1f} -{guess.high_s / 60:6.1f}{' ' if good else '*'}"
             f"{job.active_m / 1e3:8.2f}{100 * far:7.1f}{job.inactive_m / 1e3:10.2f}{job.planned_inactive_m / 1e3:7.2f}"
         )
+    lines += ["", *again(jobs), ""]
     shares = np.array([job.planned_s / job.net_s for job in jobs])
     saved = sum(job.inactive_m - job.planned_inactive_m for job in jobs)
     return [
@@ -192,6 +197,37 @@ def report(jobs: list[Job]) -> list[str]:
         f"inside the central 80 %            {sum(inside)} of {len(jobs)} (* is outside)",
         f"the planned order drives {saved / 1e3:.1f} km less off work than the drivers did, of "
         f"{sum(job.inactive_m for job in jobs) / 1e3:.1f} km: up to the shortest ways, not what a driver may choose",
+    ]
+
+
+def again(jobs: list[Job]) -> list[str]:
+    """What the order of the drivers comes to with the planned tractor, beside the planned order of the same tracks."""
+    lines = [
+        "job       order driven  planned    longer  off work driven  planned    more    of it logged  tracks seen",
+        "                   min      min         %               km       km      km              km            %",
+    ]
+    found = [(job, job.driven) for job in jobs if job.driven is not None]
+    for job, one in found:
+        lines.append(
+            f"{job.name:10s}{one.time_s / 60:12.1f}{one.planned_s / 60:9.1f}"
+            f"{100 * (one.time_s / one.planned_s - 1):10.1f}{one.inactive_m / 1e3:17.2f}"
+            f"{one.planned_inactive_m / 1e3:9.2f}{(one.inactive_m - one.planned_inactive_m) / 1e3:8.2f}"
+            f"{job.inactive_m / 1e3:16.2f}{100 * one.found:13.0f}"
+        )
+    unlike = [job.name for job, one in found if one.inactive_m > job.inactive_m]
+    found = [(job, one) for job, one in found if job.name not in unlike]
+    whole, planned = sum(one.time_s for _, one in found), sum(one.planned_s for _, one in found)
+    off, least = sum(one.inactive_m for _, one in found), sum(one.planned_inactive_m for _, one in found)
+    if not found:
+        return lines
+    return [
+        *lines,
+        f"the drivers' orders, same tractor and tracks ({len(found)} of {len(jobs)} jobs): {whole / 3600:.2f} h and "
+        f"{off / 1e3:.1f} km off work; planned orders {planned / 3600:.2f} h and {least / 1e3:.1f} km "
+        f"({100 * (1 - planned / whole):.1f} % of the time saved); the logs have "
+        f"{sum(job.inactive_m for job, _ in found) / 1e3:.1f} km",
+        f"not in these sums, as their order drives more off work than was logged, so that passes and tracks do not "
+        f"match: {', '.join(unlike) or 'none'}",
     ]
 
 

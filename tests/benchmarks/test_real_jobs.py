@@ -2,7 +2,9 @@
 
 import math
 import struct
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,12 @@ import pytest
 import shapely
 
 from fields.field import Field
+from fields.layout import Track
 from planner.candidates.evaluate import Candidate, simulated
 from planner.scenario import Scenario
 from planner.site import prepare
+from strategies.job import Pass
+from tests.benchmarks.driven_order import Worked, bearing_deg, driven_order, quickest_way, taken, worked
 from tests.benchmarks.real_jobs import EARTH_M, factor, measured_job, report, spread, stops_s
 from tests.benchmarks.time_logs import ACTIVE_MM, INACTIVE_MM, SPEED, WIDTH, WORK_STATE, read_folder
 
@@ -24,7 +29,7 @@ CORNERS = np.array([[0.0, 0.0], [170.0, 0.0], [170.0, 110.0], [0.0, 110.0], [0.0
 
 def lonlat(xy: np.ndarray) -> np.ndarray:
     """Degrees of metres, east-west short as in logs that were moved."""
-    return np.array([LON, LAT]) + xy * [SHORT / (DEGREE_M * math.cos(math.radians(LAT))), 1.0 / DEGREE_M]
+    return np.asarray([LON, LAT] + xy * [SHORT / (DEGREE_M * math.cos(math.radians(LAT))), 1.0 / DEGREE_M])
 
 
 def write_folder(folder: Path, xy: np.ndarray, values: np.ndarray, step_s: float) -> None:
@@ -84,6 +89,10 @@ def test_a_job_that_was_driven_as_planned_takes_as_long_as_planned(folder: Path)
     assert job.planned_s == pytest.approx(job.net_s, rel=0.02)
     assert job.planned_active_m == pytest.approx(job.active_m, rel=0.02)
     assert job.ratio == pytest.approx(1.0, abs=0.02)
+    own = job.driven
+    assert own is not None and own.found > 0.99
+    assert own.time_s == pytest.approx(job.planned_s, rel=1e-3), "the order found is the one that was driven"
+    assert own.inactive_m == pytest.approx(job.planned_inactive_m, rel=5e-3)
     lines = report([replace(job, net_s=share * job.net_s) for share in (1.0, 1.0, 1.1)])
     (net,), (active,) = (
         [float(line.split("mean error ")[1].split()[0]) for line in lines if line.startswith(start)]
@@ -92,6 +101,56 @@ def test_a_job_that_was_driven_as_planned_takes_as_long_as_planned(folder: Path)
     # Of 1 and 1.1 the factor on the plan is 1.0452, of 1 and 1 it is 1: errors of 4.52, 4.52 and 9.09 %.
     assert net == pytest.approx((4.52 + 4.52 + 9.09) / 3.0, abs=0.1)
     assert active == 0.0
+
+
+def to_and_fro(numbers: Sequence[int], length_m: float = 100.0) -> Worked:
+    """Work along y = 3 n from x = 0 to 100 and back, at 1 m/s and with half a minute between."""
+    points, time = [], []
+    for turn, number in enumerate(numbers):
+        along = np.arange(0.0, length_m + 1.0)
+        points.append(np.column_stack([along if turn % 2 == 0 else along[::-1], np.full(len(along), 3.0 * number)]))
+        time.append(turn * (length_m + 30.0) + np.arange(len(along)))
+    works = np.tile(np.arange(round(length_m) + 1) < length_m, len(numbers))  # the last step of each leads away
+    return worked(np.vstack(points), np.concatenate(time), works)
+
+
+def test_the_order_of_the_driver_is_found_again_by_hand() -> None:
+    numbers = [2, 0, 3, 1]
+    done = to_and_fro(numbers)
+    tracks = [Track(number, 0, (0.0, 3.0 * number + 0.4), (100.0, 3.0 * number + 0.4)) for number in range(4)]
+    assert bearing_deg(done) == pytest.approx(90.0, abs=1e-6)
+    order = driven_order(tracks, done, 3.0)
+    assert [(one.track.line, one.direction) for one in order] == [(2, 1), (0, -1), (3, 1), (1, -1)]
+    beyond = Track(4, 0, (0.0, 12.4), (100.0, 12.4))
+    assert taken(beyond, done, 3.0) is None
+    more = driven_order([*tracks, beyond], done, 3.0)
+    assert [(one.track.line, one.direction) for one in more] == [(2, 1), (0, -1), (3, 1), (4, -1), (1, -1)]
+
+
+def test_directions_are_those_that_are_quickest_for_the_order_and_else_the_drivers() -> None:
+    tracks = [Track(number, 0, (0.0, 3.0 * number), (100.0, 3.0 * number)) for number in range(4)]
+
+    def seconds(a: Pass, b: Pass) -> float:
+        end = a.track.end if a.direction > 0 else a.track.start
+        return math.dist(end, b.track.start if b.direction > 0 else b.track.end)
+
+    for ways, best in (((1, 1, 1, 1), None), ((-1, 1, -1, 1), [-1, 1, -1, 1]), ((1, -1, 1, 1), [1, -1, 1, -1])):
+        found = quickest_way([Pass(track, way) for track, way in zip(tracks, ways, strict=True)], seconds)
+        assert [one.track for one in found] == tracks
+        assert sum(seconds(a, b) for a, b in pairwise(found)) == pytest.approx(9.0), "to and fro, 3 m apart"
+        assert best is None or [one.direction for one in found] == best
+
+
+def test_work_across_a_track_and_a_short_visit_do_not_count() -> None:
+    track = Track(0, 0, (0.0, 0.0), (100.0, 0.0))
+    across = worked(np.column_stack([np.full(20, 50.0), np.arange(20) - 10.0]), np.arange(20.0), np.ones(20, bool))
+    assert taken(track, across, 3.0) is None
+    done = to_and_fro([0])
+    visit = Worked(done.points[5:9][::-1], -done.steps[5:9][::-1], np.arange(4.0) - 200.0)
+    both = Worked(*(np.concatenate(pair) for pair in zip(
+        (visit.points, visit.steps, visit.time_s), (done.points, done.steps, done.time_s), strict=True)))  # fmt: skip
+    at, direction = taken(track, both, 3.0) or (math.nan, 0)
+    assert at == pytest.approx(49.5) and direction == 1
 
 
 def test_only_long_stops_are_taken_off() -> None:

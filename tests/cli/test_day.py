@@ -288,6 +288,7 @@ def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Pa
         ('farm = "farm.toml"', 'farm = "farm.toml"\nrain = "wet"', "--rain 'wet' is none of"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nstart = "7"', "is not a time of day"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nlight = "20:00-19:00"', "closes before it opens"),
+        ('name = "near"', 'name = "near"\nwindows = ["18:00-07:00"]', "write the earlier time first"),
         ('["split-field"]', '["split-feld"]', "did you mean 'split-field'?"),
         ('["split-field"]', "[]", "strategies is empty"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nhurry = true', "hurry is not known"),

@@ -26,7 +26,7 @@ def by_hand(
         put_off=tuple(put_off),
         stake=tuple(stake or (0.0,) * fields),
         windows=tuple(map(tuple, windows)) if windows else (((0, DAY),),) * fields,
-        move_s=tuple(map(tuple, move_s)),
+        move_s=(tuple(map(tuple, move_s)),) * len(work_s),
         move_cost=(tuple(tuple(per_move_s * seconds for seconds in row) for row in move_s),) * len(work_s),
         begin_s=0,
         home_by_s=home_by_s,

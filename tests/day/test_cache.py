@@ -12,7 +12,7 @@ import shapely
 
 from fields.field import Field
 from planner.chance.graph import Graph, Link
-from planner.content import KINDS, ROOMS, code_version, digest
+from planner.content import KINDS, ROOMS, _imported, code_version, digest
 from planner.day.cache import Cache, user_folder
 from planner.day.times import FieldTime, Task, field_times, packed, unknown
 from planner.pool import SerialExecutor
@@ -66,6 +66,46 @@ def test_every_room_counts_with_its_data(tmp_path: Path, monkeypatch: pytest.Mon
         (tmp_path / place).write_text("x")
         found.append(code_version.__wrapped__())
     assert len({*found}) == 1 + len(KINDS) * len(ROOMS)
+
+
+def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sources = {
+        "planner/work.py": "from vehicle import drive\nfrom planner.ways import lead\n",
+        "planner/__init__.py": "",
+        "planner/ways/__init__.py": "from planner.ways.far import lead\n",
+        "planner/ways/far.py": "from strategies.registry import all\n",
+        "planner/ways/other.py": "",
+        "planner/service/api.py": "import planner.work\n",
+        "vehicle/__init__.py": "",
+        "vehicle/drive.py": "def go():\n    import fields.place\n",
+        "fields/place.py": "import numpy\n",
+        "strategies/registry.py": "from importlib import import_module\nimport_module('one')\n",
+        "strategies/one.py": "",
+        "strategies/data.toml": "",
+    }
+    for name, text in sources.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr("planner.content.__file__", str(tmp_path / "planner" / "content.py"))
+    first, unused = code_version.__wrapped__("planner.work"), set()
+    for name, text in sources.items():
+        (tmp_path / name).write_text(text + "# changed\n")
+        if code_version.__wrapped__("planner.work") == first:
+            unused.add(name)
+        (tmp_path / name).write_text(text)
+    assert unused == {"planner/ways/other.py", "planner/service/api.py"}
+
+
+def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() -> None:
+    root = Path(__file__).parents[2]
+    used = {path.relative_to(root).as_posix() for path in _imported(root, "planner.day.times")}
+    assert used >= {
+        "planner/day/times.py", "planner/candidates/evaluate.py", "planner/chance/graph.py", "vehicle/loop.py",
+        "strategies/interleaved.py", "strategies/orders/sequence.py", "fields/layout.py", "planner/__init__.py",
+    }  # fmt: skip
+    assert not [path for path in used if path.startswith(("planner/service", "planner/commands", "planner/day/solve"))]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"strategy": "x"}', '{"graph": {"first": 3}}', "\x00"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from planner.chance.settings import Chances, certain
 from planner.day.build import FEW_DRAWS, frame_of, means, problem_of
 from planner.day.file import DayFile, day_from
 from planner.day.solve import solved
-from planner.day.times import FieldTime, Task, made_ready, work_out
+from planner.day.times import FieldTime, Task, work_out
+from planner.farm.file import FarmFile
 from planner.price.cost import hired
 from planner.scenario import Scenario
 from strategies.supply import Supply
@@ -40,7 +42,7 @@ def test_refills_count_in_the_time_of_a_field() -> None:
     plain, carrying = work_out(dry), work_out(tank)
     assert plain.refills is None and carrying.refills is not None and carrying.refills >= 1
     assert carrying.graph is not None and plain.graph is not None
-    stops = carrying.refills + 1  # and once before it begins
+    stops = carrying.refills
     assert float(carrying.graph.stand_s.sum()) == pytest.approx(100.0 * stops, abs=1.0)
     assert carrying.time_s >= plain.time_s + 100.0 * stops - 1.0
     sample = draw(carrying.graph, certain(), draws=1, seed=1)
@@ -48,13 +50,26 @@ def test_refills_count_in_the_time_of_a_field() -> None:
     assert len({dry.key, tank.key, replace(tank, supply=replace(tank.supply, capacity=800.0)).key}) == 3
 
 
-def test_every_tractor_is_made_ready_at_once() -> None:
-    legs = replace(
-        one_leg(50.0), tractors=2, first=(0, 2), tractor=np.array([0, 0, 1]), driven_s=np.full(3, 50.0),
-        group=np.array([0, 1, 0]), kind=np.zeros(3, np.int64), worked_m=np.ones(3), order=(0, 1, 2),
-        stand_s=np.zeros(3),
-    )  # fmt: skip
-    assert made_ready(legs, 7.0).stand_s.tolist() == [7.0, 0.0, 7.0] and legs.stand_s.tolist() == [0.0] * 3
+def test_tanks_are_made_good_between_fields_and_not_before_the_first_or_after_the_last() -> None:
+    """Two fields 2.5 km from the yard and 5 km apart at 25 km/h: 360 and 720 s, 120 s each to fold and to unfold."""
+    two = TEXT.replace("[[fleets]]", '[[fields]]\nfile = "netherlands"\n[[fleets]]').replace(
+        'name = "one"', 'name = "tanks"\nimplement = "tanker"\n[[fleets]]\nname = "dry"\nimplement = "harrow"'
+    )
+    farm = FarmFile.model_validate({
+        "tractors": [{"name": "t", "count": 2}],
+        "implements": [{"name": "tanker", "capacity": 900.0, "rate_per_m2": 1.0}, {"name": "harrow"}],
+        "times": {"refill_s": 300.0},
+    })  # fmt: skip
+    day = DayFile.model_validate(tomllib.loads(two))
+    fields, found = (read_field("iwamizawa"), read_field("netherlands")), FieldTime("s", 1, 50.0, graph=one_leg(50.0))
+    km = np.array([[0.0, 5.0, 2.5], [5.0, 0.0, 2.5], [2.5, 2.5, 0.0]])
+    problem = problem_of(day, farm, fields, km, ((found,) * 2,) * 2, frame_of(day, farm), 1)
+    assert problem.move_s[1] == ((0, 960, 480), (960, 0, 480), (480, 480, 0))
+    assert problem.move_s[0] == ((0, 1260, 480), (1260, 0, 480), (480, 480, 0))
+    tanks, dry = (np.array(problem.move_cost[fleet]) for fleet in (0, 1))
+    assert (tanks - dry > 0.0).tolist() == [[False, True, False], [True, False, False], [False, False, False]]
+    first, second = problem.starts(0, (0, 1)) or (0, 0)
+    assert (first, second - first - (problem.work_s[0][0] or 0)) == (8 * 3600 + 480, 1260)
 
 
 class TestCertainty:

@@ -100,9 +100,29 @@ def test_passes_and_turns_are_told_apart_by_the_tracks_between(small_site: Any) 
 
 def test_the_order_puts_every_leg_after_those_it_waits_for(wide_site: Any) -> None:
     graph = graph_of(run_candidate(wide_site, Candidate("row-by-row", 3)).run)
-    place = {node: index for index, node in enumerate(graph.order)}
-    assert sorted(place) == list(range(graph.nodes))
-    assert all(place[link.source] < place[link.after] for link in graph.links)
+    begins = {node: index for index, node in reversed(list(enumerate(graph.order)))}
+    ends = {node: index for index, node in enumerate(graph.order)}
+    assert sorted(begins) == list(range(graph.nodes))
+    assert {node for node in ends if ends[node] > begins[node]} == {link.after for link in graph.links if link.at_end}
+    assert all(begins[link.source] < (ends if link.at_end else begins)[link.after] for link in graph.links)
+
+
+def test_a_leader_may_wait_for_its_follower_to_have_begun(small_site: Any) -> None:
+    """Who goes in first follows who comes in after it: a circle of legs, and none of what really waits."""
+    leader = Mission((line(0, 12, 20, Gate(1, 0, 5.0)), line(12, 60, 20)))
+    follower = Mission((line(0, 48, 0, follow=Follow(0, 1, 10.0)),))
+    run = driven(small_site, Plan((leader, follower)))
+    assert run.seconds(WAITING)[0] > 1.0
+    assert graph_of(run).order == (2, 0, 1, 2)
+    assert finishes(run) == pytest.approx(run.finish_s, abs=0.3)
+
+
+def test_a_leader_that_sets_out_when_its_follower_is_done_holds_nobody(small_site: Any) -> None:
+    leader = Mission((line(0, 12, 20, Gate(1, 1, 5.0)), line(12, 60, 20)))
+    follower = Mission((line(0, 20, 0, follow=Follow(0, 1, 10.0)), line(20, 40, 0)))
+    run = driven(small_site, Plan((leader, follower)))
+    assert [link.at_end for link in graph_of(run).links] == [False]
+    assert finishes(run) == pytest.approx(run.finish_s, abs=0.3)
 
 
 def test_a_run_that_was_not_finished_has_no_graph(small_site: Any) -> None:

@@ -114,6 +114,8 @@ def test_all_faults_are_told_at_once() -> None:
         ('[times]\nshift_start = "7:00"\nshift_end = "9:00"\nbreaks = ["6:00-8:00", "8:00-9:30"]', "leave nothing"),
         ('[times]\nshift_start = "25:00"', "is not a time of day"),
         ("prizes = 3", "did you mean 'prices'?"),
+        ('[prices]\ncurrency = ""', "prices.currency = '': give a text that is not empty"),
+        ('[prices]\ncurrency = "pounds sterling"', "give a text of at most 12 letters"),
         ("fuel_per_l = 3", "belongs under [prices]"),
     ],
 )  # fmt: skip

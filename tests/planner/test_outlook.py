@@ -183,6 +183,10 @@ class TestWhatNoPlanMeets:
             "No plan that is done in time can be paid with 100.00 EUR; the closest comes to 120.10 EUR."
         )
         assert dry.best is self.plans[0] and dry.advice is not None and "One saves 23.70 but" in dry.advice
+        neither = self.told(rain="8:50", budget=90.0)
+        assert neither.unmet == (
+            "No plan can be paid with 90.00 EUR; the closest that is done in time comes to 120.10 EUR."
+        )
 
     def test_a_negative_budget_is_refused(self) -> None:
         with pytest.raises(ScenarioError, match="budget is -1; a price must be 0 or more"):

@@ -134,6 +134,15 @@ def test_all_strategies_or_those_named_once_each() -> None:
 
 def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
     assert nearest("zzzz", ("split-field",)) == ""
+    assert nearest("best", ("fastest", "cheapest", "surest")) == "", "alike in most letters, and another word"
+    assert nearest("quickest", ("fastest", "cheapest", "surest")) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"), [("surst", "surest"), ("fast", "fastest"), ("SUREST", "surest"), ("field", "split-field")]
+)
+def test_slips_beginnings_and_words_of_a_name_are_understood(name: str, meant: str) -> None:
+    assert nearest(name, ("fastest", "surest", "split-field")) == f" (did you mean {meant!r}?)"
 
 
 def test_defaults_are_those_of_the_thesis() -> None:

@@ -178,6 +178,19 @@ def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: Ranking) ->
     assert "6 slower plans are not shown; --all shows every plan." in " ".join(text.split())
 
 
+@pytest.mark.parametrize("width", [60, 80, 100])
+def test_names_of_strategies_and_turns_are_whole_with_draws_too(ranking: Ranking, width: int) -> None:
+    plans = tuple(
+        replace(plan, strategy=name, turn="switch-back+omega", tractors=1 + place, finish_probability=0.5,
+                paid_cost=1234.5, expected_cost=2345.6, p50_s=9000.0, p95_s=9900.0, missed_m2=40.0)
+        for place, (plan, name) in enumerate(zip(ranking.plans, ("row-by-row-optimised", "split-field"), strict=False))
+    )  # fmt: skip
+    text = printed(ranking_table(replace(ranking, plans=plans, currency="EUR", chosen=("split-field", 2))), width)
+    assert text.count("row-by-row-optimised ") >= 2 and text.count("split-field ") >= 2
+    assert "switch-back+" in text and "switch-\n" not in text
+    assert max(map(len, text.splitlines())) <= width
+
+
 @pytest.mark.parametrize("width", [76, 80, 100, 120])
 def test_long_names_break_between_words(ranking: Ranking, width: int) -> None:
     plans = tuple(

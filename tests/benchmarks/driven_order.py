@@ -1,0 +1,153 @@
+"""The order in which a driver took the tracks of a field, out of positions of a log, and what it comes to when planned.
+
+The tracks are those that a plan lays along the driver's bearing. A track was worked when the driver was on its strip,
+in its direction, with the implement at work; of several passes over it that count nearly as much the one nearest to its
+line. A driver overlaps, so that there are more passes than tracks, and directions of neighbours do not always alternate
+as the driver's did: each track is driven in the direction that makes the order quickest, the driver's where that is as
+good. What a better order saves is thus told too low rather than too high. Rounds, ways and turns are those of the plan:
+two plans differ in the order of tracks alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fields.field import Field
+from fields.layout import Track
+from planner.candidates.evaluate import Candidate, simulated
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from strategies.job import Job, Pass
+from strategies.legs import mission_of
+from strategies.record import Strategy
+from strategies.registry import STRATEGIES
+from vehicle.missions import Plan
+
+ALIGNED = math.cos(math.radians(20.0))
+APART_S = 20.0  # away from a strip for longer: another pass over it
+MOSTLY = 0.7  # of the metres of the longest pass over a strip: another one that may have been meant for it
+AGAINST_S = 0.1  # of directions that take as long the driver's are kept
+NAME, PLANNED = "as-driven", "split-field"
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Worked:
+    """Where work was done: positions and the way to the next row (n, 2) in metres, and times (n,) in seconds."""
+
+    points: Array
+    steps: Array
+    time_s: Array
+
+    @property
+    def metres(self) -> Array:
+        """Length of each step, (n,)."""
+        return np.asarray(np.hypot(*self.steps.T))
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A plan in the order of the driver, and one in the planner's own, on the same tracks: seconds, and metres off
+    work. `found` is the share of the metres of the tracks on which the driver was seen to work along them."""
+
+    time_s: float
+    inactive_m: float
+    planned_s: float
+    planned_inactive_m: float
+    found: float
+
+
+def worked(points: Array, time_s: Array, works: NDArray[np.bool_]) -> Worked:
+    """The rows at work, with the way from each to the next."""
+    steps = np.diff(points, axis=0, append=points[-1:])
+    return Worked(points[works], steps[works], time_s[works])
+
+
+def bearing_deg(done: Worked) -> float:
+    """The bearing of most of the work, from 0 to 180 degrees: the mean of doubled angles, weighted by metres."""
+    angle = np.arctan2(done.steps[:, 0], done.steps[:, 1])
+    mean = 0.5 * math.atan2(*(float((done.metres * part(2.0 * angle)).sum()) for part in (np.sin, np.cos)))
+    return math.degrees(mean) % 180.0
+
+
+def taken(track: Track, done: Worked, width_m: float) -> tuple[float, int] | None:
+    """When a track was worked (mean, s) and in which direction; None where nobody was seen on it."""
+    along = (np.array(track.end) - track.start) / track.length
+    offset = done.points - np.array(track.start)
+    far, aside = offset @ along, offset @ np.array([-along[1], along[0]])
+    ahead = done.steps @ along
+    rows = np.flatnonzero(
+        (np.abs(aside) <= 0.5 * width_m) & (far >= 0.0) & (far <= track.length)
+        & (np.abs(ahead) >= ALIGNED * done.metres) & (done.metres > 0.0)
+    )  # fmt: skip
+    if not len(rows):
+        return None
+    passes = np.split(rows, np.flatnonzero(np.diff(done.time_s[rows]) > APART_S) + 1)
+    metres = [float(done.metres[one].sum()) for one in passes]
+    whole = [one for one, long in zip(passes, metres, strict=True) if long >= MOSTLY * max(metres)]
+    best = min(whole, key=lambda one: float(np.abs(aside[one]).mean()))
+    return float(done.time_s[best].mean()), 1 if ahead[best].sum() > 0.0 else -1
+
+
+def driven_order(tracks: Sequence[Track], done: Worked, width_m: float) -> list[Pass]:
+    """The tracks in the order of the driver; one that nobody was seen on comes after its neighbour, driven back."""
+    seen = {track: taken(track, done, width_m) for track in tracks}
+    known = [track for track in tracks if seen[track] is not None]
+    keys = []
+    for number, track in enumerate(tracks):
+        near = min(known, key=lambda other: (abs(other.line - track.line), other.line), default=track)
+        at, direction = seen[near] or (0.0, 1)
+        away = abs(near.line - track.line)
+        keys.append((at, away, number, Pass(track, direction if away % 2 == 0 else -direction)))
+    return [key[3] for key in sorted(keys, key=lambda key: key[:3])]
+
+
+def quickest_way(order: Sequence[Pass], seconds: Callable[[Pass, Pass], float]) -> list[Pass]:
+    """The same order with every track in the direction that makes the sum of `seconds` from pass to pass least."""
+    best = [(AGAINST_S * (way != order[0].direction), [Pass(order[0].track, way)]) for way in (1, -1)] if order else []
+    for one in order[1:]:
+        ways = [Pass(one.track, way) for way in (1, -1)]
+        best = [
+            min(
+                ((cost + seconds(so_far[-1], way) + AGAINST_S * (way.direction != one.direction), [*so_far, way])
+                 for cost, so_far in best),
+                key=lambda choice: choice[0],
+            )
+            for way in ways
+        ]  # fmt: skip
+    return min(best, key=lambda choice: choice[0])[1] if best else []
+
+
+def driven_again(field: Field, scenario: Scenario, done: Worked, interior: NDArray[np.bool_]) -> Driven | None:
+    """Plan a field along the driver's bearing in the driver's order and in the planner's; None where either cannot be
+    driven. `interior` marks the rows that are off the headland."""
+    inner = Worked(done.points[interior], done.steps[interior], done.time_s[interior])
+    site = prepare(replace(scenario, bearing_deg=round(bearing_deg(inner), 2)), field)
+    width_m = scenario.width_m
+
+    def build(job: Job) -> Plan:
+        order = quickest_way(driven_order(job.layout.tracks, inner, width_m), job.turn_time)
+        return Plan((mission_of(job, order),), {"strategy": NAME, "tractors": 1})
+
+    with patch.dict(STRATEGIES, {NAME: Strategy(NAME, "as the driver drove", build)}):
+        own = _simulated(site, NAME)
+    planned = _simulated(site, PLANNED)
+    if own is None or planned is None:
+        return None
+    tracks = site.layout.tracks
+    found = sum(track.length for track in tracks if taken(track, inner, width_m))
+    return Driven(*own, *planned, found / sum(track.length for track in tracks))
+
+
+def _simulated(site: Site, strategy: str) -> tuple[float, float] | None:
+    """Seconds and metres off work of a plan for one tractor."""
+    one = simulated(site, Candidate(strategy, 1))
+    if one.run is None or not one.result.feasible or one.result.time_s is None:
+        return None
+    return one.result.time_s, sum(leg.length_m for leg in one.run.plan.missions[0].legs if not leg.implement)
