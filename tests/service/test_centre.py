@@ -315,6 +315,7 @@ def test_alarms_stay_until_they_are_over_and_acknowledged() -> None:
 def test_every_order_is_in_the_log_of_who_did_what() -> None:
     fleet = driven()
     fleet.centre.pause("anna", None, fleet.now)
+    fleet.run(1.1)
     fleet.centre.resume("bert", None, fleet.now)
     remote(fleet)
     says(fleet, 0, 0.0, 10.0, math.pi / 2)

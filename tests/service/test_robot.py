@@ -142,6 +142,9 @@ class Counter:
     def heard(self, frame: dict[str, Any], now: float) -> None:
         self.kinds.append(frame["kind"])
 
+    def dated(self, clock_s: float, now: float) -> None:
+        pass
+
     def step(self, now: float) -> dict[str, Any]:
         self.sequence += 1
         return {"sequence": self.sequence, "filling": 20_000 * "x"}

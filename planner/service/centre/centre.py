@@ -44,8 +44,11 @@ class Centre(Operated):
         if not goodbye:
             self._broken(number, now)
 
-    def reported(self, number: int, report: Report, now: float) -> None:
-        """A tractor says where it is. Raises CentreError for a leg that it does not have."""
+    def reported(self, number: int, report: Report, now: float, age_s: float = 0.0) -> None:
+        """A tractor says where it is, or was `age_s` ago where the report is much too old to say where it is.
+
+        Raises CentreError for a leg that it does not have.
+        """
         state, course = self.states[number], self.courses[number]
         if not 0 <= report.leg < len(course.legs):
             raise CentreError(
@@ -54,8 +57,8 @@ class Centre(Operated):
             )
         before, state.report = state.report, report
         driving_s = self._driving_s(before, report, now - state.heard_s)
-        state.heard_s = now
-        self.alarms.ended("broken", number)
+        state.seen_s = max(state.seen_s, now - age_s)
+        self._heard(number, age_s, now)
         if not self._believed(number, report, now):
             return
         self._progressed(state, course, report, driving_s)
@@ -67,6 +70,16 @@ class Centre(Operated):
         if report.done and not state.done and report.leg == len(course.legs) - 1 < state.released:
             state.done = True
             self.note(CENTRE, "done", tractor=number + 1)
+
+    def _heard(self, number: int, age_s: float, now: float) -> None:
+        """A report has come; one that is old is no sign of a link that works now."""
+        if age_s > 0.0:
+            told = f"States of tractor {number + 1} come {age_s:.1f} s late: its link is slow, or its clock is wrong."
+            self._alarm("late", number, WARNING, told, now)
+            return
+        self.states[number].heard_s = now
+        self.alarms.ended("late", number)
+        self.alarms.ended("broken", number)
 
     def _believed(self, number: int, report: Report, now: float) -> bool:
         """Whether a tractor can be where it says; if not it stands, and nothing is released by it."""

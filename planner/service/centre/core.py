@@ -41,6 +41,7 @@ class Core:
         self.finish_in_s = [math.inf] * plan.tractors
         self._orders: list[Order] = []
         self._events: list[Event] = []
+        self._stopped = [("", -math.inf)] * plan.tractors  # who told each to stand last, and when
         self._watched_s = self._forecast_s = -math.inf
 
     @property

@@ -52,6 +52,7 @@ class Robot:
     async def _drive(self, seconds: float | None) -> None:
         begin = due = time.monotonic()
         while seconds is None or time.monotonic() - begin < seconds:
+            self.driver.dated(time.time(), time.monotonic())
             state = self.driver.step(time.monotonic())
             if self.driver.welcomed:  # before, it does not know where it is
                 self.waiting.add(state)
@@ -88,8 +89,8 @@ class Robot:
         hello = {"kind": "hello", "role": "tractor", "tractor": self.tractor, "token": self.token, "version": 1}
         await link.send(json.dumps(hello))
         welcome = json.loads(await link.recv())
-        if welcome["kind"] == "refused":
-            raise ServiceError(f"The service does not let tractor {self.tractor} in: {welcome['sentence']}")
+        if welcome["kind"] != "welcome":
+            raise ServiceError(f"The service does not let tractor {self.tractor} in: {welcome.get('sentence', welcome)}")
         self.driver.heard(welcome, time.monotonic())
         self._linked = True
         sending = asyncio.create_task(self._send(link, welcome["last_sequence"]))
