@@ -21,7 +21,8 @@ from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
 from planner.service.settings import Settings
 from planner.service.store import Store
-from tests.service.fleets import fleet_plan
+from tests.service.fleets import EG105, fleet_plan
+from vehicle.measured.answer.save import tractor_toml
 from vehicle.missions import ENTER, Leg, Mission, Plan, Task
 from vehicle.plan_file import plan_to_json
 
@@ -135,4 +136,26 @@ def test_a_plan_made_anew_outlives_two_restarts(tmp_path: Path) -> None:
     for _ in range(2):
         live = asyncio.run(again())
         assert live.plan_text == text and live.centre.plan.near_m == 0.6
+    store.close()
+
+
+def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is_there(tmp_path: Path) -> None:
+    store = Store(Settings(data=tmp_path))
+    mended = EG105.model_copy(update={"name": "slips", "wheel_slip": 0.1})
+    store.add_file("tractor", "mine", tractor_toml(mended).encode())
+    text = plan_to_json(fleet_plan().plan, scenario={"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"})
+    fleet = LiveFleet("f1", "small", fleet_plan(), Rules(), begin_s=time.time())
+    fleet.mended = {1: "mine", 0: "deleted meanwhile"}
+    store.save_fleet("f1", "small", text, {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"})
+
+    async def again() -> LiveFleet:
+        first, second = Hub(store), Hub(store)
+        first.add(fleet)
+        await first.keep(fleet)
+        await second.take_up()
+        await second.stop()
+        return second.fleets["f1"]
+
+    live = asyncio.run(again())
+    assert [tractor.name for tractor in live.twins.tractors] == [EG105.name, "slips"] and live.mended == {1: "mine"}
     store.close()

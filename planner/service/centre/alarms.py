@@ -57,7 +57,8 @@ class Alarms:
             self._last += 1
             alarm = Alarm(self._last, code, level, tractor, sentence, now)
         else:  # it comes and goes: one to be seen is enough
-            alarm = replace(unseen, sentence=sentence, level=level if unseen.level != CRITICAL else CRITICAL, over=False)
+            level = CRITICAL if unseen.level == CRITICAL else level
+            alarm = replace(unseen, sentence=sentence, level=level, over=False)
         self._items[alarm.id], self._on[code, tractor] = alarm, alarm.id
         self.version += 1
         return alarm

@@ -217,7 +217,8 @@ class Told(BaseModel):
 class Welcome(Told):
     """The answer to hello. `last_sequence` is the last state that is kept of this tractor, -1 for none.
 
-    `leg` and `leg_m` are how far it has driven by what is kept: where one that has forgotten it goes on.
+    `leg` and `leg_m` are how far it has driven by what is kept: where one that has forgotten it goes on. Its
+    antenna was at `easting_m`, `northing_m` with `heading_deg` by its last state.
     """
 
     kind: Literal["welcome"] = "welcome"
@@ -232,6 +233,9 @@ class Welcome(Told):
     plan: dict[str, Any] | None = None
     leg: int | None = None
     leg_m: float | None = None
+    easting_m: float | None = None
+    northing_m: float | None = None
+    heading_deg: float | None = None
 
 
 class Refused(Told):

@@ -40,7 +40,8 @@ class Freshness:
 
 
 def check_order(frame: Begin | GoOn, clock_s: float) -> None:
-    """Raise CentreError for an order to go on that was held up; `clock_s` is now, since 1970. One without a time passes."""
-    if frame.time is not None and clock_s - frame.time.timestamp() > ORDER_S:
-        raise CentreError(f"The order to go on is {clock_s - frame.time.timestamp():.1f} s old and is not carried out; "
-                          "look at the tractors and give it again.", parameter="time")  # fmt: skip
+    """Raise CentreError for an order to go on that was held up; `clock_s` is since 1970. One without time passes."""
+    age_s = 0.0 if frame.time is None else clock_s - frame.time.timestamp()
+    if age_s > ORDER_S:
+        raise CentreError(f"The order to go on is {age_s:.1f} s old and is not carried out; look at the tractors and "
+                          "give it again.", parameter="time")  # fmt: skip

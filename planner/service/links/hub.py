@@ -8,6 +8,7 @@ import logging
 import secrets
 import tempfile
 import time
+import tomllib
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from planner.service.links.proposals import Proposals
 from planner.service.links.recording import keep, rising
 from planner.service.links.warming import warm
 from planner.service.store import Store
+from vehicle.tractor import Tractor
 
 STEP_S, KEEP_S, LOOK_S, TOKENS_S = 0.05, 1.0, 1.0, 1.0
 REVOKED = "The token of this link was revoked; link again with another one."
@@ -149,6 +151,7 @@ class Hub:
                 fleet = self._live(row.id, row.name, plan, row.settings)
                 restore(fleet.centre, kept.get("centre", {}), time.monotonic(), time.time())
                 fleet.plan_text = kept.get("plan")
+                await asyncio.to_thread(self._mended_again, fleet, kept.get("mended", {}))
                 await self._repaint(fleet, row.progress)
                 self.add(fleet)
             except HeadlandError as refusal:
@@ -157,6 +160,14 @@ class Hub:
             except Exception:
                 self.faults[row.id] = "What is kept of this fleet cannot be read; make it anew of its plan."
                 logging.getLogger(__name__).exception("Fleet %s is not taken up again", row.id)
+
+    def _mended_again(self, fleet: LiveFleet, mended: Mapping[str, str]) -> None:
+        """Twins get the tractor files that they were mended by; where one was deleted meanwhile, the plan's."""
+        for number, name in mended.items():
+            with contextlib.suppress(MissingError):
+                content = self.store.blobs.get(self.store.file("tractor", name).sha256)
+                fleet.twins.mended(int(number), Tractor(**tomllib.loads(content.decode())))
+                fleet.mended[int(number)] = name
 
     async def _repaint(self, fleet: LiveFleet, progress: Mapping[str, Any]) -> None:
         """Sequences and painted ground from what was recorded."""

@@ -22,7 +22,7 @@ from planner.service.centre.replanning import check_still
 from planner.service.centre.rules import Rules
 from planner.service.links import frames, telling
 from planner.service.links.clients import CONTROL, TRACTOR, Client, packed
-from planner.service.links.converting import metres_of, mission_told, report_of
+from planner.service.links.converting import metres_of, mission_told, place_told, report_of
 from planner.service.links.freshness import Freshness, check_order
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import Recorder, row_of
@@ -45,7 +45,7 @@ class LiveFleet:
     """A fleet that is driven. `begin_s` (seconds since 1970) is where the times of its recording begin.
 
     By tractor: `diagnoses` are the jobs asked for last, `findings` what they found, `doubted` the time of the doubt
-    that was last diagnosed without being asked.
+    that was last diagnosed without being asked, `mended` the tractor file that its twin has instead of the plan's.
     """
 
     def __init__(
@@ -68,6 +68,7 @@ class LiveFleet:
         self.diagnoses: dict[int, str] = {}
         self.doubted: dict[int, float] = {}
         self.findings: dict[int, dict[str, Any]] = {}
+        self.mended: dict[int, str] = {}
         self._links = 0
         self._times: list[str | None] = [None] * plan.tractors
         self._changed = set(range(plan.tractors))
@@ -116,7 +117,7 @@ class LiveFleet:
             welcome["last_sequence"] = self.recorder.seen[number]
             welcome["plan"] = mission_told(self.centre.plan, number)
             state = self.centre.states[number]
-            welcome |= {"leg": state.leg, "leg_m": round(state.leg_m, 3)}
+            welcome |= {"leg": state.leg, "leg_m": round(state.leg_m, 3)} | place_told(state.report, self.centre.plan)
         return welcome
 
     def _show_all(self, client: Client) -> None:
@@ -354,7 +355,10 @@ class LiveFleet:
 
     def progress(self, now: float, clock_s: float) -> dict[str, Any]:
         """What has to outlive a restart. A plan that was made anew is kept with its timing, see `prepared`."""
-        kept: dict[str, Any] = {"centre": progress_of(self.centre, now, clock_s), "plan": self.plan_text}
+        kept: dict[str, Any] = {
+            "centre": progress_of(self.centre, now, clock_s), "plan": self.plan_text,
+            "mended": {str(number): name for number, name in self.mended.items()},
+        }  # fmt: skip
         return kept if self.plan_text is None else kept | {"timing": timing_of(self.centre.plan)}
 
     def deadline_s(self) -> float | None:

@@ -81,8 +81,16 @@ class Driver:
         self._follow(frame["plan"])
         leg, leg_m = int(frame.get("leg") or 0), float(frame.get("leg_m") or 0.0)
         if not self.welcomed and (leg, leg_m) > (0, 0.0):
-            self.stepper.begin_at(leg, leg_m)  # it was driven that far before this process began
+            self.stepper.begin_at(leg, leg_m, self._place(frame))  # it was driven that far before this process began
         self.welcomed = True
+
+    def _place(self, frame: dict[str, Any]) -> tuple[float, float, float] | None:
+        """Where its antenna was by what the centre knows: east and north of the plan's origin (m), heading (rad)."""
+        if frame.get("easting_m") is None:
+            return None
+        east, north = self.origin_m
+        heading = math.radians(90.0 - float(frame["heading_deg"]))
+        return float(frame["easting_m"]) - east, float(frame["northing_m"]) - north, heading
 
     def _take_release(self, frame: dict[str, Any]) -> None:
         self.update, self.stepper.released = int(frame["update"]), int(frame["released"])
