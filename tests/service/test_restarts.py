@@ -13,15 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.service.centre.centre import Centre
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, prepared, timing_of
+from planner.service.centre.progress import progress_of, restore
 from planner.service.centre.rules import Rules
 from planner.service.links import hub as hubs
 from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
 from planner.service.settings import Settings
 from planner.service.store import Store
-from tests.service.fleets import EG105, fleet_plan
+from tests.service.fleets import EG105, driven, fleet_plan
 from vehicle.measured.answer.save import tractor_toml
 from vehicle.missions import ENTER, Leg, Mission, Plan, Task
 from vehicle.plan_file import plan_to_json
@@ -159,3 +161,26 @@ def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is
     live = asyncio.run(again())
     assert [tractor.name for tractor in live.twins.tractors] == [EG105.name, "slips"] and live.mended == {1: "mine"}
     store.close()
+
+
+@pytest.mark.parametrize(("mode", "goes_on"), [("automatic", True), ("stopped", False)])
+def test_one_that_was_stopped_after_the_last_that_is_known_is_not_set_in_motion_by_a_restart(
+    mode: str, goes_on: bool
+) -> None:
+    first = driven()
+    first.run(5)
+    kept = json.loads(json.dumps(progress_of(first.centre, first.now, 1e9)))  # the service is killed, a stop not kept
+    again = Centre(first.centre.plan, Rules())
+    restore(again, kept, 100.0, 1e9 + 3.0)
+    report = first.centre.states[0].report
+    assert report is not None
+    again.joined(0, 100.0)
+    again.reported(0, report, 100.1)  # one that waited for the link
+    kinds = []
+    for tenth in range(30):
+        again.reported(0, replace(report, mode=mode, speed_mps=0.0), 100.2 + 0.1 * tenth)
+        again.tick(100.2 + 0.1 * tenth)
+        kinds += [order.kind for order in again.taken()[0] if order.tractor == 0]
+    assert ("resume" in kinds) == goes_on and again.alarms.on("stood", 0) == (not goes_on)
+    again.resume("anna", 0, 110.0)
+    assert not again.states[0].standing_ordered and not again.alarms.on("stood", 0)

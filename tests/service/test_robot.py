@@ -114,7 +114,7 @@ def test_a_robot_that_forgets_all_stands_where_its_last_state_said() -> None:
 
 
 @pytest.mark.parametrize("times, period_s", [(0.5, 0.1), (3.0, 0.1), (6.0, 0.05), (10.0, 0.03), (100.0, 0.03)])
-def test_one_that_lives_faster_reports_oftener_so_that_its_twin_sees_its_commands(times: float, period_s: float) -> None:
+def test_one_that_lives_faster_reports_oftener_so_its_twin_sees_its_commands(times: float, period_s: float) -> None:
     assert client.period_s(times) == pytest.approx(period_s)
     assert times > 13.0 or times * client.period_s(times) <= UNTOLD_S
 

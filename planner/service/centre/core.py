@@ -73,6 +73,8 @@ class Core:
     def _settle(self) -> None:
         """Tell every tractor to stand or to go on, where that has changed."""
         for number, state in enumerate(self.states):
+            if state.doubtful:
+                continue
             stand = bool(state.holds) or self.state in (READY, STOPPED)
             if stand != state.standing_ordered:
                 state.standing_ordered = stand

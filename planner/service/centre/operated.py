@@ -29,6 +29,7 @@ class Operated(Core):
         self.state = RUNNING
         for state in self.states:
             state.holds -= {PAUSED, HALTED}
+            state.doubtful = False
         self.note(who, "started")
         self._settle()
 
@@ -81,6 +82,8 @@ class Operated(Core):
                 f"{math.degrees(REJOIN_RAD):.0f} degrees first."
             )
         state.holds -= {PAUSED, HALTED}
+        state.doubtful = False
+        self.alarms.ended("stood", number)
         if not held and off_m <= self.rules.rejoin_m and off_rad <= REJOIN_RAD:
             state.holds.discard(DRIVEN)
 

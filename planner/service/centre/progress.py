@@ -8,7 +8,7 @@ from typing import Any
 from planner.service.centre.alarms import Alarm
 from planner.service.centre.centre import Centre
 from planner.service.centre.core import READY
-from planner.service.centre.tractors import NEAR, OBSTACLE, Report, TractorState
+from planner.service.centre.tractors import AUTOMATIC, NEAR, OBSTACLE, Report, TractorState
 
 LASTING = ("leg", "leg_m", "released", "update", "done", "failed", "driving_s", "driven_plan_s")
 PASSING = frozenset({NEAR, OBSTACLE})
@@ -76,3 +76,4 @@ def _restore_tractor(state: TractorState, values: dict[str, Any], offset_s: floa
         state.report = Report(**report | {"errors": tuple(report["errors"])})
         state.heard_s = state.seen_s = last["clock_s"] + offset_s
         state.said_goodbye = last["said_goodbye"]
+        state.doubtful = state.report.mode == AUTOMATIC and not state.holds
