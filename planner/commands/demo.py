@@ -37,12 +37,13 @@ def fleet(
     times: Annotated[float, typer.Option(help="How much faster than real time.")] = 3.0,
     seconds: Annotated[Optional[float], typer.Option(help="End after so long.")] = None,  # noqa: UP045
 ) -> None:
-    """Start a service with a fleet of three simulated robots on a sample field; Ctrl-C ends all of it.
+    """Start a service with a fleet of three simulated robots on a sample field; Ctrl-C, or SIGTERM, ends all of it.
 
     Example: headland demo fleet --times 5
     """
     from planner.interrupts import quiet
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever ends this one ends service and robots too
     try:
         with tempfile.TemporaryDirectory(prefix="headland-demo-") as folder, contextlib.ExitStack() as stack:
             _shown(Path(folder), stack, browser, port, times, seconds)
@@ -156,12 +157,13 @@ def _running(words: tuple[str, ...], **options: Any) -> Iterator[subprocess.Pope
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """No further Ctrl-C, and no repeated one, keeps a process from being ended."""
+    """No further Ctrl-C or SIGTERM, and no repeated one, keeps a process from being ended."""
     from planner.interrupts import quiet
 
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = {which: signal.signal(which, signal.SIG_IGN) for which in (signal.SIGINT, signal.SIGTERM)}
     quiet()
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for which, handler in before.items():
+            signal.signal(which, handler)

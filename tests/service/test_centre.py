@@ -315,6 +315,7 @@ def test_alarms_stay_until_they_are_over_and_acknowledged() -> None:
 def test_every_order_is_in_the_log_of_who_did_what() -> None:
     fleet = driven()
     fleet.centre.pause("anna", None, fleet.now)
+    fleet.run(1.1)
     fleet.centre.resume("bert", None, fleet.now)
     remote(fleet)
     says(fleet, 0, 0.0, 10.0, math.pi / 2)
@@ -350,8 +351,8 @@ def test_a_fleet_goes_on_from_stored_progress() -> None:
 def test_last_places_and_what_was_seen_of_alarms_outlive_a_restart() -> None:
     first = driven()
     first.run(5)
-    for _ in range(2):
-        block = first.centre.obstacle("anna", ((90.0, 0.0), (91.0, 0.0), (91.0, 1.0)), "bale", first.now)
+    for who in ("bert", "anna"):
+        block = first.centre.obstacle(who, ((90.0, 0.0), (91.0, 0.0), (91.0, 1.0)), "bale", first.now)
     first.centre.clear("anna", 1, first.now)
     first.centre.fail("anna", 0, first.now)
     failed = first.centre.alarms.items()[-1]

@@ -137,6 +137,35 @@ def test_the_demonstration_ends_with_all_its_processes_and_shows_its_token_to_no
     assert started_in(tmp_path) == {}
 
 
+TWO = """
+import sys, time
+from planner.commands import demo
+from planner.main import main
+demo.HEADLAND = (sys.executable, "-c", "import time; time.sleep(120)")
+def shown(folder, stack, *_):
+    print(folder, *(stack.enter_context(demo._running(())).pid for _ in range(2)), flush=True)
+    time.sleep(120)
+demo._shown = shown
+sys.argv = ["headland", "demo", "fleet"]
+main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="ends it by a signal")
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+def test_however_the_demonstration_is_ended_it_leaves_no_process_and_no_folder(how: int) -> None:
+    with subprocess.Popen([sys.executable, "-c", TWO], stdout=subprocess.PIPE, text=True) as demo:
+        assert demo.stdout is not None
+        folder, *ids = demo.stdout.readline().split()
+        assert len(ids) == 2 and Path(folder).is_dir()
+        demo.send_signal(how)
+        assert ended(demo) == 0
+    assert not Path(folder).exists()
+    for each in ids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(each), 0)
+
+
 def ended(process: subprocess.Popen[str]) -> int:
     """The status with which a process ends; one that does not in a minute is killed, as nobody else would end it."""
     try:

@@ -23,6 +23,7 @@ from starlette.testclient import TestClient, WebSocketTestSession
 from starlette.websockets import WebSocketDisconnect
 
 from planner.service.api.refusals import add_refusals
+from planner.service.centre.operated import SEEN_S
 from planner.service.centre.rules import Rules
 from planner.service.links import fleets, frames, link
 from planner.service.links.asyncapi import document
@@ -236,6 +237,7 @@ def test_a_lease_is_shown_to_both_and_only_the_holder_drives(service: Service) -
         hello(one, "control", None, token)
         hello(two, "control", None, token)
         hello(tractor, "tractor", 2, token)
+        time.sleep(SEEN_S)  # since the test before has stopped all
         one.send_json({"kind": "resume"})
         tractor.send_json(state(1000, easting_m=1020.0, northing_m=2010.0, mode="remote"))
         one.send_json({"kind": "lease", "tractor": 2})
@@ -288,6 +290,43 @@ JUNK = st.one_of(
         {}, optional={key: st.none() | st.floats() | st.text(max_size=4) for key in state(0) if key != "sequence"}
     ).map(lambda wrong: json.dumps(state(10**9) | wrong | {"leg": -1})),
 )  # fmt: skip
+
+
+def test_who_only_watches_and_talks_on_is_turned_out(service: Service) -> None:
+    with service.link("viewer") as viewer:
+        hello(viewer, "viewer")
+        for _ in range(link.MOST_REFUSED):
+            viewer.send_json({"kind": "stop_all"})
+        with pytest.raises(WebSocketDisconnect) as end:
+            while True:
+                viewer.receive_json()
+        assert end.value.code == 1008
+
+
+@pytest.mark.parametrize("text", ["a\x00b", "line\nline", "\x7f"])
+def test_no_text_passes_that_a_database_cannot_hold(service: Service, text: str) -> None:
+    with service.link("tractor") as tractor:
+        seen = hello(tractor, "tractor", 3, service.tokens["control"])["last_sequence"]
+        ring = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+        for frame in (state(seen + 1, errors=[text]), {"kind": "obstacle", "polygon_m": ring, "name": text}):
+            tractor.send_json(frame)
+            assert "cannot be used" in until(tractor, "refused")["sentence"]
+
+
+def test_a_fault_of_the_service_ends_no_link(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    with service.link("tractor") as tractor:
+        seen = hello(tractor, "tractor", 3, service.tokens["control"])["last_sequence"]
+        with monkeypatch.context() as patch:
+            patch.setattr(service.fleet.centre, "reported", broken)
+            tractor.send_json(state(seen + 1))
+            refused = until(tractor, "refused")
+        assert refused["sequence"] == seen + 1 and "fault of its own" in refused["sentence"]
+        tractor.send_json(state(seen + 1))
+        while until(tractor, "ack")["sequence"] < seen + 1:
+            pass
 
 
 @settings(max_examples=4)

@@ -20,6 +20,7 @@ from planner.service.robot.client import Robot
 from planner.service.robot.driver import Driver
 from planner.service.robot.sending import Unacknowledged
 from tests.service.fleets import BAR, EG105, LENGTH, fleet_plan
+from vehicle.twin.twin import UNTOLD_S
 
 PLAN = fleet_plan(1, 3)
 
@@ -99,6 +100,25 @@ def test_it_drives_as_it_is_commanded_to_the_right() -> None:
     assert float(str(state["easting_m"])) > east and math.isfinite(float(str(state["northing_m"])) - north)
 
 
+def test_a_robot_that_forgets_all_stands_where_its_last_state_said() -> None:
+    driver = robot()
+    welcome = {"kind": "welcome", "settings": {"times": 1.0}, "last_sequence": 70, "plan": mission_told(PLAN, 0),
+               "leg": 1, "leg_m": 3.0, "easting_m": 1002.5, "northing_m": 2021.0, "heading_deg": 300.0}  # fmt: skip
+    again = Driver(PLAN.plan.missions[0], EG105, BAR, PLAN.saved.origin_m, name="robot 1")
+    for each in (driver, again):  # the first of them remembers
+        each.heard(welcome, 0.0)
+    state = again.step(0.0)
+    assert (state["easting_m"], state["northing_m"], state["heading_deg"]) == pytest.approx((1002.5, 2021.0, 300.0))
+    assert (state["leg"], state["leg_m"], state["mode"]) == (1, pytest.approx(3.0), "stopped")
+    assert driver.step(0.0)["leg"] == 0
+
+
+@pytest.mark.parametrize("times, period_s", [(0.5, 0.1), (3.0, 0.1), (6.0, 0.05), (10.0, 0.03), (100.0, 0.03)])
+def test_one_that_lives_faster_reports_oftener_so_its_twin_sees_its_commands(times: float, period_s: float) -> None:
+    assert client.period_s(times) == pytest.approx(period_s)
+    assert times > 13.0 or times * client.period_s(times) <= UNTOLD_S
+
+
 def test_states_wait_until_they_are_acknowledged_and_the_oldest_are_lost_first() -> None:
     waiting = Unacknowledged(most=3)
     for sequence in range(5):
@@ -134,13 +154,16 @@ def test_a_stop_before_the_silence_stays_one() -> None:
 class Counter:
     """Makes numbered states of some size instead of driving."""
 
-    welcomed = True
+    welcomed, times = True, 1.0
 
     def __init__(self) -> None:
         self.sequence, self.kinds = -1, []
 
     def heard(self, frame: dict[str, Any], now: float) -> None:
         self.kinds.append(frame["kind"])
+
+    def dated(self, clock_s: float, now: float) -> None:
+        pass
 
     def step(self, now: float) -> dict[str, Any]:
         self.sequence += 1

@@ -111,6 +111,20 @@ def test_begun_midway_it_stands_where_one_that_drove_there_is_and_ends_where_tha
     assert math.hypot(whole.state.x_m - late.state.x_m, whole.state.y_m - late.state.y_m) < 0.1
 
 
+def test_one_that_begins_where_it_was_beside_a_leg_finds_back_to_it_in_reverse_too() -> None:
+    turn = np.array([[math.sin(a), 1.0 - math.cos(a)] for a in np.linspace(0.0, 1.2, 25)]) * 10.0
+    for gear, bearing in ((1, 1.0), (-1, 1.0 + math.pi)):
+        one = Stepper(Mission((Leg(turn, 1.0, gear),)), load_tractor("eg105"), Implement())
+        one.released = 1
+        x, y = 10.0 * math.sin(0.5), 10.0 - 10.0 * math.cos(0.5)
+        one.begin_at(0, 5.0, (x - 0.3, y + 0.3, 0.5 + bearing - 1.0))
+        there = one.state
+        assert (there.x_m, there.y_m, there.leg_m) == pytest.approx((x - 0.3, y + 0.3, 5.0))
+        assert math.remainder(there.heading_rad - (0.5 + bearing - 1.0), 2 * math.pi) == pytest.approx(0.0)
+        one.advance(12.0)
+        assert one.state.done and math.dist((one.state.x_m, one.state.y_m), turn[-1]) < 0.6
+
+
 def test_it_begins_on_a_leg_that_reverses_and_on_none_that_is_not_there() -> None:
     back = Mission((Leg(np.array([[0.0, 0.0], [0.0, 12.0]]), 1.0), Leg(np.array([[0.0, 12.0], [0.0, 2.0]]), 1.0, -1)))
     one = Stepper(back, load_tractor("eg105"), Implement())

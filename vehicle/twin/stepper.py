@@ -163,18 +163,22 @@ class Stepper:
         if row["done"] and now < row["last_leg"]:
             row["done"], row["status"] = 0, 3
 
-    def begin_at(self, leg: int, leg_m: float) -> None:
+    def begin_at(self, leg: int, leg_m: float, place: tuple[float, float, float] | None = None) -> None:
         """Stand so many metres along a leg (at most its length), facing along it, as if all before had been driven.
 
-        Raises MissionError for a leg that the mission does not have.
+        With `place` it stands there instead: antenna east and north (m) and mathematical heading (rad). Raises
+        MissionError for a leg that the mission does not have.
         """
         if not 0 <= leg < len(self.mission.legs):
             raise MissionError(f"There is no leg {leg} in a mission of {len(self.mission.legs)}; start on one of them.")
         one, row, program = self.mission.legs[leg], self._states[0], self._program
         along = min(max(leg_m, 0.0), one.length_m)
         x, y, heading = _pose_on(one, along)
-        reach = float(self.machine.models["guide"][0])
-        self.body[:] = new_body(x - reach * math.cos(heading), y - reach * math.sin(heading), heading)
+        reach, aside = float(self.machine.models["guide"][0]), 0.0
+        if place is not None:
+            (x, y, heading), aside = place, self.tractor.antenna_right_m
+        cosine, sine = math.cos(heading), math.sin(heading)
+        self.body[:] = new_body(x - reach * cosine - aside * sine, y - reach * sine + aside * cosine, heading)
         record = program.legs[leg]
         progress = along + (float(program.legs[leg - 1]["end"]) if leg else 0.0)
         inside = program.cumulative[record["first_segment"] + 1 : record["last_segment"] + 1]

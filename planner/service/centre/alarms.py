@@ -52,8 +52,13 @@ class Alarms:
         """
         if (code, tractor) in self._on:
             return self._changed(self._items[self._on[code, tractor]], level, sentence)
-        self._last += 1
-        alarm = Alarm(self._last, code, level, tractor, sentence, now)
+        unseen = next((a for a in self._items.values() if a.over and (a.code, a.tractor) == (code, tractor)), None)
+        if unseen is None:
+            self._last += 1
+            alarm = Alarm(self._last, code, level, tractor, sentence, now)
+        else:  # it comes and goes: one to be seen is enough
+            level = CRITICAL if unseen.level == CRITICAL else level
+            alarm = replace(unseen, sentence=sentence, level=level, over=False)
         self._items[alarm.id], self._on[code, tractor] = alarm, alarm.id
         self.version += 1
         return alarm

@@ -17,10 +17,12 @@ from planner.service.centre.obeying import AGAIN_S, disobeys
 from planner.service.centre.operated import Operated
 from planner.service.centre.plausible import fault_of
 from planner.service.centre.releasing import base_end, closed_gates
-from planner.service.centre.tractors import ASTRAY, AUTOMATIC, BROKEN, DRIVEN, FENCE, NEAR, Report, TractorState
+from planner.service.centre.tractors import ASTRAY, AUTOMATIC, BROKEN, DRIVEN, FENCE, HALTED, NEAR, Report, TractorState
+from planner.service.centre.tractors import STOPPED as STOOD
 from vehicle.speed import follower_speed
 
 WATCH_S, FORECAST_S = 0.2, 1.0
+REMEMBER_S = 1.0  # in which states that waited for a link have come, and newer ones
 LONGEST_STEP_S = 2.0  # between two reports that counts as driving
 
 
@@ -31,11 +33,12 @@ class Centre(Operated):
         """The link of a tractor is up: it is told at once what it may do."""
         self.check_number(number)
         state = self.states[number]
-        state.linked, state.said_goodbye, state.heard_s = True, False, now
+        state.linked, state.said_goodbye, state.heard_s, state.joined_s = True, False, now, now
         self.alarms.ended("broken", number)
         state.limit_mps = self._limit(number)
         self._tell_release(number)
-        self._order(number, "stop" if state.standing_ordered else "resume", **self._why(number))
+        if not state.doubtful:
+            self._order(number, "stop" if state.standing_ordered else "resume", **self._why(number))
 
     def left(self, number: int, now: float, goodbye: bool) -> None:
         """The link of a tractor is down, with a goodbye or broken."""
@@ -44,8 +47,11 @@ class Centre(Operated):
         if not goodbye:
             self._broken(number, now)
 
-    def reported(self, number: int, report: Report, now: float) -> None:
-        """A tractor says where it is. Raises CentreError for a leg that it does not have."""
+    def reported(self, number: int, report: Report, now: float, age_s: float = 0.0) -> None:
+        """A tractor says where it is, or was `age_s` ago where the report is much too old to say where it is.
+
+        Raises CentreError for a leg that it does not have.
+        """
         state, course = self.states[number], self.courses[number]
         if not 0 <= report.leg < len(course.legs):
             raise CentreError(
@@ -54,8 +60,8 @@ class Centre(Operated):
             )
         before, state.report = state.report, report
         driving_s = self._driving_s(before, report, now - state.heard_s)
-        state.heard_s = now
-        self.alarms.ended("broken", number)
+        state.seen_s = max(state.seen_s, now - age_s)
+        self._heard(number, age_s, now)
         if not self._believed(number, report, now):
             return
         self._progressed(state, course, report, driving_s)
@@ -67,6 +73,16 @@ class Centre(Operated):
         if report.done and not state.done and report.leg == len(course.legs) - 1 < state.released:
             state.done = True
             self.note(CENTRE, "done", tractor=number + 1)
+
+    def _heard(self, number: int, age_s: float, now: float) -> None:
+        """A report has come; one that is old is no sign of a link that works now."""
+        if age_s > 0.0:
+            told = f"States of tractor {number + 1} come {age_s:.1f} s late: its link is slow, or its clock is wrong."
+            self._alarm("late", number, WARNING, told, now)
+            return
+        self.states[number].heard_s = now
+        self.alarms.ended("late", number)
+        self.alarms.ended("broken", number)
 
     def _believed(self, number: int, report: Report, now: float) -> bool:
         """Whether a tractor can be where it says; if not it stands, and nothing is released by it."""
@@ -110,8 +126,27 @@ class Centre(Operated):
             )  # fmt: skip
         state.limit_mps = None
 
+    def _remember(self, number: int, now: float) -> None:
+        """Ask one that drove when the centre's memory ends whether it was told to stand after that.
+
+        It is neither told to stand nor to go on until it has reported for a while; those that follow stand by the
+        silence of the centre alone.
+        """
+        state = self.states[number]
+        if not state.doubtful or now - state.joined_s < REMEMBER_S or state.seen_s <= state.joined_s:
+            return
+        state.doubtful = False
+        follows = self.courses[number].legs[min(state.leg, len(self.courses[number].legs) - 1)].follow is not None
+        if state.mode != STOOD or follows or state.done:
+            return
+        state.holds.add(HALTED)
+        told = f"Tractor {number + 1} was told to stand just before the service ended, or begun anew: let it go on."
+        self._alarm("stood", number, WARNING, told, now)
+
     def tick(self, now: float) -> None:
         """Look after everything that only time brings about; to be called ten times a second."""
+        for number in range(self.plan.tractors):
+            self._remember(number, now)
         for number, state in enumerate(self.states):
             if state.linked and state.connection(now, self.rules.silence_s) == BROKEN and not self._is_on(number):
                 self._broken(number, now)

@@ -41,6 +41,7 @@ class Core:
         self.finish_in_s = [math.inf] * plan.tractors
         self._orders: list[Order] = []
         self._events: list[Event] = []
+        self._stopped = [("", -math.inf)] * plan.tractors  # who told each to stand last, and when
         self._watched_s = self._forecast_s = -math.inf
 
     @property
@@ -72,6 +73,8 @@ class Core:
     def _settle(self) -> None:
         """Tell every tractor to stand or to go on, where that has changed."""
         for number, state in enumerate(self.states):
+            if state.doubtful:
+                continue
             stand = bool(state.holds) or self.state in (READY, STOPPED)
             if stand != state.standing_ordered:
                 state.standing_ordered = stand

@@ -5,8 +5,11 @@ Making one drives the plan once in the simulator: seconds of computing, for a pr
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -90,11 +93,15 @@ class FleetPlan:
         return min(self.scenario.clearance_m, NEARER * self.near_m)
 
 
-def prepared(text: str, field: Path | None = None, tractor: Path | None = None) -> FleetPlan:
+def prepared(
+    text: str, field: Path | None = None, tractor: Path | None = None, timing: Mapping[str, Any] | None = None
+) -> FleetPlan:
     """A saved plan made ready; the field and tractor files stand for those its scenario names.
 
-    Without them only samples and tractors that come with Headland are read: names in a plan open no file. Raises
-    MissionError, ScenarioError, VehicleError or CentreError.
+    Without them only samples and tractors that come with Headland are read: names in a plan open no file. With the
+    `timing` of `timing_of` it is not simulated: legs that were driven before a plan was made anew have no gates any
+    more, so that from its beginning such a plan cannot be driven. Raises MissionError, ScenarioError, VehicleError or
+    CentreError.
     """
     saved = saved_from_json(text)
     scenario = scenario_of(saved)
@@ -107,18 +114,43 @@ def prepared(text: str, field: Path | None = None, tractor: Path | None = None) 
             "tractor file by its name.", parameter="tractor",
         )  # fmt: skip
     machine, implement = machines_with(saved, scenario)
-    run = simulate(saved.plan, machine, implement)
+    courses, finish_s, near_m = (
+        _simulated(saved.plan, machine, implement) if timing is None else _timed_before(saved.plan, timing)
+    )
+    known = _field(scenario, saved, field)
+    width_m = max(implement.contact_width_m, machine.width_m)
+    ground = _ground(saved, known, width_m)
+    return FleetPlan(saved, scenario, machine, implement, courses, finish_s, near_m, ground, known)
+
+
+Timed = tuple[tuple[Course, ...], tuple[float, ...], float]
+"""Courses, when each tractor is done (s), and how near two come (m)."""
+
+
+def _simulated(plan: Plan, machine: Tractor, implement: Implement) -> Timed:
+    run = simulate(plan, machine, implement)
     if run.outcome != DONE:
         raise CentreError(
             f"The plan is not driven to its end ({run.outcome}) by {machine.name}; plan anew.", parameter="plan"
         )
-    courses = timed(saved.plan, run)
-    known = _field(scenario, saved, field)
-    width_m = max(implement.contact_width_m, machine.width_m)
-    return FleetPlan(
-        saved, scenario, machine, implement, courses, tuple(float(t) for t in run.finish_s),
-        run.min_clearance_m, _ground(saved, known, width_m), known,
-    )  # fmt: skip
+    return timed(plan, run), tuple(float(t) for t in run.finish_s), run.min_clearance_m
+
+
+def timing_of(plan: FleetPlan) -> dict[str, Any]:
+    """How long the legs of a plan take, when its tractors are done and how near they come, as plain values."""
+    return {
+        "seconds": [list(course.seconds) for course in plan.courses], "finish_s": list(plan.finish_s),
+        "near_m": plan.near_m if math.isfinite(plan.near_m) else None,
+    }  # fmt: skip
+
+
+def _timed_before(plan: Plan, timing: Mapping[str, Any]) -> Timed:
+    """What `timing_of` gave of the same plan; raises CentreError for that of another."""
+    seconds, near_m = timing["seconds"], timing["near_m"]
+    if [len(each) for each in seconds] != [len(mission.legs) for mission in plan.missions]:
+        raise CentreError("The times that are kept are those of another plan; make the fleet anew of its plan.")
+    courses = tuple(Course(mission, tuple(each)) for mission, each in zip(plan.missions, seconds, strict=True))
+    return courses, tuple(timing["finish_s"]), math.inf if near_m is None else near_m
 
 
 def timed(plan: Plan, run: Run) -> tuple[Course, ...]:

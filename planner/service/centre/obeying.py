@@ -16,7 +16,7 @@ NOT_BY_HAND = frozenset({HALTED, NEAR, FENCE, OBSTACLE})
 def drives_on(state: TractorState) -> bool:
     """Whether a tractor moves that has to stand, or moves otherwise than it may."""
     report = state.report
-    if report is None or not state.standing_ordered or report.speed_mps < MOVING_MPS:
+    if report is None or not state.standing_ordered or state.doubtful or report.speed_mps < MOVING_MPS:
         return False
     if report.mode == MANUAL:
         return bool(state.holds & NOT_BY_HAND)

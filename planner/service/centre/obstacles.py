@@ -11,6 +11,7 @@ from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 
 MOST, MOST_POINTS = 100, 200
+SAME_M = 0.5  # by which what is seen again and again is seen elsewhere
 Ring = tuple[tuple[float, float], ...]
 
 
@@ -50,6 +51,14 @@ class Obstacles:
         self.items[block.id] = block
         self.version += 1
         return block
+
+    def known(self, ring: Ring, who: str) -> Block | None:
+        """One that the same client has told of and that holds this outline, up to SAME_M; None where there is none."""
+        shape = shapely.Polygon(ring) if len(ring) > 2 else None
+        if shape is None or not shape.is_valid:
+            return None
+        own = (block for block in self.items.values() if block.who == who)
+        return next((block for block in own if shapely.buffer(block.shape, SAME_M).contains(shape)), None)
 
     def clear(self, number: int) -> Block:
         """Raises CentreError where there is none of this number."""

@@ -10,11 +10,12 @@ from planner.service.centre.core import READY, RUNNING, STOPPED, Core
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan
-from planner.service.centre.guard import Guard
+from planner.service.centre.guard import MOVING_MPS, Guard
 from planner.service.centre.obstacles import Block, Ring
 from planner.service.centre.releasing import passed
 from planner.service.centre.tractors import DRIVEN, FAILED, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE, TractorState
 
+SEEN_S = 1.0  # in which a stop is shown to all who watch, and seen
 REJOIN_RAD = math.radians(45.0)  # between the heading of a tractor that goes on by itself and that of its leg
 
 
@@ -22,11 +23,13 @@ class Operated(Core):
     """A fleet that takes orders; `who` gave each is in the log."""
 
     def start(self, who: str, now: float) -> None:
-        """Let everybody drive."""
+        """Let everybody drive. Raises CentreError right after somebody else has told them to stand."""
+        self._check_stopped(who, None, now)
         self.started_s = now if self.started_s is None else self.started_s
         self.state = RUNNING
         for state in self.states:
             state.holds -= {PAUSED, HALTED}
+            state.doubtful = False
         self.note(who, "started")
         self._settle()
 
@@ -35,12 +38,14 @@ class Operated(Core):
         for each in self._chosen(number):
             self.states[each].holds.add(PAUSED)
             self._stand(each, PAUSED)
+            self._stopped[each] = who, now
         self.note(who, "paused", tractor=None if number is None else number + 1)
         self._settle()
 
     def resume(self, who: str, number: int | None, now: float) -> None:
         """One tractor or all go on by themselves; raises CentreError for one that stands too far off its leg, or
-        across it."""
+        across it, and right after somebody else has told them to stand."""
+        self._check_stopped(who, number, now)
         for each in self._chosen(number):
             self._rejoin(each, alone=number is not None)
         if self.state in (READY, STOPPED) and number is None:
@@ -48,6 +53,13 @@ class Operated(Core):
             self.state = RUNNING
         self.note(who, "resumed", tractor=None if number is None else number + 1)
         self._settle()
+
+    def _check_stopped(self, who: str, number: int | None, now: float) -> None:
+        """Who orders tractors to go on must have had the time to see that somebody else has just stopped them."""
+        for each in self._chosen(number):
+            by, at_s = self._stopped[each]
+            if by != who and now - at_s < SEEN_S:
+                raise CentreError(f"Tractor {each + 1} was stopped by {by} just now; look why, and let it go on then.")
 
     def _rejoin(self, number: int, alone: bool) -> None:
         state = self.states[number]
@@ -70,6 +82,8 @@ class Operated(Core):
                 f"{math.degrees(REJOIN_RAD):.0f} degrees first."
             )
         state.holds -= {PAUSED, HALTED}
+        state.doubtful = False
+        self.alarms.ended("stood", number)
         if not held and off_m <= self.rules.rejoin_m and off_rad <= REJOIN_RAD:
             state.holds.discard(DRIVEN)
 
@@ -80,6 +94,7 @@ class Operated(Core):
             state.holds.add(HALTED)
             state.standing_ordered = True
             self._order(number, "stop", reason=HALTED)
+            self._stopped[number] = who, now
         self.note(who, "stop_all")
 
     def lease(self, who: str, number: int, takeover: bool, now: float) -> str | None:
@@ -122,6 +137,7 @@ class Operated(Core):
         lock = math.radians(self.plan.tractor.max_steering_deg)
         steering = min(max(steering_rad, -lock), lock)
         speed = min(max(speed_mps, -self.rules.remote_mps), self.rules.remote_mps)
+        speed = 0.0 if abs(speed) < MOVING_MPS else speed  # the guard does not look at who creeps
         state.commanded_s = now
         fault = self._not_now(number, speed, steering, now)
         if fault:
@@ -141,10 +157,18 @@ class Operated(Core):
             return barred[0]
         if state.connection(now, self.rules.silence_s) != ONLINE:
             return "its link is broken"
+        if now - state.seen_s > self.rules.silence_s:
+            return "nobody knows where it is now"
         return self._harm(number, speed_mps, steering_rad)
 
     def obstacle(self, who: str, ring: Ring, name: str, now: float) -> Block:
-        """Something stands there: legs that it touches are released no more, who is driving at it stands."""
+        """Something stands there: legs that it touches are released no more, who is driving at it stands.
+
+        What the same one has told of already is no new one.
+        """
+        known = self.obstacles.known(ring, who)
+        if known is not None:
+            return known
         block = self.obstacles.add(ring, name, who)
         self._reblock()
         touched = sum(len(blocked) for blocked in self.blocked)
@@ -180,9 +204,14 @@ class Operated(Core):
         self.alarms.acknowledge(alarm, who)
         self.note(who, "acknowledge", alarm=alarm)
 
-    def adopt(self, who: str, plan: FleetPlan, now: float) -> None:
-        """Go on by another plan, whose released legs are the same; raises CentreError where they are not."""
+    def adopt(self, who: str, plan: FleetPlan, now: float, without: Sequence[int] = ()) -> None:
+        """Go on by another plan, whose released legs are the same; raises CentreError where they are not.
+
+        Those `without` whom it was made drive no more from now on.
+        """
         for number, (state, old, new) in enumerate(zip(self.states, self.courses, plan.courses, strict=True)):
+            if number in without:
+                continue
             if not state.failed and not _same_base(old, new, state.released):
                 raise CentreError(
                     f"Tractor {number + 1} has gone on since the plan was made; plan the rest anew.",
@@ -193,6 +222,9 @@ class Operated(Core):
                     f"Tractor {number + 1} drives already where it would have to wait now; plan the rest anew.",
                     parameter="proposal",
                 )
+        for number in without:
+            if not self.states[number].failed:
+                self.fail(who, number, now)
         self.plan = plan
         self.version += 1
         self.guard = Guard(plan, self.rules, self.twins)

@@ -8,7 +8,7 @@ from typing import Any
 from planner.service.centre.alarms import Alarm
 from planner.service.centre.centre import Centre
 from planner.service.centre.core import READY
-from planner.service.centre.tractors import NEAR, OBSTACLE, Report, TractorState
+from planner.service.centre.tractors import AUTOMATIC, NEAR, OBSTACLE, Report, TractorState
 
 LASTING = ("leg", "leg_m", "released", "update", "done", "failed", "driving_s", "driven_plan_s")
 PASSING = frozenset({NEAR, OBSTACLE})
@@ -39,7 +39,7 @@ def _last(state: TractorState, now: float, clock_s: float) -> dict[str, Any] | N
     """The last report of a tractor and when it came; None without one."""
     if state.report is None:
         return None
-    heard = {"clock_s": clock_s - (now - state.heard_s), "said_goodbye": state.said_goodbye}
+    heard = {"clock_s": clock_s - (now - state.seen_s), "said_goodbye": state.said_goodbye}
     return {"report": asdict(state.report)} | heard
 
 
@@ -74,4 +74,6 @@ def _restore_tractor(state: TractorState, values: dict[str, Any], offset_s: floa
     if last is not None:  # by it the others keep away from where it was, until it is heard of again
         report = last["report"]
         state.report = Report(**report | {"errors": tuple(report["errors"])})
-        state.heard_s, state.said_goodbye = last["clock_s"] + offset_s, last["said_goodbye"]
+        state.heard_s = state.seen_s = last["clock_s"] + offset_s
+        state.said_goodbye = last["said_goodbye"]
+        state.doubtful = state.report.mode == AUTOMATIC and not state.holds

@@ -20,6 +20,7 @@ from planner.service.centre.core import Core
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, timed
+from planner.service.centre.foresight import braking_m
 from planner.service.centre.handing_over import Hand, Piece, hand_over, pieces_left, pose_at
 from planner.service.centre.releasing import passed
 from planner.service.centre.tractors import TractorState
@@ -37,6 +38,7 @@ from vehicle.run import DONE, Run
 from vehicle.world import World
 
 LEAST_M = 0.05
+MOVED_M = 1.0  # of a tractor that stands
 STUB_M = 0.02  # a tractor that has failed is one that drives so far: it stands in the way of the others
 OBSTACLE_M = 0.5
 ROAD_M = 1e4
@@ -90,6 +92,41 @@ def rest_of(centre: Core, without: Sequence[int], now: float) -> Rest:
     driven_s = 0.0 if centre.started_s is None else (now - centre.started_s) * centre.rules.times
     shapes = tuple(block.shape for block in centre.obstacles.items.values())
     return Rest(centre.plan, states, gone, shapes, driven_s, centre.rules.times)
+
+
+def check_still(rest: Rest, centre: Core) -> None:
+    """Raise CentreError where a plan of this rest is no plan for the fleet as it is now.
+
+    That is for another plan, for a tractor that has failed since, and for one that was to drive no more and is not
+    where it was, rolling to a stand aside. How far the others are is seen when the plan is adopted.
+    """
+    if centre.plan is not rest.plan:
+        raise CentreError("Another plan is driven since this one was made; plan the rest anew.", parameter="proposal")
+    for number, (state, before) in enumerate(zip(centre.states, rest.states, strict=True)):
+        if state.failed and number not in rest.without:
+            raise CentreError(f"Tractor {number + 1} has failed since the plan was made; plan the rest anew.",
+                              parameter="proposal")  # fmt: skip
+        moved = state.leg > before.leg or _moved_m(before, state) > _rolls_m(before, rest, centre)
+        if number in rest.without and moved:
+            raise CentreError(
+                f"Tractor {number + 1} has moved {_moved_m(before, state):.1f} m since the plan was made without it; "
+                "stop it and plan the rest anew.", parameter="proposal",
+            )  # fmt: skip
+
+
+def _moved_m(before: TractorState, state: TractorState) -> float:
+    """How far a tractor is from where it was; one that is heard of for the first time might be anywhere."""
+    if state.report is None:
+        return 0.0
+    if before.report is None:
+        return math.inf
+    return math.dist((state.report.x_m, state.report.y_m), (before.report.x_m, before.report.y_m))
+
+
+def _rolls_m(before: TractorState, rest: Rest, centre: Core) -> float:
+    """How far it may have rolled until it stood."""
+    speed = 0.0 if before.report is None else before.report.speed_mps
+    return MOVED_M + speed * centre.rules.reaction_s * rest.times + braking_m(speed, centre.rules)
 
 
 def replanned(rest: Rest) -> Proposal:

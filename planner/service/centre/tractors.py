@@ -51,6 +51,8 @@ class Report:
 class TractorState:
     """One tractor. Times are of the clock that the centre is told; -inf for never.
 
+    `heard_s` is when its link was last known to work, `seen_s` when it was where `report` says, `joined_s` when it was
+    linked. `doubtful` is one that drove when the centre's memory ends, and may have been told to stand after that.
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
     guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move
     though it was told to stand, `told_again_s` when it was told once more.
@@ -58,6 +60,9 @@ class TractorState:
 
     report: Report | None = None
     heard_s: float = -math.inf
+    seen_s: float = -math.inf
+    joined_s: float = -math.inf
+    doubtful: bool = False
     linked: bool = False
     said_goodbye: bool = True
     leg: int = 0

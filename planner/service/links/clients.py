@@ -15,7 +15,7 @@ TRACTOR, TWIN, CONTROL, VIEWER = "tractor", "twin", "control", "viewer"
 class Client:
     """One linked client; `who` is its name in the log, `tractor` counts from 0, `token` is the SHA-256 of its token.
 
-    `refused` is why it is turned out, None for one that is not.
+    `refused` is why it is turned out, None for one that is not; `refusals` counts frames that were none for its role.
     """
 
     role: str
@@ -26,6 +26,7 @@ class Client:
     command_sequence: int = 0
     token: str | None = None
     refused: str | None = None
+    refusals: int = 0
 
     @property
     def watches(self) -> bool:
@@ -33,9 +34,9 @@ class Client:
         return self.role != TRACTOR
 
     def turn_out(self, sentence: str) -> None:
-        """Its link ends, and nothing that it says is taken any more."""
+        """Its link ends, and nothing that it says is taken any more; a tractor is told to stand before."""
         self.refused = sentence
-        self.outbox.end()
+        self.outbox.end(packed({"kind": "stop", "reason": sentence}) if self.role == TRACTOR else None)
 
     def tell(self, frame: dict[str, Any], *, first: bool = False) -> None:
         """Send it a frame."""

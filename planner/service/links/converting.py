@@ -39,6 +39,19 @@ def report_of(state: State, plan: FleetPlan) -> Report:
     )
 
 
+def place_told(report: Report | None, plan: FleetPlan) -> dict[str, float]:
+    """Where an antenna was by a report, as `report_of` takes it; empty without one."""
+    if report is None:
+        return {}
+    aside, heading = plan.tractor.antenna_right_m, report.heading_rad
+    east, north = plan.saved.origin_m
+    return {
+        "easting_m": round(report.x_m + east + aside * math.sin(heading), 4),
+        "northing_m": round(report.y_m + north - aside * math.cos(heading), 4),
+        "heading_deg": round(heading_deg(heading), 4),
+    }  # fmt: skip
+
+
 def heading_deg(angle_rad: float) -> float:
     """Compass heading in [0, 360) of a mathematical angle."""
     return (90.0 - math.degrees(angle_rad)) % 360.0

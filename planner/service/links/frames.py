@@ -29,7 +29,9 @@ Metres = Annotated[float, _number(-1e8, 1e8)]
 Heading = Annotated[float, _number(-360.0, 720.0)]
 Steering = Annotated[float, _number(-90.0, 90.0)]
 Speed = Annotated[float, _number(-50.0, 50.0)]
-Word = Annotated[str, Field(min_length=1, max_length=80)]
+PLAIN = r"^[^\x00-\x1f\x7f]*$"
+"""Without control characters: not every database can hold a NUL, and no line of a log is broken."""
+Word = Annotated[str, Field(min_length=1, max_length=80, pattern=PLAIN)]
 Sequence = Annotated[int, Field(ge=0, le=2**53)]
 Number = Annotated[int, Field(ge=1, le=MOST_TRACTORS)]
 Corner = Annotated[list[Metres], Field(min_length=2, max_length=2)]
@@ -69,7 +71,7 @@ class State(Frame):
     implement: Literal[0, 1]
     update: Annotated[int, Field(ge=0)] = 0
     done: bool = False
-    errors: Annotated[list[Annotated[str, Field(max_length=200)]], Field(max_length=10)] = []
+    errors: Annotated[list[Annotated[str, Field(max_length=200, pattern=PLAIN)]], Field(max_length=10)] = []
 
 
 class Goodbye(Frame):
@@ -130,9 +132,10 @@ class StopAll(_Order):
 
 
 class Begin(_Order):
-    """The fleet starts."""
+    """The fleet starts. With its `time` by the service's clock it is refused when it comes two seconds late."""
 
     kind: Literal["start"]
+    time: AwareDatetime | None = None
 
 
 class Pause(_Order):
@@ -143,9 +146,13 @@ class Pause(_Order):
 
 
 class GoOn(_Order):
-    """One tractor goes on, or all."""
+    """One tractor goes on, or all. With its `time` by the service's clock it is refused when it comes two seconds late.
+
+    Within a second after somebody else has told them to stand it is refused in any case: who orders it cannot know.
+    """
 
     kind: Literal["resume"]
+    time: AwareDatetime | None = None
     tractor: Number | None = None
 
 
@@ -210,7 +217,8 @@ class Told(BaseModel):
 class Welcome(Told):
     """The answer to hello. `last_sequence` is the last state that is kept of this tractor, -1 for none.
 
-    `leg` and `leg_m` are how far it has driven by what is kept: where one that has forgotten it goes on.
+    `leg` and `leg_m` are how far it has driven by what is kept: where one that has forgotten it goes on. Its
+    antenna was at `easting_m`, `northing_m` with `heading_deg` by its last state.
     """
 
     kind: Literal["welcome"] = "welcome"
@@ -225,6 +233,9 @@ class Welcome(Told):
     plan: dict[str, Any] | None = None
     leg: int | None = None
     leg_m: float | None = None
+    easting_m: float | None = None
+    northing_m: float | None = None
+    heading_deg: float | None = None
 
 
 class Refused(Told):
@@ -243,10 +254,15 @@ class Ack(Told):
 
 
 class Beat(Told):
-    """The centre is there; a tractor that hears none for a second acts as for a broken link."""
+    """The centre is there; a tractor that hears none for a second acts as for a broken link.
+
+    `clock_s` is a clock that only goes on: a beat that comes a second later than the quickest of its link was held up
+    on its way, and counts as none.
+    """
 
     kind: Literal["beat"] = "beat"
     time: str
+    clock_s: float
 
 
 class Release(Told):
@@ -392,7 +408,10 @@ class AlarmsTold(Told):
 
 
 class ProposalTold(Told):
-    """The rest of the work planned anew; `eta_s` is by simulation, `legs` per tractor for a picture."""
+    """The rest of the work planned anew; `eta_s` is by simulation, `legs` per tractor for a picture.
+
+    `moved_m` of work change hands; nobody can reach `left_m`, and on `blocked_m` somebody or something stands.
+    """
 
     kind: Literal["proposal"] = "proposal"
     id: int
@@ -401,6 +420,7 @@ class ProposalTold(Told):
     eta_s: float | None = None
     moved_m: float | None = None
     left_m: float | None = None
+    blocked_m: float | None = None
     sentence: str | None = None
     tractors: list[dict[str, Any]] = []
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from planner.service.centre.errors import CentreError
-from planner.service.links.frames import Drive
+from planner.service.links.frames import Begin, Drive, GoOn
 
 AHEAD_S = 0.5  # of the service's clock that a client's may be
+ORDER_S = 2.0  # age up to which an order to go on is carried out
 
 
 class Freshness:
@@ -36,3 +37,11 @@ class Freshness:
             raise CentreError(f"The command is {age_s:.2f} s old and is not carried out; it must be at most "
                               f"{self.latest_s:g} s old by the clock of the service.", parameter="time")  # fmt: skip
         self._last[frame.tractor] = frame.sequence
+
+
+def check_order(frame: Begin | GoOn, clock_s: float) -> None:
+    """Raise CentreError for an order to go on that was held up; `clock_s` is since 1970. One without time passes."""
+    age_s = 0.0 if frame.time is None else clock_s - frame.time.timestamp()
+    if age_s > ORDER_S:
+        raise CentreError(f"The order to go on is {age_s:.1f} s old and is not carried out; look at the tractors and "
+                          "give it again.", parameter="time")  # fmt: skip

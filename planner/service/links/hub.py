@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import secrets
 import tempfile
 import time
+import tomllib
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from planner.errors import HeadlandError
+from planner.parameters import word_of
 from planner.pool import LocalPool
 from planner.service.centre.chances import Chances
 from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.orders import Event
-from planner.service.centre.progress import progress_of, restore
+from planner.service.centre.progress import restore
 from planner.service.centre.rules import Rules
 from planner.service.errors import BusyError, MissingError
 from planner.service.links.converting import next_shown
@@ -25,9 +28,11 @@ from planner.service.links.proposals import Proposals
 from planner.service.links.recording import keep, rising
 from planner.service.links.warming import warm
 from planner.service.store import Store
+from vehicle.tractor import Tractor
 
 STEP_S, KEEP_S, LOOK_S, TOKENS_S = 0.05, 1.0, 1.0, 1.0
 REVOKED = "The token of this link was revoked; link again with another one."
+DELETED = "This fleet was deleted."
 MOST_FLEETS = 20
 X, Y, WORKS = 2, 3, 10  # columns of kept rows
 Files = Mapping[str, tuple[str, bytes]]
@@ -35,14 +40,14 @@ Files = Mapping[str, tuple[str, bytes]]
 Look = Callable[[LiveFleet, float], Awaitable[None]]
 
 
-def prepared_with(text: str, files: Files) -> FleetPlan:
+def prepared_with(text: str, files: Files, timing: Mapping[str, Any] | None = None) -> FleetPlan:
     """`prepared` with files that are handed in as bytes."""
     with tempfile.TemporaryDirectory() as folder:
         paths = {}
         for parameter, (suffix, content) in files.items():
             paths[parameter] = Path(folder) / f"{parameter}{suffix}"
             paths[parameter].write_bytes(content)
-        return prepared(text, **paths)
+        return prepared(text, **paths, timing=timing)
 
 
 class Hub:
@@ -57,7 +62,7 @@ class Hub:
         self.faults: dict[str, str] = {}
         self._pool: LocalPool | None = None
         self._tasks: list[asyncio.Task[None]] = []
-        self._keeping = asyncio.Lock()
+        self._keeping, self._ordered = asyncio.Lock(), asyncio.Event()
 
     async def start(self) -> None:
         """Take up stored fleets, before anybody asks for them, and let time pass.
@@ -106,11 +111,12 @@ class Hub:
             settings["deadline_s"] = next_shown(before_s)
         fleet = self._live(secrets.token_hex(8), name, plan, settings)
         await asyncio.to_thread(self.store.save_fleet, fleet.id, name, text, settings)
-        self.fleets[fleet.id] = fleet
+        self.add(fleet)
         return fleet
 
     def add(self, fleet: LiveFleet) -> None:
         """Take a fleet that somebody has made."""
+        fleet.on_order = self._ordered.set
         self.fleets[fleet.id] = fleet
 
     def _live(self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any]) -> LiveFleet:
@@ -122,12 +128,12 @@ class Hub:
         )  # fmt: skip
 
     async def delete(self, id: str) -> None:
-        """End a fleet and forget it; raises MissingError."""
-        await asyncio.to_thread(self.store.delete_fleet, id)
+        """End a fleet, whose tractors are told to stand, and forget it; raises MissingError."""
         fleet = self.fleets.pop(id, None)
-        self.faults.pop(id, None)
         if fleet is not None:
-            fleet.proposals.close()
+            fleet.close(DELETED, time.monotonic())
+        self.faults.pop(id, None)
+        await asyncio.to_thread(self.store.delete_fleet, id)
 
     async def take_up(self) -> None:
         """Go on with the fleets of the store."""
@@ -140,17 +146,28 @@ class Hub:
                     name: (suffix, await asyncio.to_thread(self.store.blobs.get, sha256))
                     for name, (suffix, sha256) in files.items()
                 }
-                plan = await self.work(prepared_with, row.progress.get("plan") or row.plan, contents)
+                kept = row.progress
+                plan = await self.work(prepared_with, kept.get("plan") or row.plan, contents, kept.get("timing"))
                 fleet = self._live(row.id, row.name, plan, row.settings)
-                restore(fleet.centre, row.progress.get("centre", {}), time.monotonic(), time.time())
+                restore(fleet.centre, kept.get("centre", {}), time.monotonic(), time.time())
+                fleet.plan_text = kept.get("plan")
+                await asyncio.to_thread(self._mended_again, fleet, kept.get("mended", {}))
                 await self._repaint(fleet, row.progress)
-                self.fleets[row.id] = fleet
-            except (HeadlandError, KeyError) as refusal:
-                self.faults[row.id] = str(refusal)
+                self.add(fleet)
+            except HeadlandError as refusal:
+                self.faults[row.id] = refusal.spoken(word_of)
                 logging.getLogger(__name__).warning("Fleet %s is not taken up again: %s", row.id, refusal)
             except Exception:
                 self.faults[row.id] = "What is kept of this fleet cannot be read; make it anew of its plan."
                 logging.getLogger(__name__).exception("Fleet %s is not taken up again", row.id)
+
+    def _mended_again(self, fleet: LiveFleet, mended: Mapping[str, str]) -> None:
+        """Twins get the tractor files that they were mended by; where one was deleted meanwhile, the plan's."""
+        for number, name in mended.items():
+            with contextlib.suppress(MissingError):
+                content = self.store.blobs.get(self.store.file("tractor", name).sha256)
+                fleet.twins.mended(int(number), Tractor(**tomllib.loads(content.decode())))
+                fleet.mended[int(number)] = name
 
     async def _repaint(self, fleet: LiveFleet, progress: Mapping[str, Any]) -> None:
         """Sequences and painted ground from what was recorded."""
@@ -175,8 +192,11 @@ class Hub:
             await asyncio.sleep(max(0.0, due - time.monotonic()))
 
     async def _keep_on(self) -> None:
+        """Keep all once a second, and at once what somebody orders: a stop must outlive a service that is killed."""
         while True:
-            await asyncio.sleep(KEEP_S)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._ordered.wait(), KEEP_S)
+            self._ordered.clear()
             for fleet in list(self.fleets.values()):
                 try:
                     await self.keep(fleet)
@@ -222,7 +242,7 @@ class Hub:
         async with self._keeping:
             taken, events = fleet.recorder.take(), fleet.events
             fleet.events = []
-            progress = {"centre": progress_of(fleet.centre, time.monotonic(), time.time()), "plan": fleet.plan_text}
+            progress = fleet.progress(time.monotonic(), time.time())
             try:
                 await asyncio.to_thread(_write, self.store, fleet.id, taken, events, progress)
             except Exception:

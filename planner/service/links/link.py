@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import time
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from planner.errors import HeadlandError
+from planner.parameters import word_of
 from planner.service.access import Who, who_of_socket
 from planner.service.errors import ServiceError
 from planner.service.links import frames
@@ -23,6 +25,10 @@ from planner.service.links.recording import check_time
 HELLO_S = 10.0
 REFUSED, REPLACED = 1008, 4001
 NORMAL = (1000, 1001)
+IN_A_ROW = 20  # frames of one client that others wait for
+MOST_REFUSED = 100  # frames of a client that only watches, before its link ends
+FAULT = "The service could not do this by a fault of its own, which is in its log; nothing may have happened."
+TALKS = "A link that only watches has sent {count} frames that are not for it; link again and only listen."
 
 router = APIRouter()
 
@@ -61,11 +67,16 @@ def _name(who: Who, hello: frames.Hello) -> str:
     return f"{who.name} ({hello.name})" if hello.name else who.name
 
 
+def _said(refusal: Exception) -> str:
+    """A refusal as people read it: with the names that requests have for parameters."""
+    return refusal.spoken(word_of) if isinstance(refusal, HeadlandError) else str(refusal)
+
+
 async def _turn_away(websocket: WebSocket, refusal: Exception) -> None:
     if isinstance(refusal, ValidationError):
         sentence = frames.told_why(refusal)
     else:
-        sentence = str(refusal) or f"No hello came within {HELLO_S:g} s."
+        sentence = _said(refusal) or f"No hello came within {HELLO_S:g} s."
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(packed({"kind": "refused", "sentence": sentence, "sequence": None}))
         await websocket.close(REFUSED)
@@ -93,7 +104,11 @@ async def _send(websocket: WebSocket, client: Client) -> None:
 
 
 async def _receive(websocket: WebSocket, fleet: LiveFleet, client: Client) -> None:
+    taken = 0
     while not client.said_goodbye:
+        taken += 1
+        if taken % IN_A_ROW == 0:
+            await asyncio.sleep(0)  # what waits to be read of one is never all that is done
         try:
             text = await _text(websocket)
         except (WebSocketDisconnect, RuntimeError) as end:
@@ -127,8 +142,14 @@ def _take(fleet: LiveFleet, client: Client, text: str | None) -> None:
         if client.role not in (TRACTOR, CONTROL):
             sentence = f"A {client.role} only watches; nothing but goodbye is taken of it."
         client.tell({"kind": "refused", "sentence": sentence, "sequence": None})
+        client.refusals += 1
+        if client.role not in (TRACTOR, CONTROL) and client.refusals >= MOST_REFUSED:
+            client.turn_out(TALKS.format(count=client.refusals))
     except HeadlandError as refusal:
-        client.tell({"kind": "refused", "sentence": str(refusal), "sequence": getattr(frame, "sequence", None)})
+        client.tell({"kind": "refused", "sentence": _said(refusal), "sequence": getattr(frame, "sequence", None)})
+    except Exception:  # a fault of the service; whoever is linked keeps the link, and so can be told to stand
+        logging.getLogger(__name__).exception("A frame of %s", client.who)
+        client.tell({"kind": "refused", "sentence": FAULT, "sequence": getattr(frame, "sequence", None)})
 
 
 def _carry_out(fleet: LiveFleet, client: Client, frame: Any) -> None:

@@ -13,17 +13,20 @@ from typing import Any
 
 from planner.service.centre.centre import Centre
 from planner.service.centre.chances import Chances
+from planner.service.centre.core import CENTRE
 from planner.service.centre.errors import CentreError
-from planner.service.centre.fleet_plan import FleetPlan
+from planner.service.centre.fleet_plan import FleetPlan, timing_of
 from planner.service.centre.orders import Event, Order
+from planner.service.centre.progress import progress_of
+from planner.service.centre.replanning import check_still
 from planner.service.centre.rules import Rules
 from planner.service.links import frames, telling
 from planner.service.links.clients import CONTROL, TRACTOR, Client, packed
-from planner.service.links.converting import metres_of, mission_told, report_of
-from planner.service.links.freshness import Freshness
+from planner.service.links.converting import metres_of, mission_told, place_told, report_of
+from planner.service.links.freshness import Freshness, check_order
 from planner.service.links.proposals import Proposals
 from planner.service.links.recording import Recorder, row_of
-from planner.service.links.twinning import Twins
+from planner.service.links.twinning import OLDEST_S, Twins
 from vehicle.plan_file import plan_to_json
 
 PAINT_S, ALL_S = 1.0, 1.0
@@ -42,7 +45,7 @@ class LiveFleet:
     """A fleet that is driven. `begin_s` (seconds since 1970) is where the times of its recording begin.
 
     By tractor: `diagnoses` are the jobs asked for last, `findings` what they found, `doubted` the time of the doubt
-    that was last diagnosed without being asked.
+    that was last diagnosed without being asked, `mended` the tractor file that its twin has instead of the plan's.
     """
 
     def __init__(
@@ -57,6 +60,7 @@ class LiveFleet:
         self.recorder = Recorder(id, plan.tractors)
         self.proposals = propose or Proposals()
         self.freshness = Freshness(rules.dead_man_s)
+        self.on_order: Callable[[], None] | None = None  # to be called when somebody has ordered what must be kept
         self.clients: set[Client] = set()
         self.tractors: dict[int, Client] = {}
         self.events: list[tuple[str, Event]] = []
@@ -64,6 +68,7 @@ class LiveFleet:
         self.diagnoses: dict[int, str] = {}
         self.doubted: dict[int, float] = {}
         self.findings: dict[int, dict[str, Any]] = {}
+        self.mended: dict[int, str] = {}
         self._links = 0
         self._times: list[str | None] = [None] * plan.tractors
         self._changed = set(range(plan.tractors))
@@ -112,7 +117,7 @@ class LiveFleet:
             welcome["last_sequence"] = self.recorder.seen[number]
             welcome["plan"] = mission_told(self.centre.plan, number)
             state = self.centre.states[number]
-            welcome |= {"leg": state.leg, "leg_m": round(state.leg_m, 3)}
+            welcome |= {"leg": state.leg, "leg_m": round(state.leg_m, 3)} | place_told(state.report, self.centre.plan)
         return welcome
 
     def _show_all(self, client: Client) -> None:
@@ -150,7 +155,8 @@ class LiveFleet:
         if state.sequence <= self.recorder.seen[number]:
             self.again.add(number)
             return
-        self.centre.reported(number, report_of(state, self.centre.plan), now)
+        age_s = time.time() - state.time.timestamp()
+        self.centre.reported(number, report_of(state, self.centre.plan), now, age_s if age_s > OLDEST_S else 0.0)
         self.recorder.add(number, row_of(state, self.begin_s, self.centre.rules.times))
         self.twins.reported(number, state, time.time())
         self._times[number] = state.time.isoformat(timespec="milliseconds").replace("+00:00", "Z")
@@ -161,9 +167,9 @@ class LiveFleet:
         carry_out: dict[type, Callable[[Client, Any, float], object]] = {
             frames.Drive: self._drive, frames.TakeLease: self._lease, frames.Leave: self._leave,
             frames.StopAll: lambda c, f, t: self.centre.stop_all(c.who, t),
-            frames.Begin: lambda c, f, t: self.centre.start(c.who, t),
+            frames.Begin: lambda c, f, t: self._begin(c, f, t),
             frames.Pause: lambda c, f, t: self.centre.pause(c.who, _index(f.tractor), t),
-            frames.GoOn: lambda c, f, t: self.centre.resume(c.who, _index(f.tractor), t),
+            frames.GoOn: lambda c, f, t: self._go_on(c, f, t),
             frames.ObstacleSeen: self._obstacle,
             frames.Clear: lambda c, f, t: self.centre.clear(c.who, f.obstacle, t),
             frames.Acknowledge: lambda c, f, t: self.centre.acknowledge(c.who, f.alarm, t),
@@ -175,6 +181,14 @@ class LiveFleet:
             carry_out[type(frame)](client, frame, now)
         finally:
             self.flush()
+
+    def _begin(self, client: Client, frame: frames.Begin, now: float) -> None:
+        check_order(frame, time.time())
+        self.centre.start(client.who, now)
+
+    def _go_on(self, client: Client, frame: frames.GoOn, now: float) -> None:
+        check_order(frame, time.time())
+        self.centre.resume(client.who, _index(frame.tractor), now)
 
     def _drive(self, client: Client, frame: frames.Drive, now: float) -> None:
         speed = abs(frame.speed_command_mps) * frame.shuttle if frame.shuttle is not None else frame.speed_command_mps
@@ -214,7 +228,9 @@ class LiveFleet:
 
     def accept(self, who: str, proposal: int, now: float) -> None:
         """Go on by a proposal. Raises CentreError for one that is not ready, or too old."""
-        self.centre.adopt(who, self.proposals.plan(proposal), now)
+        rest, plan = self.proposals.plan(proposal)
+        check_still(rest, self.centre)
+        self.centre.adopt(who, plan, now, rest.without)
         self.proposals.accepted(proposal, self.show)
         saved = self.centre.plan.saved
         self.plan_text = plan_to_json(
@@ -238,6 +254,8 @@ class LiveFleet:
             self._send(order, urgent and order.kind == "stop")
         for event in events:
             self.events.append((utc_now(), event))
+            if self.on_order is not None and event.who != CENTRE and event.what not in QUIET:
+                self.on_order()
             if event.what not in QUIET:
                 self.show({"kind": "event", "time": utc_now(), "who": event.who, "what": event.what,
                            "data": event.data})  # fmt: skip
@@ -280,7 +298,7 @@ class LiveFleet:
         self._tell_anew()
         if now - self._beat_s >= self.centre.rules.beat_s - 0.01:
             self._beat_s = now
-            beat = packed({"kind": "beat", "time": utc_now()})
+            beat = packed({"kind": "beat", "time": utc_now(), "clock_s": round(now, 3)})
             for client in self.tractors.values():
                 client.outbox.put(beat)
         watchers = [client for client in self.clients if client.watches]
@@ -293,6 +311,13 @@ class LiveFleet:
             for client in watchers:
                 client.outbox.put_newest(text)
         self._changed = set()
+
+    def close(self, sentence: str, now: float) -> None:
+        """Nobody drives this fleet any more: its tractors are told to stand, and all links end."""
+        self.proposals.close()
+        for client in list(self.clients):
+            client.turn_out(sentence)
+            self.leave(client, now)
 
     def _tell_anew(self) -> None:
         """Tractors whose frames were too many to wait: what was dropped may have been an order to stand."""
@@ -329,6 +354,14 @@ class LiveFleet:
             since = datetime.fromtimestamp(clock - (now - item["since"]), UTC)
             item["since"] = since.isoformat(timespec="seconds").replace("+00:00", "Z")
         return {"kind": "alarms", "items": items}
+
+    def progress(self, now: float, clock_s: float) -> dict[str, Any]:
+        """What has to outlive a restart. A plan that was made anew is kept with its timing, see `prepared`."""
+        kept: dict[str, Any] = {
+            "centre": progress_of(self.centre, now, clock_s), "plan": self.plan_text,
+            "mended": {str(number): name for number, name in self.mended.items()},
+        }  # fmt: skip
+        return kept if self.plan_text is None else kept | {"timing": timing_of(self.centre.plan)}
 
     def deadline_s(self) -> float | None:
         """Seconds until the deadline; None without one."""

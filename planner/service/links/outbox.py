@@ -6,6 +6,7 @@ import asyncio
 from collections import deque
 
 MOST = 500
+WELCOME = "welcome"
 
 
 class Outbox:
@@ -17,6 +18,7 @@ class Outbox:
     def __init__(self, most: int = MOST) -> None:
         self._waiting: deque[tuple[str, str]] = deque()
         self._newest: str | None = None
+        self._last: str | None = None
         self._most = most
         self._filled = asyncio.Event()
         self.overflowed = self.ended = False
@@ -26,12 +28,12 @@ class Outbox:
         return len(self._waiting)
 
     def put(self, text: str, kind: str = "", *, first: bool = False) -> None:
-        """One more frame; with `first` before all others that wait."""
+        """One more frame; with `first` before all others that wait but a welcome, by which a client knows its plan."""
         if len(self._waiting) >= self._most:
             self._waiting.clear()
             self.overflowed = True
         if first:
-            self._waiting.appendleft((text, kind))
+            self._waiting.insert(bool(self._waiting) and self._waiting[0][1] == WELCOME, (text, kind))
         else:
             self._waiting.append((text, kind))
         self._filled.set()
@@ -46,9 +48,9 @@ class Outbox:
         self._newest = text
         self._filled.set()
 
-    def end(self) -> None:
-        """Nothing more is sent."""
-        self.ended = True
+    def end(self, last: str | None = None) -> None:
+        """Nothing more is sent, but for a last frame."""
+        self.ended, self._last = True, last
         self._filled.set()
 
     async def take(self) -> str | None:
@@ -61,4 +63,5 @@ class Outbox:
                 return newest
             self._filled.clear()
             await self._filled.wait()
-        return None
+        last, self._last = self._last, None
+        return last

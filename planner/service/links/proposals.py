@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from planner.errors import HeadlandError
+from planner.parameters import word_of
 from planner.service.centre.centre import Centre
 from planner.service.centre.course import leg_told
 from planner.service.centre.errors import CentreError
@@ -23,7 +24,7 @@ MOST_KEPT = 5
 class _Asked:
     id: int
     state: str
-    without: tuple[int, ...]
+    rest: Rest
     made: Proposal | None = None
     sentence: str | None = None
 
@@ -45,7 +46,7 @@ class Proposals:
             raise CentreError("A proposal is being worked out already; wait for it.")
         rest = rest_of(centre, without, now)
         self._last += 1
-        asked = _Asked(self._last, "planning", rest.without)
+        asked = _Asked(self._last, "planning", rest)
         self._set(asked, show)
         task = asyncio.get_running_loop().create_task(self._made(self._work, asked, rest, show))
         self._tasks.add(task)
@@ -56,7 +57,7 @@ class Proposals:
         try:
             made: Proposal = await work(replanned, rest)
         except HeadlandError as refusal:
-            self._set(replace(asked, state="failed", sentence=str(refusal)), show)
+            self._set(replace(asked, state="failed", sentence=refusal.spoken(word_of)), show)
         except Exception as error:
             self._set(replace(asked, state="failed", sentence=f"The planner broke off ({error})."), show)
         else:
@@ -68,12 +69,12 @@ class Proposals:
             del self._items[old]
         show(_told(asked))
 
-    def plan(self, number: int) -> FleetPlan:
-        """The plan of a proposal that is ready. Raises CentreError."""
+    def plan(self, number: int) -> tuple[Rest, FleetPlan]:
+        """The plan of a proposal that is ready, and of what it is one. Raises CentreError."""
         asked = self._items.get(number)
         if asked is None or asked.made is None or asked.state != "ready":
             raise CentreError(f"Proposal {number} is not ready; ask for one first.", parameter="proposal")
-        return asked.made.plan
+        return asked.rest, asked.made.plan
 
     def accepted(self, number: int, show: Show) -> None:
         """It is driven now."""
@@ -91,7 +92,7 @@ class Proposals:
 
 def _told(asked: _Asked) -> dict[str, Any]:
     frame: dict[str, Any] = {
-        "kind": "proposal", "id": asked.id, "state": asked.state, "without": [n + 1 for n in asked.without],
+        "kind": "proposal", "id": asked.id, "state": asked.state, "without": [n + 1 for n in asked.rest.without],
         "sentence": asked.sentence,
     }  # fmt: skip
     made = asked.made
@@ -99,6 +100,7 @@ def _told(asked: _Asked) -> dict[str, Any]:
         origin = made.plan.saved.origin_m
         frame |= {
             "eta_s": round(made.eta_s, 1), "moved_m": round(made.moved_m, 1), "left_m": round(made.left_m, 1),
+            "blocked_m": round(made.blocked_m, 1),
             "tractors": [
                 {"tractor": number + 1, "from_leg": made.kept[number],
                  "legs": [leg_told(leg, origin) for leg in course.legs[made.kept[number] :]]}

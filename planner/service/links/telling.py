@@ -65,7 +65,7 @@ def tractor_told(centre: Centre, number: int, now: float, time: str | None) -> d
         "steering_deg": None if steering is None else round(math.degrees(steering), 2),
         "twin": None,
         "connection": state.connection(now, centre.rules.silence_s),
-        "age_s": None if report is None else round(now - state.heard_s, 2),
+        "age_s": None if report is None else round(now - state.seen_s, 2),
         "mode": state.mode, "holds": sorted(state.holds), "holder": centre.leases.holder(number),
         "leg": state.leg, "leg_m": round(state.leg_m, 2), "released": state.released,
         "waits_for": [{"tractor": other + 1, "leg": leg} for other, leg in centre.waits_for(number)],

@@ -20,6 +20,7 @@ CORRECT_S = 1.0  # between two fixes that a twin is given, as in section 5.2.2, 
 PERIOD_S = 0.1  # between two states
 AHEAD_S = 0.1  # between two poses of a foretold path
 OLDEST_S = 4.0  # on the wall, of a state that a twin can still use
+SET_S = 0.5  # by which a clock differs from one that only goes on where somebody has set it
 DOUBT_S = 1.0  # between two looks at whether a twin is wrong
 
 Array = npt.NDArray[np.float64]
@@ -34,7 +35,8 @@ class Twins:
         self.tractors: list[Tractor] = [plan.tractor] * plan.tractors
         self.items: list[Twin | None] = [None] * plan.tractors
         self._fixed_s = [-math.inf] * plan.tractors
-        self._doubt_s = -math.inf
+        self._doubt_s = self._advanced_s = -math.inf
+        self._apart_s = 0.0
 
     def time_s(self, clock_s: float) -> float:
         """The time of the twins at a time of the clock (seconds since 1970)."""
@@ -71,6 +73,7 @@ class Twins:
 
     def advance(self, now: float, clock_s: float, centre: Centre) -> None:
         """Drive all twins up to now; who is in doubt raises an alarm of the centre."""
+        self._check_clock(now, clock_s)
         time_s = self.time_s(clock_s)
         for twin in self.items:
             if twin is not None:
@@ -84,6 +87,16 @@ class Twins:
                 else:
                     told = f"The twin of tractor {number + 1} is wrong: {doubt.words}"
                     centre.alarms.raised("doubt", number, WARNING, told, now)
+
+    def _check_clock(self, now: float, clock_s: float) -> None:
+        """Begin all twins anew where the clock was set, or nobody looked for long: they would stand still, or drive all
+        that time at once and everybody wait for them. `now` is of a clock that only goes on."""
+        apart_s, gap_s = clock_s - now, now - self._advanced_s
+        known = math.isfinite(gap_s)
+        if known and (gap_s > OLDEST_S or abs(apart_s - self._apart_s) > SET_S):
+            self.items = [None] * len(self.items)
+            self._fixed_s = [-math.inf] * len(self.items)
+        self._advanced_s, self._apart_s = now, apart_s
 
     def told(self, number: int) -> dict[str, Any]:
         """The entries of a twin in a tick; none for a tractor that was never heard of."""

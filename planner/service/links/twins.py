@@ -136,6 +136,7 @@ async def mend(request: Request, who: Operator, fleet: str, tractor: Number, wan
     name = wanted.name or f"{live.name[:40]} tractor {tractor} mended {secrets.token_hex(2)}"
     made = await run_in_threadpool(_diagnosing(request).mended, live, tractor - 1, name)
     live.twins.mended(tractor - 1, made)
+    live.mended[tractor - 1] = name
     live.centre.alarms.ended(FINDING, tractor - 1)
     live.centre.note(who.name, "mend", tractor=tractor, file=name)
     live.flush()

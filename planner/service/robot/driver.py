@@ -15,6 +15,8 @@ from vehicle.tractor import Implement, Tractor
 from vehicle.twin.stepper import REMOTE, Stepper
 
 SILENCE_S = 1.0
+UNLIKE = 1e-3
+SET_S = 0.5  # by which a clock differs from one that only goes on where somebody has set it
 STANDING_MPS = 0.02
 
 
@@ -24,6 +26,9 @@ class Driver:
     Silence of the centre for a second stops it at once when it is driven by remote control or follows another tractor,
     of which nobody tells it now; else it ends its released legs and stands. One that only followed goes on with the
     next word of the same link; over a new one it is told anew.
+
+    A beat that comes a second later than the quickest of its link was held up on its way, and with it all that comes
+    after: that is silence too, and nothing that comes so late sets the tractor in motion.
     """
 
     def __init__(
@@ -40,19 +45,35 @@ class Driver:
         self._begun_s: float | None = None
         self._clock_s = 0.0  # of the clock on the wall when that of `now` was 0
         self._heard_s = -math.inf
+        self._late_s = 0.0  # by which what is heard was held up
+        self._quickest_s, self._quickest_at_s = math.inf, 0.0
         self._silent = False
         self._told_to_go = self._stopped_by_silence = False
 
     def heard(self, frame: dict[str, Any], now: float) -> None:
         """The centre says something; a frame of a kind that is not for tractors changes nothing."""
-        self._heard_s, self._silent = now, False
-        if self._stopped_by_silence:
-            self._stopped_by_silence = False
-            if frame.get("kind") != "welcome":
-                self.stepper.automatic()
+        self._look_how_late(frame, now)
+        self._heard_s = max(self._heard_s, now - self._late_s)
+        if self._late_s <= SILENCE_S:
+            self._silent = False
+            if self._stopped_by_silence:
+                self._stopped_by_silence = False
+                if frame.get("kind") != "welcome":
+                    self.stepper.automatic()
         take = getattr(self, f"_take_{frame.get('kind')}", None)
         if take is not None:
             take(frame)
+
+    def _look_how_late(self, frame: dict[str, Any], now: float) -> None:
+        """By how much beats take longer than the quickest did; clocks that run unlike are forgiven 1 ms a second."""
+        kind, clock_s = frame.get("kind"), frame.get("clock_s")
+        if kind == "welcome":
+            self._quickest_s, self._late_s = math.inf, 0.0
+        elif kind == "beat" and clock_s is not None:
+            away_s = now - float(clock_s)
+            forgiven_s = UNLIKE * (now - self._quickest_at_s)
+            self._quickest_s, self._quickest_at_s = min(away_s, self._quickest_s + forgiven_s), now
+            self._late_s = away_s - self._quickest_s
 
     def _take_welcome(self, frame: dict[str, Any]) -> None:
         self.times = float(frame["settings"]["times"])
@@ -60,8 +81,16 @@ class Driver:
         self._follow(frame["plan"])
         leg, leg_m = int(frame.get("leg") or 0), float(frame.get("leg_m") or 0.0)
         if not self.welcomed and (leg, leg_m) > (0, 0.0):
-            self.stepper.begin_at(leg, leg_m)  # it was driven that far before this process began
+            self.stepper.begin_at(leg, leg_m, self._place(frame))  # it was driven that far before this process began
         self.welcomed = True
+
+    def _place(self, frame: dict[str, Any]) -> tuple[float, float, float] | None:
+        """Where its antenna was by what the centre knows: east and north of the plan's origin (m), heading (rad)."""
+        if frame.get("easting_m") is None:
+            return None
+        east, north = self.origin_m
+        heading = math.radians(90.0 - float(frame["heading_deg"]))
+        return float(frame["easting_m"]) - east, float(frame["northing_m"]) - north, heading
 
     def _take_release(self, frame: dict[str, Any]) -> None:
         self.update, self.stepper.released = int(frame["update"]), int(frame["released"])
@@ -70,15 +99,21 @@ class Driver:
 
     def _take_stop(self, frame: dict[str, Any]) -> None:
         self.reason = str(frame["reason"])
-        self._told_to_go = False
+        self._told_to_go = self._stopped_by_silence = False
         self.stepper.halt()
 
     def _take_resume(self, _frame: dict[str, Any]) -> None:
         self._told_to_go = True
-        self.stepper.automatic()
+        if self._late_s > SILENCE_S:
+            self._stopped_by_silence = True  # it goes on when it hears in time again
+        else:
+            self.stepper.automatic()
 
     def _take_command(self, frame: dict[str, Any]) -> None:
-        self._told_to_go = False
+        self._told_to_go = self._stopped_by_silence = False
+        if self._late_s > SILENCE_S:
+            self.stepper.halt()
+            return
         self.stepper.remote(math.radians(frame["steering_command_deg"]), float(frame["speed_command_mps"]))
 
     def _take_plan(self, frame: dict[str, Any]) -> None:
@@ -88,6 +123,11 @@ class Driver:
     def _follow(self, plan: dict[str, Any]) -> None:
         """Take the centre's legs, which are those driven so far and new ones."""
         self.stepper.follow(saved_from_json(json.dumps(plan)).plan.missions[0])
+
+    def dated(self, clock_s: float, now: float) -> None:
+        """The clock on the wall shows `clock_s` (since 1970): states are dated by it anew where somebody has set it."""
+        if self._begun_s is not None and abs(clock_s - now - self._clock_s) > SET_S:
+            self._clock_s = clock_s - now
 
     def step(self, now: float) -> dict[str, Any]:
         """Drive up to now; the state to be sent."""
