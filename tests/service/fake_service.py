@@ -33,6 +33,7 @@ class Made:
             "fields": ["iwamizawa", "north field", NASTY],
             "tractors": ["eg105"],
             "farms": ["farm"],
+            "tables": ["rain"],
             "logs": ["run-1"],
         }
         self.polls = 0

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from planner.service.settings import MEGABYTE, Settings
 
 API = "/api/"
-UPLOADS = tuple(f"{API}v1/{kind}" for kind in ("fields", "tractors", "farms", "logs", "fleets"))
+UPLOADS = tuple(f"{API}v1/{kind}" for kind in ("fields", "tractors", "farms", "logs", "tables", "fleets"))
 FORM_BYTES = 64 * 1024  # what a form may have round its file
 MOST_ADDRESSES = 10_000
 
