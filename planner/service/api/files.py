@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, File, Form, Query, Request, Response, UploadFile
 
-from fields.errors import about
+from fields.errors import HeadlandError
 from fields.samples_index import sample_names, sample_text
 from planner.service.access import Who, needs
 from planner.service.api.answers import FileAnswer, FileList, refusals
@@ -167,8 +167,11 @@ def _check(reader: Reader, store: Store, kind: str, called: str, content: bytes,
     """Raise HeadlandError for a file that is not one of its kind; a farm brings the tractors it names."""
     found, place = Gathering(store), f"{kind}/{called}"
     found.add(kind, place, store.blobs.put(content), "file")
-    with about("file"):
+    try:
         reader.upload(kind, place, found.inputs, **options)
+    except HeadlandError as refusal:
+        refusal.parameter = refusal.parameter if refusal.parameter in ("crs", "swap", "local") else "file"
+        raise
 
 
 def _samples(kind: str) -> tuple[str, ...]:

@@ -39,11 +39,10 @@ def asked_of(values: Mapping[str, Any]) -> Asked:
 
 
 def check_plan(values: Mapping[str, Any]) -> None:
-    """Raise HeadlandError for a plan request that cannot be asked: what it names is read, and the width held against it."""
+    """Raise HeadlandError for a plan request that cannot be asked: all it names is read, the width held against it."""
     from fields.errors import about
     from fields.layout import check_width
     from fields.read import read_field
-
     from planner.outlook import stakes_of
     from planner.site import gnss_errors
 

@@ -57,7 +57,7 @@ class PlanRequest(Request):
     entrance: Text | None = Field(None, description="Where the tractors come in: LON,LAT, or x,y with local.")
     tractor: Text = Field("eg105", description="eg105, mr1000a, an uploaded tractor, or one of the farm.")
     draws: int | None = Field(None, description="Draws of what varies; with a deadline or rain 10000.")
-    rain: Text | None = Field(None, description="When rain begins: 17:00, 16:30=20,17:00=50 (percent), 0.2/h, NAME.csv.")
+    rain: Text | None = Field(None, description="When rain begins: 17:00, 16:30=20,17:00=50 (percent), 0.2/h; NAME.csv")
     refill: Text | None = Field(None, description="Where a tank is filled: headland, tender or a place LON,LAT.")
     prefer: Text | None = Field(None, description="fastest, cheapest or surest.")
     budget: float | None = Field(None, description="Most that may be paid.")

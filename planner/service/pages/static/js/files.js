@@ -4,7 +4,7 @@ import { items, upload, get, part } from "./api.js";
 
 /** A select of the files of a kind with an upload beside it; `changed(name)` after every choice. */
 export async function filePicker(kind, title, { accept = "", changed = () => {}, none = null, first = null, hint = "" } = {}) {
-  const select = el("select", { name: kind, onchange: () => changed(select.value) }), trouble = el("div");
+  const select = el("select", { name: kind, onchange: () => changed(select.value) }), trouble = el("div", { class: "stack" });
   const file = el("input", { type: "file", accept, "aria-label": `Add a file: ${title}` });
   let all = [];
   const list = async (wanted = select.value || first) => {
@@ -18,7 +18,7 @@ export async function filePicker(kind, title, { accept = "", changed = () => {},
       const made = await upload(kind, one, said);
       await list(made.name);
     } catch (error) {
-      put(trouble, sorry(error), HOW.has(error.parameter) && howToRead(said, (more) => add(one, more)));
+      put(trouble, sorry(error), (HOW.has(error.parameter) || said.crs) && howToRead(said, (more) => add(one, more)));
     }
   };
   file.addEventListener("change", async () => {

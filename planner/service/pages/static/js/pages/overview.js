@@ -28,10 +28,10 @@ export async function open(main, shell) {
   const map = new LiveMap("Map of all fleets", { lives: active });
   map.view.clicked = (place) => { const hit = map.nearest(place); if (hit) location.hash = `#/fleet/${encodeURIComponent(hit.live.id)}/tractor/${hit.number}`; };
   const tiles = tractorTiles(active, { fleetName: () => lives.size > 1 }), alarms = alarmList(active, { fleetName: () => lives.size > 1 }), stop = stopAll(active);
-  const fleets = el("div", { class: "cards" }), choice = el("div", { class: "row under", hidden: true, role: "group", "aria-label": "Fields to be shown" });
+  const fleets = el("div", { class: "cards" }), choice = el("div", { class: "row", role: "group", "aria-label": "Fields to be shown" }), below = el("div", { class: "under", hidden: true }, choice);
   const fields = () => {
     const groups = map.groups();
-    choice.hidden = groups.length < 2;
+    below.hidden = groups.length < 2;
     if (map.only !== null && map.only >= groups.length) map.only = null;
     const knob = (words, only) => button(words, () => { map.only = only; map.fit(); fields(); }, "small", { "aria-pressed": String(only === map.only) });
     put(choice, knob("All", null), groups.map((names, group) => knob(names.join(", "), group)),
@@ -39,7 +39,7 @@ export async function open(main, shell) {
   };
   put(main, heading("Overview", "", alarms.sign, stop.node), messages,
     el("div", { class: "board" },
-      el("div", { class: "panel flush map-box" }, map.node, choice),
+      el("div", { class: "panel flush map-box" }, map.node, below),
       el("div", { class: "stack side" }, el("section", {}, el("h2", {}, "Alarms"), alarms.node), el("section", {}, el("h2", {}, "Tractors"), tiles.node)),
       el("section", { class: "rest" }, el("h2", {}, "Fleets"), fleets)));
   main.classList.add("has-stop");
