@@ -201,3 +201,18 @@ def shapefile(ring: list[tuple[float, float]]) -> bytes:
             for path in sorted(Path(folder).iterdir()):
                 packed.write(path, path.name)
     return made.getvalue()
+
+
+def test_a_part_of_a_form_that_is_not_known_is_refused(shared: Shared) -> None:
+    client, token = shared
+    answer = upload(client, "fields", token, "x.geojson", SMALL, csr="EPSG:25832")
+    assert (answer.status_code, answer.json()["parameter"]) == (422, "csr") and "crs" in answer.json()["error"]
+    assert upload(client, "logs", token, "x.csv", b"", crs="EPSG:25832").json()["parameter"] == "crs"
+
+
+@pytest.mark.parametrize("header", [{}, {"Authorization": "Bearer hl_nobody"}, {"Authorization": "Basic eDp5"}])
+def test_only_a_known_token_may_send_much(shared: Shared, header: dict[str, str]) -> None:
+    client, token = shared
+    much = SMALL + b" " * 2**20
+    assert upload(client, "fields", header, "x.geojson", much).status_code == 413
+    assert upload(client, "fields", token, "x.geojson", much, csr="").status_code == 422

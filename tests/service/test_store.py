@@ -88,7 +88,9 @@ def test_names_are_never_paths(name: str) -> None:
     assert checked_name(kept) == kept
 
 
-@pytest.mark.parametrize("name", ["../x", "..", ".hidden", "a/b", "a\\b", "C:", "/etc/passwd", " a", "a\n", "x" * 101])
+@pytest.mark.parametrize(
+    "name", ["../x", "..", ".hidden", "a/b", "a\\b", "C:", "/etc/passwd", "con", "NUL.x", " a", "a\n", "x" * 101]
+)
 def test_paths_are_no_names(name: str) -> None:
     with pytest.raises(ServiceError):
         checked_name(name)

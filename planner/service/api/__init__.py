@@ -8,7 +8,7 @@ refusals   errors as answers
 health     whether it runs
 files      fields, tractors, farms, logs
 jobs       plans, days, diagnoses
-queries    parameters that an address does not have
+queries    parameters of addresses and parts of forms that are not known
 tokens     made, listed and revoked by who administers
 events     who did what
 docs       the documentation page, which needs no internet

@@ -12,6 +12,7 @@ from fields.errors import HeadlandError
 from fields.samples_index import sample_names, sample_text
 from planner.service.access import Who, needs
 from planner.service.api.answers import FileAnswer, FileList, refusals
+from planner.service.api.queries import known_form
 from planner.service.errors import SizeError, TakenError
 from planner.service.jobs.inputs import Gathering
 from planner.service.jobs.reading import Reader
@@ -28,6 +29,7 @@ Controls = Annotated[Who, Depends(needs("control"))]
 Uploaded = Annotated[UploadFile, File(description="The file; its ending says what it is.")]
 Name = Annotated[str | None, Form(description="What it is called here; by default its own name.")]
 MOST_CRS = 400
+FORM = [Depends(known_form)]
 CRS = "Coordinate system of a file that names none, such as EPSG:25832."
 SWAP = "The file has latitude or northing first: exchange the two."
 LOCAL = "The file holds local metres, not longitude and latitude."
@@ -62,14 +64,18 @@ def _add_lists(router: APIRouter, kind: str) -> None:
 
 
 def _add_uploads(router: APIRouter, kind: str) -> None:
-    @router.post("", status_code=201, responses=refusals(401, 403, 409, 422), operation_id=f"upload_{kind}")
+    @router.post(
+        "", status_code=201, responses=refusals(401, 403, 409, 422), operation_id=f"upload_{kind}", dependencies=FORM
+    )
     def uploaded(request: Request, who: Controls, file: Uploaded, name: Name = None) -> FileAnswer:
         """Upload a file. It is read before it is kept, and refused in a sentence if it is not what it should be."""
         return _keep(request, who, kind, file, name, {})
 
 
 def _add_field_uploads(router: APIRouter) -> None:
-    @router.post("", status_code=201, responses=refusals(401, 403, 409, 422), operation_id="upload_field")
+    @router.post(
+        "", status_code=201, responses=refusals(401, 403, 409, 422), operation_id="upload_field", dependencies=FORM
+    )
     def uploaded(
         request: Request,
         who: Controls,
