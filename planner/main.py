@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from planner.commands.backup import backup
+from planner.commands.backup import backup, restore
 from planner.commands.day import day
 from planner.commands.demo import demo
 from planner.commands.design import design
@@ -96,6 +96,7 @@ app.command()(design)
 app.command()(serve)
 app.command()(robot)
 app.command()(backup)
+app.command()(restore)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")

@@ -1,4 +1,4 @@
-"""`headland backup`: all that a service has in one file."""
+"""`headland backup` and `headland restore`: all that a service has in one file, and back."""
 
 from __future__ import annotations
 
@@ -29,3 +29,22 @@ def backup(
     with opened(settings_of(data, database)) as store:
         count = back_up(store, file)
     typer.echo(f"{file} holds the database and {count} files; unpacked into an empty folder it is one for --data.")
+
+
+def restore(
+    file: Annotated[Path, typer.Argument(help="A file that headland backup made.")],
+    data: Data = None,
+    database: DatabaseOption = "",
+) -> None:
+    """Bring a backup back into an empty folder and database, SQLite or PostgreSQL, while no service has them.
+
+    Example: headland restore farm.zip --data farm
+    """
+    from planner.service.store import opened
+    from planner.service.store.holding import held
+    from planner.service.store.restore import restore as bring_back
+
+    settings = settings_of(data, database)
+    with held(settings), opened(settings) as store:
+        count = bring_back(store, file)
+    typer.echo(f"The database and {count} files of {file} are in {settings.data}; headland serve goes on from there.")

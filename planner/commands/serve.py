@@ -55,6 +55,8 @@ def settings_of(data: Path | None, database: str, **more: object) -> Settings:
     """Settings by the options; raises ServiceError for those that cannot be."""
     from planner.service.settings import Settings, default_data
 
+    # What the service has (tokens' digests, logs, backups) is its user's alone, whoever may look into the folder.
+    os.umask(0o077)
     folder = default_data() if data is None else data
     _check_folder(folder)
     return Settings(data=folder, database=database, **more)  # type: ignore[arg-type]

@@ -33,8 +33,10 @@ class Made:
             "fields": ["iwamizawa", "north field", NASTY],
             "tractors": ["eg105"],
             "farms": ["farm"],
+            "tables": ["rain"],
             "logs": ["run-1"],
         }
+        self.options: dict[str, dict[str, Any]] = {}
         self.polls = 0
         self.diagnosed = False
         self.holder: str | None = None
@@ -73,6 +75,7 @@ def _files(app: FastAPI, made: Made) -> None:
             return {
                 "items": [
                     {"name": name, "sample": name in ("iwamizawa", "eg105"), "size": 41_000}
+                    | {"options": made.options.get(name, {})}
                     for name in made.files[kind]
                 ]
             }
@@ -98,10 +101,12 @@ def _files(app: FastAPI, made: Made) -> None:
     @app.post("/api/v1/{kind}", include_in_schema=False)
     async def added(kind: str, request: Request) -> Any:
         if request.headers.get("content-type", "").startswith("multipart"):
-            sent = (await request.form())["file"]
+            form = await request.form()
+            sent = form["file"]
             assert not isinstance(sent, str)
             made.files[kind].append(str(sent.filename).rsplit(".", 1)[0])
             made.requests.append((kind, (await sent.read()).decode()))
+            made.options[made.files[kind][-1]] = {name: value for name, value in form.items() if name != "file"}
             await sent.close()
             return {"name": made.files[kind][-1]}
         body = await request.json()

@@ -42,6 +42,8 @@ OF_SERVICE: list[tuple[dict[str, Any], str]] = [
     ({"widht": 3}, "widht"),
     ({"width": "wide"}, "width"),
     ({"gnss_table": "/etc/passwd"}, "gnss_table"),
+    ({"rain": "/etc/rain.csv"}, "rain"),
+    ({"rain": "../rain.csv "}, "rain"),
     ({"implement": "plough"}, "implement"),
 ]
 
@@ -106,6 +108,7 @@ def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], p
         ("diagnoses", {"logs": ["../x"]}),
         ("diagnoses", {"logs": ["*"]}),
         ("diagnoses", {"demo": True, "fix": ["time-ms"]}),
+        ("diagnoses", {"demo": True, "hide": "nothing"}),
         ("diagnoses", {"demo": True, "tractor": "../x.toml"}),
         ("diagnoses", {"logs": ["x"], "seed": 3}),
     ],

@@ -61,6 +61,8 @@ def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_pat
         (["serve", "--host", "0.0.0.0", "--port", "0"], "there is no token"),
         (["serve", "--database", "mysql://x", "--port", "0"], "use SQLite or PostgreSQL"),
         (["backup", "copy.tar"], "does not end in .zip"),
+        (["restore", "nothing.zip"], "no file nothing.zip"),
+        (["restore", __file__], "cannot be read as a backup"),
     ],
 )
 def test_refusals_are_one_sentence(

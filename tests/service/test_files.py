@@ -2,10 +2,16 @@
 
 import io
 import json
+import tempfile
 import zipfile
+from importlib import resources
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyogrio
 import pytest
+import shapely
 from starlette.testclient import TestClient
 
 from planner.farm import example_text
@@ -15,6 +21,10 @@ from tests.service.conftest import SMALL, Shared
 LOG = "time_s,easting_m,northing_m,steering_deg,speed_mps\n" + "".join(
     f"{row / 10:.1f},{row / 7:.3f},0.0,0.0,1.4\n" for row in range(400)
 )
+
+
+HERE_M = [(500_000.0, 5_650_000.0), (500_045.0, 5_650_000.0), (500_045.0, 5_650_080.0), (500_000.0, 5_650_080.0)]
+"""A rectangle of 0.36 ha on the middle of UTM zone 32, metres: 9 degrees east, 51 degrees north."""
 
 
 def upload(client: TestClient, path: str, token: dict[str, str], file: str, content: bytes, **form: str) -> Any:
@@ -126,3 +136,83 @@ def test_names_in_addresses_lead_nowhere_else(shared: Shared, name: str) -> None
         answer = client.get(f"/api/v1/{path.format(name)}")
         assert answer.status_code in (404, 405) or answer.url.path in ("/api/v1/", "/api/v1/plans/x/results/")
         assert b"root:" not in answer.content
+
+
+def test_a_shapefile_without_prj_is_read_as_is_said_of_it(client: TestClient, token: dict[str, str]) -> None:
+    content = shapefile(HERE_M)
+    refused = upload(client, "fields", token, "north.zip", content)
+    assert (refused.status_code, refused.json()["parameter"]) == (422, "crs")
+    kept = upload(client, "fields", token, "north.zip", content, crs="EPSG:25832")
+    assert kept.status_code == 201 and kept.json()["options"] == {"crs": "EPSG:25832"}
+    found = client.get("/api/v1/fields/north/summary").json()["field"]
+    assert found["area_ha"] == pytest.approx(0.36, rel=1e-3)
+    assert found["rings_deg"][0][0] == pytest.approx([9, 51], abs=1)
+    assert client.get("/api/v1/fields/north/summary?crs=EPSG:25833").json()["field"]["rings_deg"][0][0][0] > 14
+    asked = client.post("/api/v1/plans", json={"field": "north", "tractors": "1"}, headers=token)
+    assert asked.status_code == 202 and asked.json()["request"] == {"field": "north", "tractors": "1"}
+    assert client.app.state.store.jobs()[0].work["crs"] == "EPSG:25832"  # type: ignore[attr-defined]
+
+
+def test_exchanged_coordinates_are_put_right_when_it_is_said(client: TestClient, token: dict[str, str]) -> None:
+    content = shapefile([(north, east) for east, north in HERE_M])
+    for said, options in ((("crs",), {}), (("crs", "swap"), {"swap": True})):
+        form = {name: {"crs": "EPSG:25832", "swap": "true"}[name] for name in said}
+        kept = upload(client, "fields", token, "north.zip", content, **form)
+        assert kept.json()["options"] == {"crs": "EPSG:25832"} | options, "the same bytes are read as is said last"
+    lon, lat = client.get("/api/v1/fields/north/summary").json()["field"]["rings_deg"][0][0]
+    assert (lon, lat) == pytest.approx((9, 51), abs=1)
+    local = upload(client, "fields", token, "yard.geojson", SMALL, local="1")
+    assert local.json()["options"] == {"local": True}
+    assert client.get("/api/v1/fields/yard/summary").json()["field"]["area_ha"] == 0.36
+    assert client.get("/api/v1/fields/yard/summary?local=false").status_code == 422
+
+
+def test_tables_of_rain_and_of_gnss_errors(client: TestClient, token: dict[str, str]) -> None:
+    gnss = (resources.files("vehicle") / "data" / "gnss_rtk.csv").read_bytes()
+    rain = b"member,time\n1,16:30\n2,17:00\n3,\n4,18:00\n"
+    assert upload(client, "tables", token, "rain.csv", rain).status_code == 201
+    assert upload(client, "tables", token, "rtk.csv", gnss).status_code == 201
+    for name, content in (("odd.csv", b"a,b\n1,2\n"), ("late.csv", b"hours\nsoon\n"), ("bad.csv", b"east_mm\n1\n")):
+        refused = upload(client, "tables", token, name, content)
+        assert (refused.status_code, refused.json()["parameter"]) == (422, "file"), name
+    assert client.get("/api/v1/tables/rain/summary").json() == {"of": "rain", "times": 3, "share_pct": 75.0}
+    assert client.get("/api/v1/tables/rtk/summary").json()["of"] == "gnss"
+    body = {"tractors": "1", "start": "15:00", "rain": "rain.csv", "gnss_table": "rtk"}
+    assert client.post("/api/v1/plans", json=body, headers=token).status_code == 202
+    job = client.app.state.store.jobs()[0]  # type: ignore[attr-defined]
+    assert (job.work["rain"], job.work["gnss_table"]) == ("table/rain.csv", "table/rtk.csv")
+    assert sorted(job.inputs) == ["table/rain.csv", "table/rtk.csv"]
+    swapped = client.post("/api/v1/plans", json=body | {"gnss_table": "rain"}, headers=token)
+    assert (swapped.status_code, swapped.json()["parameter"]) == (422, "gnss_table")
+    early = client.post("/api/v1/plans", json={"rain": "rain.csv"}, headers=token)
+    assert (early.status_code, early.json()["parameter"]) == (422, "start")
+
+
+def shapefile(ring: list[tuple[float, float]]) -> bytes:
+    """A zip with a Shapefile of one polygon and no .prj."""
+    made = io.BytesIO()
+    with tempfile.TemporaryDirectory() as folder:
+        shape = np.array([shapely.to_wkb(shapely.Polygon(ring))], dtype=object)
+        pyogrio.raw.write(
+            f"{folder}/field.shp", geometry=shape, field_data=[], fields=[], geometry_type="Polygon",
+            driver="ESRI Shapefile",
+        )  # fmt: skip
+        with zipfile.ZipFile(made, "w") as packed:
+            for path in sorted(Path(folder).iterdir()):
+                packed.write(path, path.name)
+    return made.getvalue()
+
+
+def test_a_part_of_a_form_that_is_not_known_is_refused(shared: Shared) -> None:
+    client, token = shared
+    answer = upload(client, "fields", token, "x.geojson", SMALL, csr="EPSG:25832")
+    assert (answer.status_code, answer.json()["parameter"]) == (422, "csr") and "crs" in answer.json()["error"]
+    assert upload(client, "logs", token, "x.csv", b"", crs="EPSG:25832").json()["parameter"] == "crs"
+
+
+@pytest.mark.parametrize("header", [{}, {"Authorization": "Bearer hl_nobody"}, {"Authorization": "Basic eDp5"}])
+def test_only_a_known_token_may_send_much(shared: Shared, header: dict[str, str]) -> None:
+    client, token = shared
+    much = SMALL + b" " * 2**20
+    assert upload(client, "fields", header, "x.geojson", much).status_code == 413
+    assert upload(client, "fields", token, "x.geojson", much, csr="").status_code == 422

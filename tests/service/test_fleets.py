@@ -105,6 +105,20 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     assert store.fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
 
 
+def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) -> None:
+    store = Store(Settings(data=tmp_path))
+    old = store.blobs.put(b"as it was")
+    job = store.add_job("plan", "north", {}, {"field/north.geojson": old, "farm/own.toml": store.blobs.put(b"")})
+    store.add_file("field", "other", b"another", ".kml")
+    wanted = fleets.FleetRequest(name="north", plan=job.id)
+    contents, kept = fleets._files(store, wanted)
+    assert contents == {"field": (".geojson", b"as it was")} and kept == {"field": (".geojson", old)}
+    given, _ = fleets._files(store, wanted.model_copy(update={"field": "other"}))
+    assert given == {"field": (".kml", b"another")}
+    assert fleets._files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
+    store.close()
+
+
 def test_the_deadline_of_a_fleet_is_by_default_that_of_its_plan(client: TestClient) -> None:
     scenario = {"field": "mine", "tractor": "eg105", "width_m": 2.0, "start_s": 8 * 3600, "before_s": 17 * 3600}
     text = plan_to_json(PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario=scenario)

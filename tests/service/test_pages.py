@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from planner.service.api import create_app
 from planner.service.settings import Settings
 from tests.service.fake_service import CONTROL, NASTY, Made, fake_app
+from tests.service.test_files import HERE_M, shapefile
 from tests.service.watching import NARROW, WIDE, Watched, painted, served, until, wide_by
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -299,7 +300,7 @@ def told_by(page: Page, expression: str) -> Any:
     """What an expression comes to, with modules of the page as `m`."""
     return page.evaluate(f"""async () => {{
       const m = {{}};
-      for (const name of ["words", "control", "player", "camera", "drawfield"]) {{
+      for (const name of ["words", "control", "player", "camera", "drawfield", "livemap", "files"]) {{
         Object.assign(m, await import(`./static/js/${{name}}.js`));
       }}
       return {expression};
@@ -326,6 +327,26 @@ def test_modules_by_their_closed_forms(watched: Watched) -> None:
       return [one.pixel(one.see(20, 0, 0)), one.pixel(one.see(20, -3, 0)), one.pixel(one.see(40, 0, 0))]; })()""",
     )
     assert seen[0][0] == pytest.approx(300) and seen[1][0] > 300 and seen[2][1] < seen[0][1], "ahead, right, farther"
+
+
+def test_fields_far_apart_stand_beside_each_other_on_one_map(watched: Watched) -> None:
+    page = watched.open("/access")
+    fields = """[{ grid: "a", box: [0, 0, 200, 100] }, { grid: "b", box: [9000, 0, 9300, 100] },
+      { grid: "a", box: [500, 0, 700, 100] }, { grid: "a", box: [90000, 0, 90100, 100] }]"""
+    placed = told_by(page, f"m.arranged({fields})")
+    assert [one["group"] for one in placed] == [0, 1, 0, 2]
+    assert placed[0]["shift"] == placed[2]["shift"] == [0, 0], "neighbours keep their distance, the first its place"
+    boxes = [[0, 0, 700, 100], [9000, 0, 9300, 100], [90000, 0, 90100, 100]]
+    shown = [
+        [west + x, south + y, east + x, north + y]
+        for (west, south, east, north), (x, y) in zip(boxes, (placed[k]["shift"] for k in (0, 1, 3)), strict=True)
+    ]
+    for k, one in enumerate(shown):
+        for other in shown[:k]:
+            apart = max(one[0] - other[2], other[0] - one[2], one[1] - other[3], other[1] - one[3])
+            assert apart == pytest.approx(105) or apart > 105, "a gap of 15 % of the largest side"
+    assert max(abs(value) for one in shown for value in one) < 1500
+    assert told_by(page, "m.arranged([{ grid: 'a', box: [7, 8, 9, 10] }])") == [{"group": 0, "shift": [0, 0]}]
 
 
 def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_there_is(watched: Watched) -> None:
@@ -414,7 +435,31 @@ def test_the_pages_speak_with_the_service_itself(
         assert asked["field"] == "myfield" and asked["local"] is True and asked["width"] == 3
         page.click("text=Cancel")
         page.wait_for_selector("text=It was cancelled.")
+        _add_files(watched, tmp_path)
         page.context.close()
+
+
+def _add_files(watched: Watched, folder: Path) -> None:
+    """A Shapefile without its .prj is added once its coordinate system is said; one of several fields is chosen."""
+    (folder / "north.zip").write_bytes(shapefile(HERE_M))
+    ring = [[lon / 1e3, 51 + lat / 1e3] for lon, lat in ((0, 0), (2, 0), (2, 1), (0, 1), (0, 0))]
+    parcels = [
+        {"type": "Feature", "properties": {"id": name}, "geometry": {"type": "Polygon", "coordinates": [shape]}}
+        for name, shape in (("a", ring), ("b", [[lon + 0.01, lat] for lon, lat in ring]))
+    ]
+    (folder / "two.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": parcels}))
+    page = watched.open("/plan")
+    page.set_input_files("input[aria-label='Add a file: Field']", folder / "north.zip")
+    page.wait_for_selector("text=coordinate system its numbers are in")
+    page.fill("input[name=upload-crs]", "EPSG:25832")
+    page.click("text=Add it so")
+    page.wait_for_selector(".under >> text=0.36\xa0ha")
+    page.set_input_files("input[aria-label='Add a file: Field']", folder / "two.geojson")
+    page.wait_for_selector("text=The file holds 2 fields; choose one of them.")
+    page.select_option("select[name=parcel]", "b")
+    page.wait_for_selector(".under >> text=1.56\xa0ha")
+    page.click("text=Run the plan")
+    page.wait_for_selector("h1:has-text('two b')")
 
 
 def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: Watched) -> None:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,7 +19,9 @@ from planner.service.settings import Settings
 from planner.service.store import Store
 from planner.service.store.backup import back_up, sweep
 from planner.service.store.base import checked_name
+from planner.service.store.database import MIGRATIONS, WRITES, Database, migrate
 from planner.service.store.models import Base, Job, Result
+from planner.service.store.restore import restore
 
 
 def test_migrations_lead_to_the_tables_of_the_models(store: Store) -> None:
@@ -74,7 +78,7 @@ def test_a_file_keeps_its_name_until_it_is_deleted(store: Store) -> None:
             store.file("field", odd)
 
 
-@given(st.text(st.sampled_from("aZ9ä漢 ._()+-/\\:~\0\n\"<>|?*"), max_size=12))
+@given(st.text(st.sampled_from('aZ9ä漢 ._()+-/\\:~\0\n"<>|?*'), max_size=12))
 def test_names_are_never_paths(name: str) -> None:
     try:
         kept = checked_name(name)
@@ -84,7 +88,9 @@ def test_names_are_never_paths(name: str) -> None:
     assert checked_name(kept) == kept
 
 
-@pytest.mark.parametrize("name", ["../x", "..", ".hidden", "a/b", "a\\b", "C:", "/etc/passwd", " a", "a\n", "x" * 101])
+@pytest.mark.parametrize(
+    "name", ["../x", "..", ".hidden", "a/b", "a\\b", "C:", "/etc/passwd", "con", "NUL.x", " a", "a\n", "x" * 101]
+)
 def test_paths_are_no_names(name: str) -> None:
     with pytest.raises(ServiceError):
         checked_name(name)
@@ -214,6 +220,74 @@ def test_a_backup_is_a_folder_for_another_service(store: Store, tmp_path: Path) 
     assert again.token(text) is not None
     again.close()
     assert not list(tmp_path.glob(".headland-*"))
+
+
+def test_a_backup_is_brought_back_into_either_database(both: Settings, store: Store, tmp_path: Path) -> None:
+    plain = Store(Settings(data=tmp_path / "plain"))
+    plain.add_file("field", "north", b"bytes of the field", options={"crs": "EPSG:25832"})
+    job = plain.add_job("plan", "first", {"width": 3.0})
+    plain.claim_job("w")
+    plain.finish_job(job.number, "w", [("result.json", b"made", "application/json")])
+    plain.save_fleet("f1", "north", "{}", {})
+    plain.add_recording("f1", 1, [[0.0, 1.5]])
+    seen = plain.add_event(None, "office", "plan asked for")
+    token = plain.new_token("office", "admin")
+    back_up(plain, tmp_path / "copy.zip")
+    plain.close()
+    assert restore(store, tmp_path / "copy.zip") == 2
+    assert store.blobs.get(store.file("field", "north").sha256) == b"bytes of the field"
+    assert store.file("field", "north").options == {"crs": "EPSG:25832"}
+    assert store.blobs.get(store.result(job.id, "result.json").sha256) == b"made"
+    assert store.token(token) is not None and store.recording("f1", 1) == [[0.0, 1.5]]
+    assert store.add_job("plan", "second", {}).number > job.number, "numbers go on after those of the backup"
+    assert store.add_event(None, "office", "more") > seen and store.add_file("field", "south", b"") is not None
+    with pytest.raises(TakenError, match="nothing is written over"):
+        restore(store, tmp_path / "copy.zip")
+
+
+def test_what_is_no_backup_leaves_nothing_behind(tmp_path: Path) -> None:
+    store = Store(Settings(data=tmp_path / "data"))
+    for parts in ({"headland.db": b"x"}, {"headland.db": b"", "../evil": b""}, {"bytes/aa/" + "a" * 64: b""}):
+        with zipfile.ZipFile(tmp_path / "odd.zip", "w") as packed:
+            for name, content in parts.items():
+                packed.writestr(name, content)
+        with pytest.raises(ServiceError) as refusal:
+            restore(store, tmp_path / "odd.zip")
+        assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)
+    assert store.files("field") == [] and not (tmp_path / "evil").exists()
+    store.close()
+
+
+def test_an_older_database_is_brought_up_to_date_with_all_it_had(both: Settings) -> None:
+    old = Database(both.url)
+    both.data.mkdir()
+    migrate(old.engine, "0001")
+    with old.writes() as session:
+        session.execute(
+            sa.text(
+                "INSERT INTO files (kind, name, suffix, sha256, size, media, created) VALUES "
+                "('field', 'north', '.geojson', 'abc', 3, 'application/geo+json', '2026-05-01T06:10:00.123Z')"
+            )
+        )
+    old.close()
+    store = Store(both)
+    row = store.file("field", "north")
+    assert (row.sha256, row.size, row.options) == ("abc", 3, {})
+    with store.database.engine.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
+    store.close()
+
+
+def test_migrations_can_be_taken_back(store: Store) -> None:
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    with store.database.engine.connect().execution_options(**{WRITES: True}) as connection:
+        config.attributes["connection"] = connection
+        command.downgrade(config, "base")
+        assert set(sa.inspect(connection).get_table_names()) <= {"alembic_version"}
+        connection.commit()
+    migrate(store.database.engine)
+    assert store.files("field") == []
 
 
 def test_bytes_that_nobody_names_are_swept(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

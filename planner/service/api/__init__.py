@@ -9,7 +9,7 @@ health     whether it runs
 files      fields, tractors, farms, logs
 jobs       plans, days, diagnoses
 exports    a plan that was made, for terminals and maps
-queries    parameters that an address does not have
+queries    parameters of addresses and parts of forms that are not known
 tokens     made, listed and revoked by who administers
 events     who did what
 docs       the documentation page, which needs no internet

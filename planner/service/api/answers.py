@@ -32,7 +32,7 @@ class Health(Answer):
 
 
 class FileAnswer(Answer):
-    """A file by its name; a `sample` comes with Headland."""
+    """A file by its name; a `sample` comes with Headland, `options` say how a field is read (crs, swap, local)."""
 
     kind: str
     name: str
@@ -41,6 +41,7 @@ class FileAnswer(Answer):
     media: str
     created: str | None
     sample: bool = False
+    options: dict[str, Any] = {}
 
 
 class FileList(Answer):

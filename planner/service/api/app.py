@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 
 from fastapi import APIRouter, Depends, FastAPI
+from sqlalchemy.exc import DBAPIError
 
 from planner.parameters import word_of
 from planner.service.access.headers import SecurityHeaders
@@ -32,6 +33,7 @@ from planner.service.store import Store
 from planner.service.store.backup import sweep
 
 PREFIX = "/api/v1"
+SWEEP_S = 3600.0
 ABOUT = "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
 
 
@@ -64,16 +66,28 @@ def create_app(settings: Settings, *, inline: bool = False) -> FastAPI:
     return app
 
 
-@asynccontextmanager
+@contextlib.asynccontextmanager
 async def _life(app: FastAPI) -> AsyncIterator[None]:
     await app.state.hub.start()
+    sweeping: asyncio.Task[None] | None = None
     try:
         await asyncio.to_thread(sweep, app.state.store)
+        sweeping = asyncio.create_task(_sweep_for_ever(app.state.store))
         app.state.supervisor.start()
         app.state.reader.warm()
         yield
     finally:
+        if sweeping is not None:
+            sweeping.cancel()
         await app.state.hub.stop()
         await asyncio.to_thread(app.state.supervisor.stop)
         app.state.reader.close()
         app.state.store.close()
+
+
+async def _sweep_for_ever(store: Store) -> None:
+    """Bytes of refused uploads and of what was deleted go while the service runs, too."""
+    while True:
+        await asyncio.sleep(SWEEP_S)
+        with contextlib.suppress(DBAPIError):
+            await asyncio.to_thread(sweep, store)

@@ -1,4 +1,4 @@
-"""Fields, tractors, farms and logs: uploaded, listed, summed up, deleted; samples are listed as well."""
+"""Fields, tractors, farms, logs, tables: uploaded, listed, summed up, deleted; samples are listed as well."""
 
 from collections.abc import Mapping
 from importlib import resources
@@ -8,9 +8,11 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, File, Form, Query, Request, Response, UploadFile
 
+from fields.errors import HeadlandError
 from fields.samples_index import sample_names, sample_text
 from planner.service.access import Who, needs
 from planner.service.api.answers import FileAnswer, FileList, refusals
+from planner.service.api.queries import known_form
 from planner.service.errors import SizeError, TakenError
 from planner.service.jobs.inputs import Gathering
 from planner.service.jobs.reading import Reader
@@ -20,10 +22,18 @@ from planner.service.store.base import checked_name
 from planner.service.store.files import MEDIA, SUFFIXES, checked_suffix
 from vehicle.tractor import tractor_names
 
-KINDS = {"fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log"}
+KINDS = {"fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log", "tables": "table"}
 TEXTS = ("tractor", "farm")  # which are written by hand
 Reads = Annotated[Who, Depends(needs("read"))]
 Controls = Annotated[Who, Depends(needs("control"))]
+Uploaded = Annotated[UploadFile, File(description="The file; its ending says what it is.")]
+Name = Annotated[str | None, Form(description="What it is called here; by default its own name.")]
+MOST_CRS = 400
+FORM = [Depends(known_form)]
+CRS = "Coordinate system of a file that names none, such as EPSG:25832."
+SWAP = "The file has latitude or northing first: exchange the two."
+LOCAL = "The file holds local metres, not longitude and latitude."
+AS_SAID = " As was said when it was uploaded, if not given."
 
 
 def files_router(path: str) -> APIRouter:
@@ -31,7 +41,11 @@ def files_router(path: str) -> APIRouter:
     kind = KINDS[path]
     router = APIRouter(prefix=f"/{path}", tags=[path])
     _add_lists(router, kind)
-    _add_uploads(router, kind)
+    if kind == "field":
+        _add_field_uploads(router)
+    else:
+        _add_uploads(router, kind)
+    _add_deletion(router, kind)
     _add_contents(router, kind)
     if kind == "field":
         _add_field_summary(router)
@@ -50,28 +64,52 @@ def _add_lists(router: APIRouter, kind: str) -> None:
 
 
 def _add_uploads(router: APIRouter, kind: str) -> None:
-    @router.post("", status_code=201, responses=refusals(401, 403, 409, 422), operation_id=f"upload_{kind}")
+    @router.post(
+        "", status_code=201, responses=refusals(401, 403, 409, 422), operation_id=f"upload_{kind}", dependencies=FORM
+    )
+    def uploaded(request: Request, who: Controls, file: Uploaded, name: Name = None) -> FileAnswer:
+        """Upload a file. It is read before it is kept, and refused in a sentence if it is not what it should be."""
+        return _keep(request, who, kind, file, name, {})
+
+
+def _add_field_uploads(router: APIRouter) -> None:
+    @router.post(
+        "", status_code=201, responses=refusals(401, 403, 409, 422), operation_id="upload_field", dependencies=FORM
+    )
     def uploaded(
         request: Request,
         who: Controls,
-        file: Annotated[UploadFile, File(description=f"A file that ends in {' or '.join(SUFFIXES[kind])}.")],
-        name: Annotated[str | None, Form(description="What it is called here; by default its own name.")] = None,
+        file: Uploaded,
+        name: Name = None,
+        crs: Annotated[str | None, Form(max_length=MOST_CRS, description=CRS)] = None,
+        swap: Annotated[bool, Form(description=SWAP)] = False,
+        local: Annotated[bool, Form(description=LOCAL)] = False,
     ) -> FileAnswer:
-        """Upload a file. It is read before it is kept, and refused in a sentence if it is not what it should be."""
-        store: Store = request.app.state.store
-        stem, suffix = _taken_apart(file.filename or "", kind)
-        called, suffix = checked_name(name or stem), checked_suffix(kind, suffix)
-        if called in _samples(kind):
-            raise TakenError(f"{called!r} comes with Headland; choose another name.", parameter="name")
-        content = file.file.read()
-        most = MEGABYTE if kind in TEXTS else store.settings.upload_bytes
-        if len(content) > most:
-            raise SizeError(f"The file is larger than {most // MEGABYTE} MB; give less in it.", parameter="file")
-        _check(request.app.state.reader, store, kind, called + suffix, content)
-        row = store.add_file(kind, called, content, suffix)
-        store.add_event(None, who.name, f"{kind} uploaded", {"name": called})
-        return FileAnswer.model_validate(row)
+        """Upload a file of fields. It is read before it is kept, and so are later what is said of it here."""
+        said: dict[str, Any] = {"crs": (crs or "").strip() or None, "swap": swap, "local": local}
+        return _keep(request, who, "field", file, name, {key: value for key, value in said.items() if value})
 
+
+def _keep(
+    request: Request, who: Who, kind: str, file: UploadFile, name: str | None, options: dict[str, Any]
+) -> FileAnswer:
+    """Read an uploaded file and keep it; raises HeadlandError."""
+    store: Store = request.app.state.store
+    stem, suffix = _taken_apart(file.filename or "", kind)
+    called, suffix = checked_name(name or stem), checked_suffix(kind, suffix)
+    if called in _samples(kind):
+        raise TakenError(f"{called!r} comes with Headland; choose another name.", parameter="name")
+    content = file.file.read()
+    most = MEGABYTE if kind in TEXTS else store.settings.upload_bytes
+    if len(content) > most:
+        raise SizeError(f"The file is larger than {most // MEGABYTE} MB; give less in it.", parameter="file")
+    _check(request.app.state.reader, store, kind, called + suffix, content, options)
+    row = store.add_file(kind, called, content, suffix, options)
+    store.add_event(None, who.name, f"{kind} uploaded", {"name": called} | options)
+    return FileAnswer.model_validate(row)
+
+
+def _add_deletion(router: APIRouter, kind: str) -> None:
     @router.delete(
         "/{name}", status_code=204, responses=refusals(401, 403, 404, 409, 422), operation_id=f"delete_{kind}"
     )
@@ -111,10 +149,14 @@ def _add_field_summary(router: APIRouter) -> None:
         _who: Reads,
         name: str,
         key: Annotated[str | None, Query(max_length=100, description="Which of several fields.")] = None,
-        local: Annotated[bool, Query(description="The file holds local metres.")] = False,
+        local: Annotated[bool | None, Query(description=LOCAL + AS_SAID)] = None,
+        crs: Annotated[str | None, Query(max_length=MOST_CRS, description=CRS + AS_SAID)] = None,
+        swap: Annotated[bool | None, Query(description=SWAP + AS_SAID)] = None,
     ) -> dict[str, Any]:
         """The fields in it, and the one that is meant: area, rings in metres and in degrees, what stands in it."""
-        return _summary(request, "field", name, key=key, local=local)
+        said = {"local": local, "crs": crs, "swap": swap}
+        given = {one: value for one, value in said.items() if value is not None}
+        return _summary(request, "field", name, key=key, **given)
 
 
 def _summary(request: Request, kind: str, name: str, **more: Any) -> dict[str, Any]:
@@ -122,16 +164,20 @@ def _summary(request: Request, kind: str, name: str, **more: Any) -> dict[str, A
     if name in _samples(kind):
         return reader.summary(kind, name, {}, **more)
     found = Gathering(request.app.state.store)
-    request.app.state.store.file(kind, name)
+    row = request.app.state.store.file(kind, name)
     place = found.file(kind, name, "name")
-    return reader.summary(kind, place, found.inputs, **more)
+    return reader.summary(kind, place, found.inputs, **row.options | more)
 
 
-def _check(reader: Reader, store: Store, kind: str, called: str, content: bytes) -> None:
+def _check(reader: Reader, store: Store, kind: str, called: str, content: bytes, options: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a file that is not one of its kind; a farm brings the tractors it names."""
     found, place = Gathering(store), f"{kind}/{called}"
     found.add(kind, place, store.blobs.put(content), "file")
-    reader.upload(kind, place, found.inputs)
+    try:
+        reader.upload(kind, place, found.inputs, **options)
+    except HeadlandError as refusal:
+        refusal.parameter = refusal.parameter if refusal.parameter in ("crs", "swap", "local") else "file"
+        raise
 
 
 def _samples(kind: str) -> tuple[str, ...]:

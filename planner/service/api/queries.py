@@ -1,4 +1,4 @@
-"""The query of a request: a parameter that its route does not know is refused, not passed over."""
+"""The query and the form of a request: what its route does not know is refused, not passed over."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
-from starlette.requests import HTTPConnection
+from starlette.requests import HTTPConnection, Request
 
 from planner.errors import nearest
 from planner.service.errors import ServiceError
@@ -24,6 +24,16 @@ def known_query(connection: HTTPConnection) -> None:
             raise ServiceError(
                 f"{name[:40]!r} is no parameter of this address; {takes}{nearest(name, known)}.", parameter=name[:40]
             )
+
+
+async def known_form(request: Request) -> None:
+    """A dependency of uploads; raises ServiceError for the first part of a form that this one does not have."""
+    route = request.scope["route"]
+    known = sorted(each.alias for each in route.dependant.body_params)
+    for name in await request.form():
+        if name not in known:
+            sentence = f"{name[:40]!r} is no part of this form; it takes {', '.join(known)}{nearest(name, known)}."
+            raise ServiceError(sentence, parameter=name[:40])
 
 
 def _names(dependant: Dependant) -> Iterator[str]:

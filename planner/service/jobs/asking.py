@@ -39,12 +39,18 @@ def asked_of(values: Mapping[str, Any]) -> Asked:
 
 
 def check_plan(values: Mapping[str, Any]) -> None:
-    """Raise HeadlandError for a plan request that cannot be asked: the field is read, and the width held against it."""
+    """Raise HeadlandError for a plan request that cannot be asked: all it names is read, the width held against it."""
     from fields.errors import about
     from fields.layout import check_width
     from fields.read import read_field
+    from planner.outlook import stakes_of
+    from planner.site import gnss_errors
 
     scenario = asked_of(values).scenario
+    with about("rain"):
+        stakes_of(scenario)
+    with about("gnss_table"):
+        gnss_errors(scenario)
     with about("field"):
         field = read_field(scenario.field, local=scenario.local, crs=scenario.crs, swap=scenario.swap)
         check_width(field, scenario.width_m)
@@ -52,16 +58,22 @@ def check_plan(values: Mapping[str, Any]) -> None:
 
 def check_day(values: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a day that cannot be asked."""
+    from fields.errors import about
     from planner.day import load_day
 
-    load_day(values["day"], farm=values.get("farm"), rain=values.get("rain"), certainty_pct=values.get("certainty"))
+    with about("day"):
+        load_day(values["day"], farm=values.get("farm"), rain=values.get("rain"), certainty_pct=values.get("certainty"))
 
 
 def check_diagnosis(values: Mapping[str, Any]) -> None:
-    """Raise HeadlandError for a tractor that is none; the logs are read when the job is done."""
+    """Raise HeadlandError for a tractor or an effect that is none; the logs are read when the job is done."""
+    from fields.errors import about
+    from vehicle.measured.answer.demo import draw_hidden
     from vehicle.tractor import as_tractor
 
-    as_tractor(values["tractor"])
+    machine = as_tractor(values["tractor"])
+    with about("hide"):
+        draw_hidden(1, machine, values.get("hide"))
 
 
 CHECKS: dict[str, Callable[[Mapping[str, Any]], None]] = {

@@ -54,6 +54,11 @@ class Gathering:
         stem, mark, key = name.partition("#")
         return name if stem in sample_names() else self.file("field", stem, parameter) + mark + key
 
+    def said(self, name: str) -> dict[str, Any]:
+        """How an uploaded field is to be read, as was said when it was uploaded."""
+        stem = name.partition("#")[0]
+        return {} if stem in sample_names() else dict(self._store.file("field", _stem("field", stem)).options)
+
     def tractor(self, name: str, parameter: str) -> str:
         """A tractor of the package as it is, or an uploaded one."""
         return name if name in tractor_names() else self.file("tractor", name, parameter)
@@ -82,9 +87,13 @@ class Gathering:
 def gathered(store: Store, request: Request) -> tuple[dict[str, Any], Inputs]:
     """A request whose names are places in its folder, and the files to lay there; raises ServiceError."""
     found, values = Gathering(store), request.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
-    _no_file_of_rain(values.get("rain"), "rain")
+    if _is_file(values.get("rain")):
+        values["rain"] = found.file("table", values["rain"].strip(), "rain")
     if isinstance(request, PlanRequest):
         values["field"] = found.field(request.field, "field")
+        values = found.said(request.field) | values
+        if request.gnss_table is not None:
+            values["gnss_table"] = found.file("table", request.gnss_table, "gnss_table")
         if request.farm is not None:
             values["farm"] = found.file("farm", request.farm, "farm")
         if "tractor" in values and not _of_farm(store, request):
@@ -129,14 +138,16 @@ def _tractors(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _of_day(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Fields and the farm that a day names."""
+    """Fields, the farm and the table of rain that a day names."""
     for name in _texts(values.get("fields"), "file"):
         if name.partition("#")[0] not in sample_names():
             yield "field", name.partition("#")[0]
     farm = values.get("farm")
     if isinstance(farm, str) and farm != EXAMPLE:
         yield "farm", farm
-    _no_file_of_rain(values.get("rain"), "day")
+    rain = values.get("rain")
+    if isinstance(rain, str) and _is_file(rain):
+        yield "table", rain.strip()
 
 
 def _texts(tables: Any, key: str) -> Iterator[str]:
@@ -145,11 +156,6 @@ def _texts(tables: Any, key: str) -> Iterator[str]:
             yield each[key]
 
 
-def _no_file_of_rain(rain: Any, parameter: str) -> None:
-    """Refuse a file of rain, which the service has no place for."""
-    if isinstance(rain, str) and rain.strip().lower().endswith(".csv"):
-        raise ServiceError(
-            "The rain is that of a file, which the service does not take; give times with percentages, such as "
-            "16:30=20,17:00=50.",
-            parameter=parameter,
-        )
+def _is_file(rain: Any) -> bool:
+    """Whether rain is told by a table, as planner.chance.rain has it."""
+    return isinstance(rain, str) and rain.strip().lower().endswith(".csv")

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -48,15 +49,15 @@ class Reader:
         """Raise HeadlandError for a request that cannot be asked."""
         self._in_folder(inputs, CHECKS[kind], dict(values))
 
-    def upload(self, kind: str, place: str, inputs: Mapping[str, str]) -> None:
-        """Raise HeadlandError for a file that is not one of its kind."""
-        self._in_folder(inputs, UPLOADS[kind], place)
+    def upload(self, kind: str, place: str, inputs: Mapping[str, str], **options: Any) -> None:
+        """Raise HeadlandError for a file that is not one of its kind, read by the options that were given with it."""
+        self._in_folder(inputs, partial(UPLOADS[kind], **options), place)
 
     def summary(self, kind: str, place: str, inputs: Mapping[str, str], **more: Any) -> dict[str, Any]:
         """What the reader of a kind makes of a file at its place, or of a sample; raises HeadlandError."""
         key = (kind, place, *sorted(inputs.items()), *sorted(more.items()))
         if key not in self._known:
-            found = self._in_folder(inputs, SUMMARIES[kind], place, *more.values())
+            found = self._in_folder(inputs, partial(SUMMARIES[kind], **more), place)
             if len(self._known) > 100:
                 self._known.clear()
             self._known[key] = found

@@ -57,13 +57,14 @@ class PlanRequest(Request):
     entrance: Text | None = Field(None, description="Where the tractors come in: LON,LAT, or x,y with local.")
     tractor: Text = Field("eg105", description="eg105, mr1000a, an uploaded tractor, or one of the farm.")
     draws: int | None = Field(None, description="Draws of what varies; with a deadline or rain 10000.")
-    rain: Text | None = Field(None, description="When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h.")
+    rain: Text | None = Field(None, description="When rain begins: 17:00, 16:30=20,17:00=50 (percent), 0.2/h; NAME.csv")
     refill: Text | None = Field(None, description="Where a tank is filled: headland, tender or a place LON,LAT.")
     prefer: Text | None = Field(None, description="fastest, cheapest or surest.")
     budget: float | None = Field(None, description="Most that may be paid.")
     farm: Text | None = Field(None, description="An uploaded farm; what the request gives wins over it.")
     implement: Text | None = Field(None, description="The implement of the farm, by name.")
     gnss: bool = Field(False, description="Let positions err as an RTK receiver's do.")
+    gnss_table: Text | None = Field(None, description="The same by an uploaded table of headland gnss fit.")
     seed: Seed = 1
     all: bool = Field(False, description="Simulate every plan, however slow.")
 
@@ -71,12 +72,12 @@ class PlanRequest(Request):
 class DayRequest(Request):
     """`headland day`: several fields and fleets on one day; `day` is the text of a day file.
 
-    Fields, farm and tractors that it names are uploaded files, by their names with or without their endings.
+    Fields, farm, tractors and rain that it names are uploaded files, by their names with or without their endings.
     """
 
     day: Annotated[str, Field(max_length=MOST_TOML, description="The text of a day file (TOML).")]
     farm: Text | None = Field(None, description="An uploaded farm instead of the one that the day names.")
-    rain: Text | None = Field(None, description="When it begins to rain, instead of the day's.")
+    rain: Text | None = Field(None, description="Rain instead of the day's; NAME.csv is an uploaded table.")
     certainty: float | None = Field(None, description="Plan by times that so many percent of the draws keep, 50 to 99.")
     draws: Annotated[int, Field(description="Draws of what varies.")] = 10_000
     seed: Seed = 1

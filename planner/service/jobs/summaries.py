@@ -16,8 +16,10 @@ MOST_FIELDS = 500
 Rings = list[list[list[float]]]
 
 
-def field_summary(place: str, key: str | None = None, local: bool = False) -> dict[str, Any]:
+def field_summary(place: str, key: str | None = None, **said: Any) -> dict[str, Any]:
     """The fields of a file or sample, and the one that is meant with its rings; raises FieldError.
+
+    `said` is how the file is to be read: `local`, `crs`, `swap` of fields.read.
 
     Where no `key` says which of several is meant, `field` is None and `error` says how to choose.
     """
@@ -25,10 +27,10 @@ def field_summary(place: str, key: str | None = None, local: bool = False) -> di
     from fields.read import list_fields, read_field
     from planner.parameters import word_of
 
-    listed = list_fields(place, local=local)
+    listed = list_fields(place, **said)
     found: dict[str, Any] = {"fields": [asdict(one) for one in listed[:MOST_FIELDS]], "field": None, "error": None}
     try:
-        found["field"] = _field(read_field(place if key is None else f"{place}#{key}", local=local))
+        found["field"] = _field(read_field(place if key is None else f"{place}#{key}", **said))
     except FieldError as refusal:
         if key is not None or len(listed) == 1:
             raise
@@ -36,11 +38,11 @@ def field_summary(place: str, key: str | None = None, local: bool = False) -> di
     return found
 
 
-def field_upload(place: str) -> dict[str, Any]:
+def field_upload(place: str, **said: Any) -> dict[str, Any]:
     """How many fields a file holds; raises FieldError for one that holds none."""
     from fields.read import list_fields
 
-    return {"fields": len(list_fields(place))}
+    return {"fields": len(list_fields(place, **said))}
 
 
 def _field(field: Field) -> dict[str, Any]:
@@ -113,11 +115,32 @@ def log_summary(place: str) -> dict[str, Any]:
     return found | {"seconds": round(float(log.time_s[-1] - log.time_s[0]), 3), "remarks": remarks(log)}
 
 
+def table_summary(place: str) -> dict[str, Any]:
+    """What a table is of, by its columns: rain, or errors of GNSS; raises HeadlandError for one of neither."""
+    from fields.reading import read_text
+    from planner.chance.rain import parse_rain
+    from planner.errors import ScenarioError
+    from vehicle.gnss import load_table
+
+    words = read_text(Path(place), "a table", ScenarioError).removeprefix("\ufeff").partition("\n")[0]
+    columns = [each.strip().strip('"').lower() for each in words.split(",")]
+    if "east_mm" in columns:
+        return {"of": "gnss", "rows": len(load_table(place))}
+    if not {"time", "hours"} & set(columns):
+        raise ScenarioError(
+            f"{Path(place).stem!r} is neither a table of rain nor one of GNSS errors; give a header with time (hh:mm) "
+            "or hours for rain, or make the other with headland gnss fit."
+        )
+    rain = parse_rain(place, 0)
+    return {"of": "rain", "times": len(rain.onset_s), "share_pct": round(100.0 * sum(rain.shares), 3)}
+
+
 SUMMARIES: dict[str, Callable[..., dict[str, Any]]] = {
     "field": field_summary,
     "tractor": tractor_summary,
     "farm": farm_summary,
     "log": log_summary,
+    "table": table_summary,
 }
 """How a file of each kind is summed up."""
 UPLOADS = {**SUMMARIES, "field": field_upload}

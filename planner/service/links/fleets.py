@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import asdict
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
@@ -30,13 +31,14 @@ Reader = Annotated[Who, Depends(needs("read"))]
 Operator = Annotated[Who, Depends(needs("control"))]
 WRITES = refusals(401, 403, 404, 409, 422)
 LONGEST_PLAN = 30_000_000
-RANKING = "result.json"
+RANKING, FIELDS = "result.json", "field/"
 
 
 class FleetRequest(BaseModel):
     """A fleet to be made: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan.
 
-    `deadline` (hh:mm) is by default that of the plan: the next time that the clock shows it.
+    `field` is by default that of the job. `deadline` (hh:mm) is by default that of the plan: the next time that the
+    clock shows it.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -142,13 +144,17 @@ def _plan(store: Store, wanted: FleetRequest) -> tuple[str, Chances | None]:
 
 def _files(store: Store, wanted: FleetRequest) -> tuple[dict[str, tuple[str, bytes]], dict[str, tuple[str, str]]]:
     """Contents of the files that are named, and how they are named in the store."""
-    contents, kept = {}, {}
+    kept: dict[str, tuple[str, str]] = {}
     for kind, name in (("field", wanted.field), ("tractor", wanted.tractor)):
         if name is not None:
             row = store.file(kind, name)
-            contents[kind] = row.suffix, store.blobs.get(row.sha256)
             kept[kind] = row.suffix, row.sha256
-    return contents, kept
+    if wanted.field is None and not wanted.plan.lstrip().startswith("{"):
+        # The field that the plan was made for, as it was then; without it nobody knows its boundary.
+        for place, sha256 in store.job(wanted.plan, "plan").inputs.items():
+            if place.startswith(FIELDS):
+                kept["field"] = PurePosixPath(place).suffix, sha256
+    return {kind: (suffix, store.blobs.get(sha256)) for kind, (suffix, sha256) in kept.items()}, kept
 
 
 @router.get("/fleets/{id}", responses=WRITES)

@@ -10,6 +10,7 @@ base       what the parts share; names that may be used
 tokens, files, jobs, fleets  the parts of the store
 whole      all of them
 backup     a copy of all while the service runs; bytes that nobody names swept away
+restore    such a copy brought back, into either database
 """
 
 from planner.service.store.whole import Store, opened

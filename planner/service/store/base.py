@@ -13,6 +13,7 @@ from planner.service.store.database import Database
 
 MOST_NAME = 100
 FOLDER = "bytes"
+DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10))}
 
 
 class Part:
@@ -42,6 +43,8 @@ def checked_name(name: str, what: str = "name") -> str:
     Raises ServiceError.
     """
     name = unicodedata.normalize("NFC", name)
+    if name.partition(".")[0].strip().lower() in DEVICES:
+        raise ServiceError(f"{name!r} is what Windows calls a device; choose another name.", parameter=what)
     if len(name) > MOST_NAME or ".." in name or not re.fullmatch(r"\w[\w ._()+-]*", name) or name != name.strip():
         shown = name if len(name) <= 40 else name[:40] + "..."
         raise ServiceError(

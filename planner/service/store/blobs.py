@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import re
@@ -22,7 +23,10 @@ class Blobs:
         name = hashlib.sha256(content).hexdigest()
         place = self.path(name)
         if place.exists():
-            return name
+            # Bytes that nobody names are swept away once they are old; these are about to be named.
+            with contextlib.suppress(OSError):
+                os.utime(place)
+                return name
         place.parent.mkdir(parents=True, exist_ok=True)
         draft = place.with_name(f".{secrets.token_hex(8)}")
         try:

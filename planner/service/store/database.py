@@ -50,8 +50,11 @@ class Database:
         self.engine.dispose()
 
 
-def migrate(engine: sa.Engine) -> None:
-    """Bring the tables up to date; raises DatabaseError for a database that is newer, or somebody else's."""
+def migrate(engine: sa.Engine, to: str = "head") -> None:
+    """Bring the tables up to date, or to a version.
+
+    Raises DatabaseError for a database that is newer, or somebody else's.
+    """
     scripts = ScriptDirectory(str(MIGRATIONS))
     with _connected(engine) as connection:
         now = MigrationContext.configure(connection).get_current_revision()
@@ -71,7 +74,7 @@ def migrate(engine: sa.Engine) -> None:
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
     with engine.connect().execution_options(**{WRITES: True}) as connection:
         config.attributes["connection"] = connection
-        command.upgrade(config, "head")
+        command.upgrade(config, to)
         connection.commit()
 
 

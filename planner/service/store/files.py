@@ -1,6 +1,9 @@
-"""Files that were given to the service: fields, tractors, farms, logs, days."""
+"""Files that were given to the service: fields, tractors, farms, logs, tables of rain and of GNSS errors."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -13,7 +16,7 @@ SUFFIXES = {
     "tractor": (".toml",),
     "farm": (".toml",),
     "log": (".csv",),
-    "day": (".toml",),
+    "table": (".csv",),
 }
 MEDIA = {
     ".geojson": "application/geo+json", ".json": "application/json", ".toml": "application/toml",
@@ -36,16 +39,18 @@ def checked_suffix(kind: str, suffix: str) -> str:
 class Files(Part):
     """The files."""
 
-    def add_file(self, kind: str, name: str, content: bytes, suffix: str = "") -> File:
-        """Keep a file under a name of its own.
+    def add_file(
+        self, kind: str, name: str, content: bytes, suffix: str = "", options: Mapping[str, Any] | None = None
+    ) -> File:
+        """Keep a file under a name of its own, with how it is to be read.
 
-        The same bytes again under the same name change nothing. Raises ServiceError for a name or ending that cannot
-        be, TakenError where other bytes have the name.
+        The same bytes again under the same name are read as is said now. Raises ServiceError for a name or ending that
+        cannot be, TakenError where other bytes have the name.
         """
         name, suffix = checked_name(name), checked_suffix(kind, suffix or SUFFIXES[kind][0])
         row = File(
             kind=kind, name=name, suffix=suffix, sha256=self.blobs.put(content), size=len(content), media=MEDIA[suffix],
-            created=now(),
+            created=now(), options=dict(options or {}),
         )  # fmt: skip
         try:
             with self.database.writes() as session:
@@ -57,7 +62,10 @@ class Files(Part):
                     f"There is a {kind} {name!r} with other content; choose another name or delete it first.",
                     parameter="name",
                 ) from None
-            return there
+            if there.options != row.options:
+                with self.database.writes() as session:
+                    session.execute(sa.update(File).where(File.id == there.id).values(options=row.options))
+            return self.file(kind, name)
         return row
 
     def file(self, kind: str, name: str) -> File:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, UniqueConstraint
+from sqlalchemy import JSON, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, UniqueConstraint, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
 NAMING = {
@@ -39,7 +39,10 @@ class Token(Base):
 
 
 class File(Base):
-    """A file that somebody gave: a field, tractor, farm, log or day."""
+    """A file that somebody gave: a field, tractor, farm, log, or table of rain or of GNSS errors.
+
+    `options` say how it is to be read where it does not say so itself: `crs`, `swap` and `local` of a field.
+    """
 
     __tablename__ = "files"
     __table_args__ = (UniqueConstraint("kind", "name"),)
@@ -51,6 +54,7 @@ class File(Base):
     size: Mapped[int] = mapped_column(Integer)
     media: Mapped[str] = mapped_column(String(80))
     created: Mapped[str] = mapped_column(String(32))
+    options: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict, server_default=text("'{}'"))
 
 
 class Job(Base):

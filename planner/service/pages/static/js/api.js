@@ -53,11 +53,11 @@ export const remove = async (path) => json(await ask("DELETE", path));
 export const post = async (path, body = {}) =>
   json(await ask("POST", path, JSON.stringify(body), { "Content-Type": "application/json" }));
 
-/** Upload one file as form data, under a name if one is given. */
-export async function upload(path, file, name = null) {
+/** Upload one file as form data, with what more is said of it: name, crs, swap, local. */
+export async function upload(path, file, more = {}) {
   const form = new FormData();
   form.append("file", file, file.name);
-  if (name) form.append("name", name);
+  for (const [name, value] of Object.entries(more)) if (value) form.append(name, value);
   return json(await ask("POST", path, form));
 }
 

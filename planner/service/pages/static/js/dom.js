@@ -62,6 +62,17 @@ export function note(sentence, look = "", ...more) {
   return el("div", { class: `note ${look}`, role: look === "error" ? "alert" : null }, el("p", {}, sentence), ...more);
 }
 
+/** What was refused; where a token is missing, the way to enter one. */
+export function sorry(error) {
+  if (error.status === 401) return note("This needs a token that may control; headland token new --scope control makes one on the machine of the service.", "error", tokenLink());
+  return note(error.message, "error", error.status === 403 && tokenLink());
+}
+
+const tokenLink = () => el("a", { class: "button small", href: "#/access" }, "Enter a token");
+
+/** Said before anybody fills in a form that cannot be sent. */
+export const lookingOnly = () => note("Looking only: what is asked for here needs a token.", "warn", tokenLink());
+
 /** Say something to those who listen to the page. */
 export const speak = (words) => say(document.getElementById("spoken"), words);
 

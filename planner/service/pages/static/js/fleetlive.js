@@ -44,6 +44,7 @@ export class FleetLive {
       obstacles: rings([...(scene.field_obstacles ?? []), ...(scene.obstacles ?? [])]), marked: scene.obstacles ?? [],
       machines: scene.tractors, lanes: scene.tractors.map((one) => one.legs.map((leg) => legOf(leg, local(leg.points_m)))),
     };
+    this.scenes = (this.scenes ?? 0) + 1;
     this.coverage.room(boxOf(this.scene));
     for (let n = 1; n <= this.scene.lanes.length; n++) if (!this.fixes.has(n)) this.fixes.set(n, { tractor: n, connection: "offline" });
   }

@@ -1,18 +1,51 @@
-// Fleets on one map: ground, worked ground, plan against actual, twins, tractors. Fleets of one grid share the map.
+// Fleets on one map: ground, worked ground, plan against actual, twins, tractors. Fields that are far apart, or have
+// no place on the earth, are drawn beside each other, each true in itself.
 import { MapView } from "./map.js";
 import { colours, onColours } from "./palette.js";
 import { boxOf } from "./fleetlive.js";
 import { polygon, line, hatch, tractor, word } from "./layers.js";
 
-const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250, APART_PX = 6;
+const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250, APART_PX = 6, NEAR_M = 2000;
 
-/** Fleets whose metres are of the same grid; local metres are a grid of their own. */
-export const gridOf = (live) => live.scene?.crs ?? `local ${live.id}`;
+// Fleets whose metres are of the same grid; local metres are a grid of their own.
+const gridOf = (live) => live.scene.crs ?? `local ${live.id}`;
+
+/** Where fields go on one map, from [{grid, box}] with boxes in metres of their grids: [{group, shift: [x, y]}].
+
+Those of a grid at most NEAR_M apart are one group and keep their distances; groups stand in rows beside each other. The
+first field stays where it is. */
+export function arranged(fields) {
+  const groups = [];
+  for (const one of fields) {
+    const near = groups.filter((group) => group.some((other) => other.grid === one.grid && gap(other.box, one.box) <= NEAR_M));
+    for (const group of near) groups.splice(groups.indexOf(group), 1);
+    groups.push([...near.flat(), one]);
+  }
+  groups.sort((a, b) => Math.min(...a.map((one) => fields.indexOf(one))) - Math.min(...b.map((one) => fields.indexOf(one))));
+  const boxes = groups.map((group) => around(group.map((one) => one.box)));
+  const apart = 0.15 * Math.max(...boxes.map((box) => Math.max(box[2] - box[0], box[3] - box[1])));
+  const widest = Math.max(...boxes.map((box) => box[2] - box[0]), 1.4 * Math.sqrt(boxes.reduce((sum, box) => sum + (box[2] - box[0] + apart) * (box[3] - box[1] + apart), 0)));
+  const found = new Map();
+  let x = 0, top = 0, low = 0, first = null;
+  groups.forEach((group, k) => {
+    const [west, south, east, north] = boxes[k];
+    if (x > 0 && x + east - west > widest) { x = 0; top = low - apart; low = top; }
+    const shift = [x - west, top - north];
+    first ??= shift;
+    for (const one of group) found.set(one, { group: k, shift: [shift[0] - first[0], shift[1] - first[1]] });
+    x += east - west + apart;
+    low = Math.min(low, top - (north - south));
+  });
+  return fields.map((one) => found.get(one));
+}
+
+const around = (boxes) => [0, 1, 2, 3].map((k) => (k < 2 ? Math.min : Math.max)(...boxes.map((box) => box[k])));
+const gap = (a, b) => Math.hypot(Math.max(a[0] - b[2], b[0] - a[2], 0), Math.max(a[1] - b[3], b[1] - a[3], 0));
 
 export class LiveMap {
   constructor(label, { lives, chosen = () => null, short = false, follow = () => false }) {
     this.view = new MapView(label, { short });
-    Object.assign(this, { lives, chosen, follow, node: this.view.node, grid: null, extra: null });
+    Object.assign(this, { lives, chosen, follow, node: this.view.node, extra: null, only: null, layout: { key: "", at: new Map() } });
     this.view.layers = [(ctx) => this.draw(ctx)];
     this.base = document.createElement("canvas");
     this.forget = onColours(() => { this.key = ""; for (const live of this.lives()) live.coverage.again(); });
@@ -42,24 +75,37 @@ export class LiveMap {
   }
 
   shown() {
-    const all = this.lives().filter((live) => live.scene);
-    if (!all.some((live) => gridOf(live) === this.grid)) this.grid = all[0] ? gridOf(all[0]) : null;
-    return all.filter((live) => gridOf(live) === this.grid);
+    return this.lives().filter((live) => live.scene);
+  }
+
+  // Where every fleet is on the map; found anew when another scene has come.
+  places() {
+    const shown = this.shown(), key = shown.map((live) => `${live.id} ${live.scenes}`).join("\n");
+    if (key === this.layout.key) return this.layout.at;
+    const boxes = shown.map((live) => boxOf(live.scene));
+    const there = arranged(shown.map((live, k) => ({ grid: gridOf(live), box: moved(boxes[k], live.origin) })));
+    const at = new Map(shown.map((live, k) => {
+      const [east, north] = [0, 1].map((n) => live.origin[n] - shown[0].origin[n] + there[k].shift[n]);
+      return [live, { group: there[k].group, shift: [east, north], box: moved(boxes[k], [east, north]) }];
+    }));
+    this.layout = { key, at };
+    return at;
   }
 
   // Metres of a fleet to those of the map, whose origin is that of the first fleet shown.
-  shift(live) {
-    const first = this.shown()[0];
-    return [live.origin[0] - first.origin[0], live.origin[1] - first.origin[1]];
+  shift(live) { return this.places().get(live).shift; }
+
+  /** Names of the fields that stand apart from each other, one for each group. */
+  groups() {
+    const names = [];
+    for (const [live, { group }] of this.places()) names[group] = [...(names[group] ?? []), live.name];
+    return names;
   }
 
+  /** Show all fields, or those of the group `only`. */
   fit() {
-    const boxes = this.shown().map((live) => {
-      const [dx, dy] = this.shift(live), box = boxOf(live.scene);
-      return [box[0] + dx, box[1] + dy, box[2] + dx, box[3] + dy];
-    });
-    if (!boxes.length) return;
-    this.view.fit([0, 1, 2, 3].map((k) => (k < 2 ? Math.min : Math.max)(...boxes.map((box) => box[k]))));
+    const boxes = [...this.places().values()].filter((one) => this.only === null || one.group === this.only).map((one) => one.box);
+    if (boxes.length) this.view.fit(around(boxes));
   }
 
   // The view as a fleet has it, whose metres are counted from an origin of its own.
@@ -70,7 +116,7 @@ export class LiveMap {
 
   // Ground and plans are drawn when the view changes and a few times a second; what moves is drawn over them.
   draw(ctx) {
-    const { x, y, scale, width, height } = this.view, key = `${x} ${y} ${scale} ${width} ${height} ${this.grid}`, now = performance.now();
+    const { x, y, scale, width, height } = this.view, key = `${x} ${y} ${scale} ${width} ${height} ${this.layout.key}`, now = performance.now();
     if (key !== this.key || now - this.made > REMADE_MS) {
       this.key = key;
       this.made = now;
@@ -94,6 +140,10 @@ export class LiveMap {
       const view = this.viewOf(live);
       drawGround(ctx, view, live.scene, (inner) => live.coverage.draw(inner, view));
       for (const number of live.numbers()) drawPlan(ctx, view, live, number, this.isChosen(live, number));
+    }
+    if (this.places().size > 1) for (const [live, { box }] of this.places()) {
+      const [px, py] = this.view.at((box[0] + box[2]) / 2, box[3]);
+      word(ctx, px, py - 9, live.name, colours.ink);
     }
   }
 
@@ -119,6 +169,8 @@ export class LiveMap {
     this.view.close();
   }
 }
+
+const moved = (box, [x, y]) => [box[0] + x, box[1] + y, box[2] + x, box[3] + y];
 
 export function drawGround(ctx, view, scene, between = null) {
   polygon(ctx, view, scene.rings, colours.field);

@@ -1,6 +1,6 @@
 // A day of several fields and fleets: the day file as text, changed here or uploaded; then the answer.
-import { el, put, button, heading, note, labelled } from "../dom.js";
-import { get, post, part } from "../api.js";
+import { el, put, button, heading, note, labelled, sorry, lookingOnly } from "../dom.js";
+import { get, post, part, token } from "../api.js";
 import { filePicker } from "../files.js";
 import { earlier, followJob, reportFrame, results } from "../jobs.js";
 
@@ -26,9 +26,9 @@ export async function open(main, shell, [id = null]) {
     const request = { day: text.value };
     if (farm.value()) request.farm = farm.value();
     if (rain.value.trim()) request.rain = rain.value.trim();
-    try { location.hash = `#/day/${part((await post("days", request)).id)}`; } catch (error) { put(trouble, note(error.message, "error")); } finally { run.disabled = false; }
+    try { location.hash = `#/day/${part((await post("days", request)).id)}`; } catch (error) { put(trouble, sorry(error)); } finally { run.disabled = false; }
   }, "main");
-  put(main, heading("Day", "Several fields and fleets: who works which field in what order, and how sure each is."),
+  put(main, heading("Day", "Several fields and fleets: who works which field in what order, and how sure each is."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
       el("section", { class: "panel stack" }, el("h2", {}, "The day"), el("div", { class: "two even" }, labelled("Day file", file, "TOML; it appears below and can be changed there."), el("div", {}, example)), labelled("Text of the day", text)),
       el("section", { class: "panel stack" }, el("h2", {}, "Farm and rain"), el("div", { class: "two even" }, farm.node, labelled("Rain instead of the day's", rain, "17:00, or 16:30=20,17:00=50 in percent"))),
@@ -40,7 +40,7 @@ async function report(main, id) {
   const job = followJob("days", id, {
     again: el("a", { class: "button", href: "#/day" }, "Change the day"),
     done: async (done, node) => put(node, el("div", { class: "panel flush" }, await reportFrame("days", id, "Plan of the day")),
-      el("section", { class: "panel" }, el("h2", {}, "Save"), results("days", done, (error) => put(trouble, note(error.message, "error"))), trouble)),
+      el("section", { class: "panel" }, el("h2", {}, "Save"), results("days", done, (error) => put(trouble, sorry(error))), trouble)),
   });
   put(main, el("p", { class: "small" }, el("a", { href: "#/day" }, "\u2039 Day")), heading(asked.name || "Day", ""), job.node);
   return job.close;

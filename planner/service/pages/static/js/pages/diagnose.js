@@ -1,6 +1,6 @@
 // Diagnose: upload measured logs, say which tractor they are of, and read what the simulation gets wrong and why.
-import { el, put, button, heading, note, labelled, option } from "../dom.js";
-import { get, post, items, upload, part } from "../api.js";
+import { el, put, button, heading, note, labelled, option, sorry, lookingOnly } from "../dom.js";
+import { get, post, items, upload, part, token } from "../api.js";
 import { filePicker } from "../files.js";
 import { earlier, fileWords, followJob, reportFrame, results } from "../jobs.js";
 
@@ -28,11 +28,11 @@ export async function open(main, shell, [id = null]) {
   const ground = el("select", { name: "ground" }, option("soil"), option("asphalt"));
   const ask = async (request, knob) => {
     knob.disabled = true;
-    try { location.hash = `#/diagnose/${part((await post("diagnoses", request)).id)}`; } catch (error) { put(trouble, note(error.message, "error")); } finally { knob.disabled = false; }
+    try { location.hash = `#/diagnose/${part((await post("diagnoses", request)).id)}`; } catch (error) { put(trouble, sorry(error)); } finally { knob.disabled = false; }
   };
   const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value }, run), "main");
   const demo = button("Show me with made logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
-  put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."),
+  put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
       el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run a file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
       el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground))),
@@ -44,7 +44,7 @@ async function report(main, shell, id) {
   const job = followJob("diagnoses", id, {
     again: el("a", { class: "button", href: "#/diagnose" }, "Choose other logs"),
     done: async (done, node) => put(node, el("div", { class: "panel flush" }, await reportFrame("diagnoses", id, "Report of the diagnosis")),
-      el("section", { class: "panel" }, el("h2", {}, "Save"), results("diagnoses", done, (error) => put(trouble, note(error.message, "error"))), trouble)),
+      el("section", { class: "panel" }, el("h2", {}, "Save"), results("diagnoses", done, (error) => put(trouble, sorry(error))), trouble)),
   });
   put(main, el("p", { class: "small" }, el("a", { href: "#/diagnose" }, "\u2039 Diagnose")), heading(asked.name || "Diagnosis", (asked.request?.logs ?? []).join(", ")), job.node);
   return job.close;

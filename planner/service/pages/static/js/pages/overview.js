@@ -2,7 +2,7 @@
 import { el, put, say, button, heading, note, facts } from "../dom.js";
 import { items } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
-import { LiveMap, gridOf } from "../livemap.js";
+import { LiveMap } from "../livemap.js";
 import { tractorTiles, alarmList, stopAll, refusals } from "../board.js";
 import { capital, percent, plural, timeOfDay, DASH } from "../words.js";
 
@@ -16,28 +16,30 @@ export async function open(main, shell) {
   shell.title("Overview");
   const known = (await items("fleets")).sort(running);
   if (!known.length) return empty(main);
-  let picked = false;
   const lives = new Map(), active = () => [...lives.values()];
   const add = (one) => lives.has(one.id) || lives.set(one.id, begin(one));
   const messages = el("div", { class: "messages stack" });
   const begin = (one) => {
     const live = new FleetLive(one.id, one.name ?? one.id);
     messages.append(refusals(live));
-    live.watch((kind) => { if (kind === "scene") { if (!picked) map.grid = gridOf(active().find((each) => each.scene)); grids(); map.fit(); } });
+    live.watch((kind) => { if (kind === "scene") { fields(); map.fit(); } });
     return live;
   };
   const map = new LiveMap("Map of all fleets", { lives: active });
   map.view.clicked = (place) => { const hit = map.nearest(place); if (hit) location.hash = `#/fleet/${encodeURIComponent(hit.live.id)}/tractor/${hit.number}`; };
   const tiles = tractorTiles(active, { fleetName: () => lives.size > 1 }), alarms = alarmList(active, { fleetName: () => lives.size > 1 }), stop = stopAll(active);
-  const fleets = el("div", { class: "cards" }), choice = el("div", { class: "row under", hidden: true, role: "group", "aria-label": "Fields that are far apart" });
-  const grids = () => {
-    const names = new Map(active().filter((live) => live.scene).map((live) => [gridOf(live), live.name]));
-    choice.hidden = names.size < 2;
-    put(choice, [...names].map(([grid, name]) => button(name, () => { picked = true; map.grid = grid; map.fit(); grids(); }, "small", { "aria-pressed": String(grid === map.grid) })));
+  const fleets = el("div", { class: "cards" }), choice = el("div", { class: "row", role: "group", "aria-label": "Fields to be shown" }), below = el("div", { class: "under", hidden: true }, choice);
+  const fields = () => {
+    const groups = map.groups();
+    below.hidden = groups.length < 2;
+    if (map.only !== null && map.only >= groups.length) map.only = null;
+    const knob = (words, only) => button(words, () => { map.only = only; map.fit(); fields(); }, "small", { "aria-pressed": String(only === map.only) });
+    put(choice, knob("All", null), groups.map((names, group) => knob(names.join(", "), group)),
+      el("span", { class: "small soft" }, "Fields far apart are drawn beside each other."));
   };
   put(main, heading("Overview", "", alarms.sign, stop.node), messages,
     el("div", { class: "board" },
-      el("div", { class: "panel flush map-box" }, map.node, choice),
+      el("div", { class: "panel flush map-box" }, map.node, below),
       el("div", { class: "stack side" }, el("section", {}, el("h2", {}, "Alarms"), alarms.node), el("section", {}, el("h2", {}, "Tractors"), tiles.node)),
       el("section", { class: "rest" }, el("h2", {}, "Fleets"), fleets)));
   main.classList.add("has-stop");

@@ -1,6 +1,6 @@
 // Plan a field: choose or draw it, say with what machines and by when, and run. The answer has a page of its own.
-import { el, put, button, heading, note, labelled, option, facts } from "../dom.js";
-import { post, upload, part } from "../api.js";
+import { el, put, button, heading, note, labelled, option, facts, sorry, lookingOnly } from "../dom.js";
+import { post, upload, part, token } from "../api.js";
 import { filePicker, fieldSummary } from "../files.js";
 import { fieldEditor } from "../drawfield.js";
 import { earlier } from "../jobs.js";
@@ -24,9 +24,31 @@ const NUMBERS = new Set(["width", "speed_kmh", "turn_speed_kmh", "headland", "be
 export async function open(main, shell) {
   shell.title("Plan");
   const preview = fieldPreview(), closing = [preview.close];
-  const local = el("input", { type: "checkbox", name: "local", onchange: () => preview.show(field.value(), local.checked) });
-  const field = await filePicker("fields", "Field", { accept: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.gpx,.xml", first: "iwamizawa", changed: (name) => preview.show(name, local.checked), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
+  const look = () => preview.show(field.value(), { key: parcel.value, crs: crs.value.trim(), local: local.checked, swap: swap.checked });
+  const [local, swap] = ["local", "swap"].map((name) => el("input", { type: "checkbox", name, onchange: look })), crs = el("input", { name: "crs", placeholder: "as in the file", spellcheck: "false", onchange: look });
+  const reading = el("details", {}, el("summary", {}, "How the file is read"), el("label", { class: "check" }, local, "The file is in local metres"),
+    el("label", { class: "check" }, swap, "Latitude or northing comes first"), labelled("Coordinate system", crs, "EPSG:25832 for instance; only for a file that names none."));
+  preview.refused = (error) => { if (["local", "swap", "crs"].includes(error.parameter)) reading.open = true; };
+  const parcel = el("select", { name: "parcel", onchange: look }), along = el("select", { name: "along" });
+  const ofSeveral = labelled("Which of its fields", parcel), byLine = labelled("Lay the tracks", along);
+  preview.told = ({ fields = [], field: shape }) => {
+    ofSeveral.hidden = fields.length < 2;
+    if (fields.length > 1 && parcel.options.length < 2) put(parcel, option("", "choose one"), fields.map((one) => option(keyOf(one, fields), `${one.key} (${number(one.area_ha, 2, "ha")})`)));
+    const lines = shape?.lines ?? [], before = along.value;
+    byLine.hidden = !lines.length;
+    put(along, option("", "in the best direction"), lines.map((one) => option(one.name, `along ${one.name}`, one.name === before)));
+  };
+  const another = () => {
+    const said = field.options();
+    [local.checked, swap.checked, crs.value] = [Boolean(said.local), Boolean(said.swap), said.crs ?? ""];
+    put(parcel);
+    look();
+  };
+  let field = null;
+  field = await filePicker("fields", "Field", { accept: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.gpx,.xml", first: "iwamizawa", changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
+  another();
   const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" }), farm = await filePicker("farms", "Farm", { accept: ".toml", none: "no farm file" });
+  const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", hint: "One row for each member of a forecast: time or hours." }), gnss = await filePicker("tables", "Errors of positions by a table", { accept: ".csv", none: "no table", hint: "Made with headland gnss fit." });
   const trouble = el("div"), form = el("form", { class: "stack steps", novalidate: true });
   const input = (name, title, value = "", hint = "", more = {}) => labelled(title, el("input", { name, value, ...more }), hint);
   const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn);
@@ -34,11 +56,10 @@ export async function open(main, shell) {
     if (!drawing.open || drawn.children.length) return;
     const editor = fieldEditor(async (file, isLocal, where) => {
       try {
-        const made = await upload("fields", file);
-        local.checked = isLocal;
+        const made = await upload("fields", file, { local: isLocal });
         await field.list(made.name);
         drawing.open = false;
-      } catch (error) { put(where, note(error.message, "error")); }
+      } catch (error) { put(where, sorry(error)); }
     });
     closing.push(editor.close);
     put(drawn, editor.node);
@@ -47,7 +68,7 @@ export async function open(main, shell) {
     el("label", { class: "check" }, el("input", { type: "checkbox", name: "strategy", value: name, checked: USUAL.includes(name) }), name))));
   const run = el("button", { class: "main" }, "Run the plan");
   put(form,
-    el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("label", { class: "check" }, local, "The file is in local metres"), drawing), preview.node)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, ofSeveral, byLine, reading, drawing), preview.node)),
     el("section", { class: "panel stack" }, el("h2", {}, "Machines"),
       el("div", { class: "grid" }, input("width", "Working width, m", "3", "", { inputmode: "decimal" }), input("tractors", "Tractors", "1-3", "3, 1-6 or 1,3,5"), input("implement", "Implement of the farm", "", "by its name")),
       strategies, el("details", {}, el("summary", {}, "Tractor and farm files"), el("div", { class: "two even" }, tractor.node, farm.node))),
@@ -56,7 +77,8 @@ export async function open(main, shell) {
       el("details", {}, el("summary", {}, "More options"),
         el("div", { class: "grid" }, CHOICES.map(([name, title, all]) => labelled(title, el("select", { name }, all.map((one) => option(one, one || "as asked"))))), MORE.map(([name, title, hint]) => input(name, title, "", hint))),
         el("div", { class: "grid" }, [["tracks_only", "Tracks only, headland left"], ["all", "Simulate every plan, however slow"], ["gnss", "Positions err as a receiver's"]].map(([name, words]) =>
-          el("label", { class: "check" }, el("input", { type: "checkbox", name }), words))))),
+          el("label", { class: "check" }, el("input", { type: "checkbox", name }), words))),
+        el("div", { class: "two even" }, rain.node, gnss.node))),
     trouble, el("div", { class: "row" }, run));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
@@ -64,7 +86,7 @@ export async function open(main, shell) {
     put(trouble);
     for (const marked of form.querySelectorAll("[aria-invalid]")) marked.removeAttribute("aria-invalid");
     try {
-      const job = await post("plans", requestOf(form, { field: field.value(), tractor: tractor.value(), farm: farm.value() }));
+      const job = await post("plans", requestOf(form, { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value() }));
       location.hash = `#/plan/${part(job.id)}`;
     } catch (error) {
       refused(form, trouble, error);
@@ -72,7 +94,7 @@ export async function open(main, shell) {
       run.disabled = false;
     }
   });
-  put(main, heading("Plan a field", "Every fleet and strategy is simulated and ranked by time, count and price."), form, await earlier("plans", "plan", "Earlier plans"));
+  put(main, heading("Plan a field", "Every fleet and strategy is simulated and ranked by time, count and price."), !token.get() && lookingOnly(), form, await earlier("plans", "plan", "Earlier plans"));
   return () => closing.forEach((close) => close());
 }
 
@@ -81,7 +103,7 @@ function requestOf(form, files) {
   const request = {}, given = new FormData(form);
   for (const [name, value] of given) {
     const text = String(value).trim();
-    if (!text || ["strategy", "fields", "tractors_file", "farms"].includes(name) || value instanceof File) continue;
+    if (!text || ["strategy", "fields", "tractors_file", "farms", "tables", "parcel"].includes(name) || value instanceof File) continue;
     const isFile = form.elements[name] instanceof RadioNodeList;
     if (isFile) continue;
     request[name] = form.elements[name].type === "checkbox" ? true : NUMBERS.has(name) && Number.isFinite(Number(text)) ? Number(text) : text;
@@ -91,6 +113,9 @@ function requestOf(form, files) {
   request.field = files.field;
   if (files.tractor && !(files.farm && files.tractor === "eg105")) request.tractor = files.tractor;
   if (files.farm) request.farm = files.farm;
+  if (files.rain && !request.rain) request.rain = `${files.rain}.csv`;
+  if (files.gnss) request.gnss_table = files.gnss;
+  for (const name of ["local", "swap"]) if (files.said[name]) request[name] = form.elements[name].checked;
   for (const name of ["operation", "turn", "corners"]) if (request[name] === form.elements[name].options[0].value) delete request[name];
   return request;
 }
@@ -98,12 +123,15 @@ function requestOf(form, files) {
 function refused(form, trouble, error) {
   const name = error.parameter === "strategies" ? "strategy" : error.parameter;
   const control = name ? form.querySelector(`[name="${CSS.escape(name)}"]`) : null;
-  put(trouble, note(error.message, "error"));
+  put(trouble, sorry(error));
   control?.closest("details")?.setAttribute("open", "");
   control?.setAttribute("aria-invalid", "true");
   (control ?? trouble).scrollIntoView({ block: "center" });
   control?.focus();
 }
+
+// By what a field of several is chosen: its key where no other has it, else its position.
+const keyOf = (one, all) => (one.key && all.filter((other) => other.key === one.key).length === 1 ? one.key : String(one.position));
 
 // The field as the reader has it: rings, obstacles, area, remarks.
 function fieldPreview() {
@@ -117,24 +145,28 @@ function fieldPreview() {
     for (const fence of shape.fences_m ?? []) line(ctx, view, fence, colours.ink, 3, [6, 3]);
     if (shape.entrance_m) { const [x, y] = view.at(...shape.entrance_m); ctx.fillStyle = colours.ink; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x - 7, y - 14); ctx.lineTo(x + 7, y - 14); ctx.fill(); }
   }];
-  const show = async (name, local) => {
+  const box = { node: el("div", { class: "panel flush" }, view.node, under), close: () => view.close(), told: () => {}, refused: () => {} };
+  box.show = async (name, how) => {
     if (!name) return;
     const mine = ++asked;
     shape = null;
     try {
-      const summary = await fieldSummary(name, local);
+      const summary = await fieldSummary(name, how);
       if (mine !== asked) return;
       shape = summary.field;
-      if (!shape) return put(under, note(summary.error, "warn"));
+      box.told(summary);
+      if (!shape) return put(under, note(summary.fields?.length > 1 ? `The file holds ${summary.fields.length} fields; choose one of them.` : summary.error, "warn"));
       const points = shape.rings_m.flat();
       view.fit([0, 1].map((k) => Math.min(...points.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...points.map((p) => p[k])))));
       put(under, facts([["Area", hectares(1e4 * shape.area_ha)], ["Corners", number(shape.rings_m[0].length - 1)], ["Obstacles", number((shape.obstacles_m ?? []).length)]]),
         (shape.remarks ?? []).map((one) => el("p", { class: "small soft" }, one)));
     } catch (error) {
-      if (mine === asked) put(under, note(error.message, "error"));
+      if (mine !== asked) return;
+      put(under, sorry(error));
+      box.refused(error);
     } finally {
       view.redraw();
     }
   };
-  return { node: el("div", { class: "panel flush" }, view.node, under), show, close: () => view.close() };
+  return box;
 }

@@ -1,5 +1,5 @@
 // A plan that was asked for: how far it is, then the ranked table, any plan of it on the map, played, and sent out.
-import { el, put, button, heading, note, labelled, facts } from "../dom.js";
+import { el, put, button, heading, note, labelled, facts, sorry } from "../dom.js";
 import { get, post, part } from "../api.js";
 import { followJob, results, reportFrame } from "../jobs.js";
 import { PlanMap } from "../planmap.js";
@@ -11,7 +11,7 @@ export async function open(main, shell, [id]) {
   const name = asked.name || asked.request?.field || "Plan";
   shell.title(`Plan of ${name}`);
   const again = el("a", { class: "button", href: "#/plan" }, "Change and plan again");
-  const job = followJob("plans", id, { again, done: (done, node) => shown(done, node, closing).catch((error) => put(node, note(error.message, "error"))) });
+  const job = followJob("plans", id, { again, done: (done, node) => shown(done, node, closing).catch((error) => put(node, sorry(error))) });
   put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), heading(name, askedWords(asked.request)), job.node);
   closing.push(job.close);
   return () => closing.forEach((close) => close());
@@ -25,7 +25,7 @@ async function shown(job, node, closing) {
   const [answer, maps] = await Promise.all([get(`${path}result.json`), get(`${path}maps.json`).catch(() => ({ plans: [] }))]);
   const plans = answer.plans.filter((one) => one.feasible), refused = answer.plans.filter((one) => !one.feasible);
   const best = answer.best ?? plans[0];
-  if (!best) return put(node, note(answer.unmet ?? "No plan is feasible.", "warn"), refusedTable(refused), results("plans", job, (error) => put(trouble, note(error.message, "error"))), trouble);
+  if (!best) return put(node, note(answer.unmet ?? "No plan is feasible.", "warn"), refusedTable(refused), results("plans", job, (error) => put(trouble, sorry(error))), trouble);
   const map = new PlanMap(), figures = el("div"), send = el("div");
   closing.push(() => map.close());
   let chosen = best;
@@ -48,7 +48,7 @@ async function shown(job, node, closing) {
     map.node, figures, send,
     el("section", { class: "panel" }, el("h2", {}, "Plans, best first"), table.node, plans.some((one) => one.remark) && el("p", { class: "small soft" }, "Remarks of single plans are in the report.")),
     refusedTable(refused), report,
-    el("section", { class: "panel" }, el("h2", {}, "Save"), results("plans", job, (error) => put(trouble, note(error.message, "error"))), trouble));
+    el("section", { class: "panel" }, el("h2", {}, "Save"), results("plans", job, (error) => put(trouble, sorry(error))), trouble));
   choose(plans.find((one) => one.rank === best.rank) ?? best, false);
 }
 
@@ -80,7 +80,7 @@ function sendOut(job, plan, best) {
       const fleet = await post("fleets", { name: name.value, plan: job.id, result: best ? "plan.json" : `plan-${plan.strategy}-${plan.tractors}.json` });
       location.hash = `#/fleet/${part(fleet.id)}`;
     } catch (error) {
-      put(trouble, note(error.message, "error"));
+      put(trouble, sorry(error));
       go.disabled = false;
     }
   }, "main");

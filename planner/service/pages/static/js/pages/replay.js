@@ -1,5 +1,5 @@
 // Replay: a recorded run of a fleet, or log files of this machine, on the map with a time slider and strip charts.
-import { el, put, button, heading, note, labelled, who } from "../dom.js";
+import { el, put, button, heading, note, labelled, who, sorry } from "../dom.js";
 import { bytes, items, part } from "../api.js";
 import { textsOf } from "../zip.js";
 import { MapView } from "../map.js";
@@ -19,7 +19,7 @@ export async function open(main, shell, [id = null]) {
     if (!runs.length) return put(stage, note("There is nothing recorded in it yet.", "warn"));
     closing.push(play(stage, runs));
   };
-  const attempt = async (how) => { put(trouble); try { show(await how()); } catch (error) { put(trouble, note(error.message, "error")); } };
+  const attempt = async (how) => { put(trouble); try { show(await how()); } catch (error) { put(trouble, sorry(error)); } };
   const file = el("input", { type: "file", accept: ".csv,.zip", multiple: true });
   file.addEventListener("change", () => attempt(async () => (await Promise.all([...file.files].map(runsOf))).flat()));
   const fleets = await items("fleets");

@@ -1,0 +1,22 @@
+"""How a file is to be read where it does not say so itself."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0002"
+down_revision = "0001"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Files that are there say all themselves."""
+    op.add_column("files", sa.Column("options", sa.JSON(), nullable=False, server_default=sa.text("'{}'")))
+
+
+def downgrade() -> None:
+    """What was said of files is forgotten."""
+    with op.batch_alter_table("files") as table:
+        table.drop_column("options")
