@@ -28,6 +28,7 @@ from planner.commands.drive import drive
 from planner.commands.farm import farm
 from planner.commands.field import field
 from planner.commands.gnss import gnss
+from planner.commands.logs import logs
 from planner.commands.plan import plan
 from planner.commands.replay import replay
 from planner.commands.robot import robot
@@ -97,6 +98,7 @@ app.command()(backup)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")
+app.add_typer(logs, name="logs")
 app.add_typer(day, name="day")
 app.add_typer(token, name="token")
 app.add_typer(demo, name="demo")
