@@ -20,6 +20,7 @@ import typer
 from typer.core import TyperGroup
 
 from planner.commands.backup import backup
+from planner.commands.compare import compare
 from planner.commands.day import day
 from planner.commands.demo import demo
 from planner.commands.design import design
@@ -89,6 +90,7 @@ app.command()(field)
 app.command()(study)
 app.command()(diagnose)
 app.command()(replay)
+app.command()(compare)
 app.command()(validate)
 app.command()(drive)
 app.command()(design)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
+Points = npt.NDArray[np.float64]
 WORKING, TURNING, WAY, STANDING, UNLOGGED = "working", "turning", "ways", "standing", "not logged"
 KINDS = (WORKING, TURNING, WAY, STANDING, UNLOGGED)
 """What a machine can be doing, in the order of tables."""
@@ -70,4 +74,67 @@ class RunTold:
     field: str
     file: str
     figures: Figures
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Ground of a field: areas in m2 worked, worked again and missed, and the shapes for a map.
+
+    `missed` holds rings (n, 2) of missed pieces, the largest first, `again` those of ground worked twice or more.
+    """
+
+    worked_m2: float
+    overlap_m2: float
+    missed_m2: float
+    missed: tuple[Points, ...]
+    again: tuple[Points, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One side of a comparison: what was planned, or what was driven.
+
+    Attributes:
+        machines: tractors of a plan; logs of what was driven.
+        figures: of all of them together.
+        work, idle: lines (n, 2) driven at work and off it, metres.
+        ground: None where the field is not known or nobody said when the implement worked.
+    """
+
+    machines: int
+    figures: Figures
+    work: tuple[Points, ...]
+    idle: tuple[Points, ...]
+    ground: Ground | None
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Machine time that was driven more than planned, and why: `seconds` (less where below 0), and words."""
+
+    what: str
+    seconds: float
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A plan and what was driven of it.
+
+    Attributes:
+        name: of the field.
+        boundary, holes: rings (n, 2) of the field in metres, nothing where it is not known.
+        width_m: of the plan.
+        differences: what adds up to the difference in machine time, the largest first.
+        notes: sentences on what was left out or taken for something.
+    """
+
+    name: str
+    field_m2: float | None
+    boundary: tuple[Points, ...]
+    width_m: float
+    planned: Side
+    driven: Side
+    differences: tuple[Difference, ...]
     notes: tuple[str, ...]

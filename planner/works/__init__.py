@@ -4,5 +4,6 @@ record, metres      a run as its file has it; the same in metres, with course an
 forms, reading      files of machines, one module a form; which form a file has
 phases, summary     what was done when; a run in figures
 files, importing    runs as files, written and read; from machines' files to them
+ground, comparing   what was worked, again and not at all; a plan and what was driven of it
 example             task data of a saved plan, with a known truth
 """

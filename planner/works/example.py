@@ -19,7 +19,7 @@ from fields.field import Field
 from fields.projection import project
 from fields.read import read_field
 from planner.errors import HeadlandError, ScenarioError
-from planner.showing import Shown, show
+from planner.showing import Shown, machines_with, show
 from planner.works.forms.tlg import DAY_S, FIRST_DAY
 from planner.works.metres import WGS84
 from planner.works.record import Array, Mask
@@ -30,6 +30,7 @@ PACE = 0.9
 """Share of the planned speed that the example is driven with."""
 STOP_EVERY_S, STOPS_S = 240.0, (12, 20, 35, 60, 90)
 """A stop about this often, and how long they are."""
+LAST_S = 3.0  # a log goes on for a moment after the work
 START = (date(2026, 5, 4), 8.0 * 3600.0)
 COLUMNS = ("0043", "0074", "0075", "0076", "0077", "0078", "008D", "018D")
 GOOD_FIX = 4
@@ -85,7 +86,7 @@ def _driven(shown: Shown, tractor: int, draw: np.random.Generator, pace: float) 
     stops, due = [], 0.0
     while (due := due + STOP_EVERY_S * float(draw.uniform(0.6, 1.4))) < end:
         stops.append((due, float(draw.choice(STOPS_S))))
-    clock = np.arange(0.0, end / pace + sum(lasts for _, lasts in stops), 1.0)
+    clock = np.arange(0.0, end / pace + sum(lasts for _, lasts in stops) + LAST_S, 1.0)
     planned = clock * pace
     for begins, lasts in stops:  # the clock of the plan stands while the machine does
         at = begins / pace + sum(longer for before, longer in stops if before < begins)
@@ -94,7 +95,15 @@ def _driven(shown: Shown, tractor: int, draw: np.random.Generator, pace: float) 
     implement = np.array([leg.implement and leg.task.kind != LEAVE for leg in legs])
     leg = np.minimum(run.leg(tractor)[rows], len(legs) - 1)
     works = implement[leg] & (run.status(tractor)[rows] == WORKING)
-    return Truth(clock, run.poses(tractor)[rows, :2], works, tuple(lasts for _, lasts in stops))
+    return Truth(clock, antenna(shown, tractor)[rows], works, tuple(lasts for _, lasts in stops))
+
+
+def antenna(shown: Shown, tractor: int) -> Array:
+    """Where the antenna of a tractor of a plan is (t, 2), metres of the plan."""
+    machine, _ = machines_with(shown.saved, shown.scenario)
+    x, y, angle = shown.run.poses(tractor).T
+    reach = machine.antenna_forward_m - machine.rear_axle_m
+    return np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
 
 
 def _values(truth: Truth, width_m: float) -> Numbers:
