@@ -29,6 +29,7 @@ from planner.commands.drive import drive
 from planner.commands.farm import farm
 from planner.commands.field import field
 from planner.commands.gnss import gnss
+from planner.commands.learn import learn
 from planner.commands.logs import logs
 from planner.commands.plan import plan
 from planner.commands.replay import replay
@@ -91,6 +92,7 @@ app.command()(study)
 app.command()(diagnose)
 app.command()(replay)
 app.command()(compare)
+app.command()(learn)
 app.command()(validate)
 app.command()(drive)
 app.command()(design)

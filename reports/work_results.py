@@ -138,3 +138,24 @@ class Comparison:
     driven: Side
     differences: tuple[Difference, ...]
     notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Taught:
+    """One value that logs taught, and what became of it in the farm file.
+
+    Attributes:
+        key: of the farm file, such as "chances.turn_cv".
+        value, low, high: as they stand in the file; the interval of 95 %, None where there is none.
+        measured: what was measured for it, in words, with the number of events and runs.
+        done: what was done with it in the farm file, in words.
+        runs: names of the runs it is from.
+    """
+
+    key: str
+    value: float | str
+    low: float | None
+    high: float | None
+    measured: str
+    done: str
+    runs: tuple[str, ...]
