@@ -30,6 +30,7 @@ workday, transport  the clock round field work: the road from the yard, un- and 
 workday_words  the same in sentences
 farm           the farm file: tractors, implements, prices, times, what is left to chance
 parameters     what parameters of the library are called in requests
+works          work that was driven: imported, measured, compared with plans, learnt from
 service        all of this over HTTP, and fleets that are driven; known by its commands alone
 content        what an answer depends on, in a few letters
 warmup         every compiled function in memory before it is needed

@@ -12,6 +12,7 @@ from planner.errors import ScenarioError, named
 from planner.farm.file import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
+from planner.farm.sources import learned_in_use
 from planner.farm.times import Times, Yard
 from planner.price.cost import Terms
 from planner.price.machine import rates
@@ -59,15 +60,23 @@ def asked(
         _check_count(own, max(scenario.tractors))
     mounted = _mounted(farm, own, implement)
     given = {*given, "start_s"} if scenario.start_s is not None else given
+    if scenario.headland_order is not None or scenario.tracks_only or "operation" in given:
+        given = {*given, "headland_order"}
     found = {key: value for key, value in _values(farm, own, mounted).items() if key not in given and value is not None}
     bar = mounted.mounted
     if "width_m" in given:
         bar = bar.model_copy(update={"width_m": scenario.width_m, "frame_width_m": None})
+    terms = Terms(_prices(scenario, farm, given), own, mounted, learned=_learned(farm, mounted))
     return Asked(
-        replace(scenario, **found), None if own is None else own.origin, bar, own, mounted,
-        Terms(_prices(scenario, farm, given), own, mounted), like(farm.chances), mounted.supply(farm.times.refill_s),
-        farm.times, farm.yard,
+        replace(scenario, **found), None if own is None else own.origin, bar, own, mounted, terms,
+        like(farm.chances), mounted.supply(farm.times.refill_s), farm.times, farm.yard,
     )  # fmt: skip
+
+
+def _learned(farm: FarmFile, mounted: FarmImplement) -> tuple[str, ...]:
+    """What own logs taught of the implement and of chance, in words."""
+    own = (f"implements.{mounted.name}.", "chances.")
+    return tuple(f"{one.key.split('.')[-1]} {one.words()}" for one in learned_in_use(farm) if one.key.startswith(own))
 
 
 def _prices(scenario: Scenario, farm: FarmFile, given: Container[str]) -> Prices:
@@ -128,6 +137,7 @@ def _values(farm: FarmFile, own: FarmTractor | None, mounted: FarmImplement) -> 
         "speed_mps": mounted.speed_mps,
         "turn_speed_mps": mounted.turn_speed_mps,
         "operation": mounted.operation,
+        "headland_order": mounted.headland,
         "tractors": None if own is None else tuple(range(1, own.count + 1)),
         "price_per_hour": price_per_hour(farm, own, mounted),
         "price_per_tractor": farm.prices.transport_per_tractor,

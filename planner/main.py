@@ -20,6 +20,7 @@ import typer
 from typer.core import TyperGroup
 
 from planner.commands.backup import backup, restore
+from planner.commands.compare import compare
 from planner.commands.day import day
 from planner.commands.demo import demo
 from planner.commands.design import design
@@ -29,6 +30,8 @@ from planner.commands.export import export
 from planner.commands.farm import farm
 from planner.commands.field import field
 from planner.commands.gnss import gnss
+from planner.commands.learn import learn
+from planner.commands.logs import logs
 from planner.commands.plan import plan
 from planner.commands.replay import replay
 from planner.commands.robot import robot
@@ -90,6 +93,8 @@ app.command()(field)
 app.command()(study)
 app.command()(diagnose)
 app.command()(replay)
+app.command()(compare)
+app.command()(learn)
 app.command()(validate)
 app.command()(drive)
 app.command()(design)
@@ -100,6 +105,7 @@ app.command()(restore)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")
+app.add_typer(logs, name="logs")
 app.add_typer(day, name="day")
 app.add_typer(token, name="token")
 app.add_typer(demo, name="demo")

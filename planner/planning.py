@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from fields.field import Field
 from planner.candidates.evaluate import Candidate
@@ -111,11 +112,15 @@ def plan(
 
 def with_machines(ranking: Ranking, terms: Terms | None) -> Ranking:
     """The ranking with the names of the farm's tractor and implement, where a farm has them."""
-    names: dict[str, str | None] = {"implement": None}
+    names: dict[str, Any] = {"implement": None}
     if terms is not None and terms.implement is not None:
         names["implement"] = terms.implement.name
     if terms is not None and terms.tractor is not None:
         names["tractor"] = terms.tractor.name
+    if terms is not None and terms.learned:
+        names["learned"] = list(terms.learned)
+        taken = tuple(f"From the farm's own logs: {words}." for words in terms.learned)
+        ranking = replace(ranking, assumptions=(*ranking.assumptions, *taken))
     return replace(ranking, scenario={**ranking.scenario, **names})
 
 

@@ -12,6 +12,7 @@
     diagnosis_table, diagnosis_export, diagnosis_page   a diagnosis for the terminal, as JSON, as a page
     replay_report       a replayed run
     trials, trial_figures, agreement   the thesis's experiments, and how many of its numbers are met
+    work_results, work_table, work_compare, work_taught   driven work: results, runs, beside a plan, what it taught
     parcels             the fields of a file
     guidance            lines of a plan for terminals and maps, one module a form, and their registry
     wording, diagnosis_words, effect_words   what results, diagnoses and effects are called

@@ -48,6 +48,7 @@ BY_NAME = {"planner", "strategies.registry"}
 MAPPED = (
     *ROOMS,
     *(f"planner/{name}" for name in ("candidates", "chance", "day", "farm", "ground", "many", "price", "yielding")),
+    *(f"planner/works{part}" for part in ("", "/forms")),
     *(f"strategies/{name}" for name in ("formations", "headland", "orders", "ways")),
     *(f"planner/service{part}" for part in ("", "/access", "/api", "/jobs", "/store")),
     "reports/guidance",

@@ -171,4 +171,26 @@ def _feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feat
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 
+def plane_of(content: bytes, label: str) -> Plane:
+    """The plane that a Field.txt sets; raises FieldError."""
+    return _plane(_lines(content), label)
+
+
+def outline_of(members: Members, main: str, plane: Plane) -> list[list[list[float]]]:
+    """Longitude and latitude of the rings of the field whose Field.txt is `main`; nothing without a boundary."""
+    content = members.beside(main, BOUNDARY)
+    rings = [] if content is None else _rings(_lines(content), "", [])
+    return [[plane.degrees(*point) for point in ring] for ring in rings]
+
+
+def lines_of(content: bytes) -> list[str]:
+    """The lines of a file of the program that hold anything."""
+    return _lines(content)
+
+
+def numbers_of(line: str, least: int) -> list[float] | None:
+    """Numbers of a line, with decimal points or commas; None for fewer than `least`."""
+    return _numbers(line, least)
+
+
 FORMAT = Format("AgOpenGPS", (), _read, lambda names: FIELD in names)

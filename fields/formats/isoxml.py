@@ -66,9 +66,25 @@ def _roots(members: Members, label: str) -> Iterator[Element]:
     if not mains:
         raise FieldError(f"{label} holds no TASKDATA.XML; name the folder or archive that has one.")
     for main in mains:
-        root = root_of(members[main], f"{PurePosixPath(main).name} of {label}")
-        yield root
-        yield from _outside(root, label, partial(members.beside, main))
+        yield from roots_of(members, main, label)
+
+
+def roots_of(members: Members, main: str, label: str) -> Iterator[Element]:
+    """The root of one TASKDATA.XML of a folder or archive, and of the external files it names; raises FieldError."""
+    root = root_of(members[main], f"{PurePosixPath(main).name} of {label}")
+    yield root
+    yield from _outside(root, label, partial(members.beside, main))
+
+
+def rings_of(element: Element) -> list[list[list[float]]]:
+    """Longitude and latitude of the rings of a partfield's boundary, the outer one first; nothing without one."""
+    for polygon in element.findall("PLN"):
+        if polygon.get("A") in (BOUNDARY, MAINFIELD, None):
+            parts = _boundary(polygon, {"name": _name(element)}, [])
+            if parts:
+                rings: list[list[list[float]]] = parts[0]["geometry"]["coordinates"]
+                return rings
+    return []
 
 
 def _of_file(place: Path, label: str) -> Iterator[Element]:

@@ -138,6 +138,26 @@ def spare(path: Path, force: bool) -> None:
         _refuse(f"{_named(path)} is there already; choose another name, or add --force to write over it.")
 
 
+@contextmanager
+def folder_for(folder: Path) -> Iterator[None]:
+    """A folder for results, made where there is none and removed again where the body fails; raises ScenarioError."""
+    made = not os.path.lexists(folder)
+    try:
+        if made:
+            os.makedirs(folder)
+    except OSError as error:
+        _refuse(f"The folder {shown(folder)} cannot be made: {reason(error)}; choose another place.")
+    if not os.path.isdir(folder):
+        _refuse(f"{shown(folder)} is a file; name a folder.")
+    try:
+        yield
+    except BaseException:
+        if made:
+            with suppress(OSError):
+                os.rmdir(folder)
+        raise
+
+
 def write_results(results: Sequence[tuple[Path, Content]]) -> None:
     """Write every result whole, or none: earlier files are replaced only when all the new ones are complete.
 

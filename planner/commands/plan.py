@@ -127,6 +127,7 @@ def plan(
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     planned = _planned(with_farm(scenario, farm, implement, context), hands, pictures=html is not None, every=full)
     remark(planned.site.layout.field.remarks)
+    remark(f"From the farm's own logs: {words}." for words in planned.ranking.scenario.get("learned", ()))
     with written(_results(planned, html, png, save)):
         _print(planned.ranking, json, csv, full)
     _end(planned.ranking)

@@ -7,6 +7,7 @@ machines    tractors and implements
 prices      money: what machines, fuel, people and late ground cost
 times       handling, shifts and breaks; where the yard is
 chances     what is left to chance
+learned     what the farm's own logs taught
 file        FarmFile, all of it: read, checked, machines picked by name
 sources     every value in use with its origin: given, or the default's source
 """

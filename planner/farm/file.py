@@ -14,6 +14,7 @@ from pydantic import ValidationError, field_validator, model_validator
 from fields.reading import brief, parse_fault, read_text, shown
 from planner.errors import ScenarioError, nearest
 from planner.farm.chances import Chances
+from planner.farm.learned import LearnedValue
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.prices import Prices
 from planner.farm.times import Times, Yard
@@ -40,8 +41,9 @@ class FarmFile(Section):
     times: Times = Times()
     chances: Chances = Chances()
     yard: Yard = Yard()
+    learned: tuple[LearnedValue, ...] = ()
 
-    @field_validator("tractors", "implements", mode="before")
+    @field_validator("tractors", "implements", "learned", mode="before")
     @classmethod
     def _are_listed(cls, given: Any) -> Any:
         if isinstance(given, Mapping):

@@ -72,6 +72,7 @@ class FarmImplement(Section):
     operation: Literal["till", "sow", "spray", "harvest", "mow"] | None = other(
         None, "till, sow, spray, harvest or mow, in quotes"
     )
+    headland: Literal["first", "last"] | None = other(None, "first or last, in quotes", "as the operation has it")
     tractors: tuple[str, ...] = other((), "names in quotes", "all of them")
 
     @property

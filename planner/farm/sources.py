@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from planner.farm.file import FarmFile
+from planner.farm.learned import LearnedValue
 from planner.farm.values import Section, source_of
 from vehicle.tractor import Tractor
 from vehicle.trials.sheets.sheet import Sheet, TextTable
@@ -30,20 +31,32 @@ class Value:
 def values_of(farm: FarmFile) -> tuple[Value, ...]:
     """Every value but for the datasheets of tractors, in the order of the file."""
     found: list[Value] = []
+    taught = {one.key: one for one in farm.learned}
     for kind, machines in (("tractors", farm.tractors), ("implements", farm.implements)):
         given = kind in farm.model_fields_set
         for each in machines:
-            found += _values(f"{kind} {each.name}", each, given, skip=("name", "sheet"))
+            found += _values(f"{kind} {each.name}", each, given, taught, skip=("name", "sheet"))
     for name in SECTIONS:
-        found += _values(name, getattr(farm, name), True)
+        found += _values(name, getattr(farm, name), True, taught)
     return tuple(found)
 
 
-def _values(name: str, section: Section, given: bool, skip: tuple[str, ...] = ()) -> Iterator[Value]:
+def learned_in_use(farm: FarmFile) -> tuple[LearnedValue, ...]:
+    """What logs taught, as far as the file still has the values."""
+    values = {f"{value.section.replace(' ', '.', 1)}.{value.key}": value.value for value in values_of(farm)}
+    return tuple(one for one in farm.learned if one.key in values and values[one.key] == one.value)
+
+
+def _values(
+    name: str, section: Section, given: bool, taught: Mapping[str, LearnedValue], skip: tuple[str, ...] = ()
+) -> Iterator[Value]:
     for key, info in type(section).model_fields.items():
         if key in skip:
             continue
         source = GIVEN if given and key in section.model_fields_set else source_of(type(section), key)
+        own = taught.get(f"{name.replace(' ', '.', 1)}.{key}")
+        if source == GIVEN and own is not None and own.value == getattr(section, key):
+            source = f"own logs: {own.words()}"
         yield Value(name, key, getattr(section, key), info.description or "", source)
 
 

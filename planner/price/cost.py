@@ -37,7 +37,8 @@ class Terms:
     """At what prices a fleet works: those of the farm and of its machines.
 
     Each tractor comes and goes `road_km` in all, in `road_s`, and is made ready for work and for the road in
-    `handling_s`. It drives itself, unless the farm has a price for bringing it.
+    `handling_s`. It drives itself, unless the farm has a price for bringing it. `learned` is what the farm's own logs
+    taught of what it plans with, in words.
     """
 
     prices: Prices
@@ -46,6 +47,7 @@ class Terms:
     road_km: float = 0.0
     road_s: float = 0.0
     handling_s: float = 0.0
+    learned: tuple[str, ...] = ()
 
 
 def hired(per_hour: float, per_tractor: float) -> Terms:

@@ -1,23 +1,22 @@
-"""Time logs of ISO 11783-10 task data, as far as the benchmarks need them: time, position and process data of a job.
+"""Time logs of ISO 11783-10 task data as the benchmarks need them: every value of a job by its DDI.
 
-A log is a pair of files: the .xml names the values in the order of the .bin, whose records have the time of day (ms),
-the day since 1980, position (1e-7 degrees) and the values that changed. Values stand until the next change.
+Files are read by planner.works; here stand the jobs of a folder with their fields.
 """
 
 from __future__ import annotations
 
-import struct
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fields.formats.isoxml import rings_of
+from planner.works.forms.tlg import read_time_log
+
 WIDTH, ACTIVE_MM, INACTIVE_MM, ACTIVE_S, INACTIVE_S = "0043", "0075", "0076", "0077", "0078"
 WORK_STATE, SPEED, AREA_M2 = "008D", "EA7E", "0074"
-_POSITION = (("A", "i"), ("B", "i"), ("C", "i"), ("D", "B"), ("E", "H"), ("F", "H"), ("G", "B"), ("H", "I"), ("I", "H"))
-DAY_MS = 86_400_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +47,10 @@ class Parcel:
 def read_folder(folder: Path) -> tuple[dict[str, Parcel], list[TimeLog]]:
     """Fields by their id, and the logs of tasks that have just one, in the order of their names."""
     root = ElementTree.parse(next(each for each in folder.iterdir() if each.name.upper() == "TASKDATA.XML")).getroot()
-    parcels = {each.get("A", ""): _parcel(each) for each in root.iter("PFD")}
+    parcels = {
+        each.get("A", ""): Parcel(each.get("A", ""), float(each.get("D", "nan")), np.array(rings_of(each)[0]))
+        for each in root.iter("PFD")
+    }
     logs = []
     for task in root.iter("TSK"):
         names = [each.get("A", "") for each in task.iter("TLG")]
@@ -57,33 +59,8 @@ def read_folder(folder: Path) -> tuple[dict[str, Parcel], list[TimeLog]]:
     return parcels, sorted(logs, key=lambda log: log.name)
 
 
-def _parcel(field: ElementTree.Element) -> Parcel:
-    outline = next(each for each in field.iter("PLN") if each.get("A") in ("1", "9"))
-    ring = next(iter(outline.iter("LSG")))
-    points = [(float(each.get("D", "")), float(each.get("C", ""))) for each in ring.iter("PNT")]
-    return Parcel(field.get("A", ""), float(field.get("D", "nan")), np.array(points))
-
-
 def read_log(header: Path, field: str) -> TimeLog:
     """One log; `header` is its .xml file."""
-    time = ElementTree.parse(header).getroot()
-    position = time.find("PTN")
-    form = "<IH" + "".join(kind for key, kind in _POSITION if position is not None and position.get(key) == "")
-    names = [each.get("A", "") for each in time.iter("DLV")]
-    data, place = header.with_suffix(".bin").read_bytes(), 0
-    heads, rows, now = [], [], np.full(len(names), np.nan)
-    while place + struct.calcsize(form) < len(data):
-        heads.append(struct.unpack_from(form, data, place))
-        place += struct.calcsize(form)
-        for _ in range(data[place]):
-            index, value = struct.unpack_from("<Bi", data, place + 1)
-            now[index] = value
-            place += 5
-        place += 1
-        rows.append(now.copy())
-    head, table = np.array(heads, dtype=float), np.array(rows)
-    seconds = (head[:, 1] * DAY_MS + head[:, 0]) / 1e3
-    return TimeLog(
-        header.stem, field, seconds - seconds[0], head[:, 2] * 1e-7, head[:, 3] * 1e-7,
-        {name: table[:, column] for column, name in enumerate(names)},
-    )  # fmt: skip
+    log = read_time_log(header.read_bytes(), header.with_suffix(".bin").read_bytes(), header.stem)
+    values = {ddi: log.values[:, place] for place, (ddi, _) in enumerate(log.columns)}
+    return TimeLog(header.stem, field, log.time_s - log.time_s[0], log.lat, log.lon, values)

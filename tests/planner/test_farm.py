@@ -40,7 +40,8 @@ def test_the_example_is_a_farm() -> None:
     assert farm.implement("drill").area_per_load_m2 == pytest.approx(10_000.0 * 600.0 / 180.0)
     assert farm.implement("cultivator").area_per_load_m2 is None
     assert farm.implement("drill").speed_mps == pytest.approx(7.0 / 3.6)
-    assert set(tomllib.loads(example_text())) == set(FarmFile.model_fields), "the example shows every section"
+    sections = set(FarmFile.model_fields) - {"learned"}  # what headland learn writes
+    assert set(tomllib.loads(example_text())) == sections, "the example shows every section"
 
 
 def test_an_empty_file_is_the_farm_of_the_defaults() -> None:

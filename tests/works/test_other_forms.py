@@ -1,0 +1,149 @@
+"""Point Shapefiles, AgOpenGPS paths and CSV files: the drive that is known comes back from each."""
+
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from pyogrio.raw import write
+
+from planner.works.metres import driven
+from planner.works.reading import read_runs
+from planner.works.summary import summary
+from tests.fields.farm_files import agopengps
+from tests.works.conftest import TRACKS, WIDTH_M, WORK_MPS, drive, lonlat
+from vehicle.measured.errors import LogError
+
+START = datetime(2017, 11, 29, 16, 21, 32)
+
+
+def write_points(folder: Path, encoding: str = "UTF-8", most: int = 1_000, **columns: np.ndarray) -> Path:
+    """A Shapefile as the Operations Center exports it: the drive without its turns, as machines log it."""
+    time_s, xy, works = drive()
+    rows = np.flatnonzero(works)[:most]
+    stamps = [f"{START + timedelta(seconds=float(t)):%Y-%m-%dT%H:%M:%S}.193Z" for t in time_s[rows]]
+    table: dict[str, np.ndarray] = {
+        "Heading": np.zeros(len(rows)),
+        "SWATHWIDTH": np.full(len(rows), WIDTH_M / 0.3048),
+        "AppliedRat": np.where(xy[rows, 1] < 90.0, 10.0, 0.0),
+        "IsoTime": np.array(stamps, dtype=object),
+        **columns,
+    }
+    points = shapely.to_wkb(shapely.points(lonlat(xy[rows])))
+    write(
+        str(folder / "points.shp"), points, list(table.values()), list(table), geometry_type="Point", crs="EPSG:4326",
+        driver="ESRI Shapefile", encoding=encoding,
+    )  # fmt: skip
+    return folder / "points.shp"
+
+
+def test_points_of_a_shapefile(tmp_path: Path) -> None:
+    (run,) = read_runs(str(write_points(tmp_path))).runs
+    time_s, xy, works = drive()
+    rows = np.flatnonzero(works)
+    assert run.start == "2017-11-29T16:21:32" and run.width_m == pytest.approx(WIDTH_M)
+    np.testing.assert_allclose(run.time_s, time_s[rows])
+    np.testing.assert_allclose(run.lonlat, lonlat(xy[rows]), atol=1e-9)
+    assert run.works is not None
+    np.testing.assert_array_equal(run.works, xy[rows, 1] < 90.0)
+    assert any("appliedrat" in note for note in run.notes)
+    assert driven(run).speed_logged is False
+
+
+def test_a_shapefile_without_time_or_without_points_is_told(tmp_path: Path) -> None:
+    write(
+        str(tmp_path / "a.shp"), shapely.to_wkb(shapely.points([[15.0, 48.0]])), [np.array([1.0])], ["Rate"],
+        geometry_type="Point", crs="EPSG:4326", driver="ESRI Shapefile",
+    )  # fmt: skip
+    with pytest.raises(LogError, match="no column IsoTime or Time"):
+        read_runs(str(tmp_path / "a.shp"))
+
+
+def test_names_in_another_encoding_are_read_and_told(tmp_path: Path) -> None:
+    _, _, works = drive()
+    names = np.array(["Grüner Weg"] * int(works.sum()), dtype=object)
+    path = write_points(tmp_path, encoding="ISO-8859-1", Product=names)
+    path.with_suffix(".cpg").write_text("UTF-8")
+    (run,) = read_runs(str(path)).runs
+    assert any("Latin-1" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("comma", [False, True])
+def test_a_recorded_path_of_agopengps(tmp_path: Path, comma: bool) -> None:
+    folder = agopengps(tmp_path, comma)
+    _, xy, works = drive()
+    steps = np.concatenate([np.hypot(*np.diff(xy, axis=0).T), [0.0]])
+    lines = ["$RecPath", str(len(xy))]
+    for (east, north), speed, at_work in zip(xy, 3.6 * steps, works, strict=True):
+        cells = ",".join(f"{value:.3f}".replace(".", "," if comma else ".") for value in (east, north, 0.5, speed))
+        lines.append(f"{cells},{at_work}")
+    (folder / "RecPath.txt").write_text("\n".join([*lines, "half a line"]))
+    (run,) = read_runs(str(folder)).runs
+    assert (run.field, run.form) == ("Back forty", "AgOpenGPS") and len(run.outline) == 3
+    assert any("no clock" in note for note in run.notes) and any("1 line" in note for note in run.notes)
+    what = summary(driven(run))
+    # One row a second was written; while the machine stands a path tells no time.
+    assert what.working_mps == pytest.approx(WORK_MPS, abs=0.01)
+    assert (what.lifts, what.u_turns) == (TRACKS, TRACKS - 1)
+
+
+def csv_lines(mark: str = ",", comma: str = ".") -> str:
+    time_s, xy, works = drive()
+    lines = [mark.join(["Zeitpunkt", "Lon", "Lat", "Tempo", "Arbeit"])]
+    for t, (lon, lat), at_work in zip(time_s, lonlat(xy), works, strict=True):
+        stamp = f"{START + timedelta(seconds=float(t)):%Y-%m-%d %H:%M:%S}"
+        cells = [f"{value:.9f}".replace(".", comma) for value in (lon, lat, 7.2)]
+        lines.append(mark.join([stamp, *cells, "yes" if at_work else "no"]))
+    return "\n".join(lines)
+
+
+MAPPING = (
+    '[columns]\ntime = "Zeitpunkt"\nlongitude = "Lon"\nlatitude = "Lat"\nspeed_kmh = "Tempo"\nworks = "Arbeit"\n'
+    '[values]\nwidth_m = 6.0\nfield = "Lange Wiese"\n'
+)
+
+
+@pytest.mark.parametrize(("mark", "comma"), [(",", "."), (";", ",")])
+def test_a_csv_file_with_a_mapping(tmp_path: Path, mark: str, comma: str) -> None:
+    (tmp_path / "log.csv").write_text(csv_lines(mark, comma))
+    (tmp_path / "map.toml").write_text(MAPPING)
+    (run,) = read_runs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml")).runs
+    time_s, xy, works = drive()
+    np.testing.assert_array_equal(run.time_s, time_s)
+    np.testing.assert_allclose(run.lonlat, lonlat(xy), atol=1e-8)
+    assert run.works is not None and run.speed_mps is not None
+    np.testing.assert_array_equal(run.works, works)
+    np.testing.assert_allclose(run.speed_mps, 2.0)
+    assert (run.field, run.width_m, run.start) == ("Lange Wiese", 6.0, "2017-11-29T16:21:32")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("time = ", "tine = "), "'tine' in [columns] (did you mean 'time'?)"),
+        (('"Lon"', '"Lom"'), "no column 'Lom' (did you mean 'Lon'?)"),
+        (('latitude = "Lat"\n', ""), "which column holds latitude"),
+        (("width_m = 6.0", "width_m = 600.0"), "use 0.1 to 100 m"),
+        (("[columns]", "[colums]"), "no table [columns]"),
+        (("[values]", "[values"), "is not TOML"),
+    ],
+)
+def test_a_mapping_that_is_wrong_says_where(tmp_path: Path, change: tuple[str, str], words: str) -> None:
+    (tmp_path / "log.csv").write_text(csv_lines())
+    (tmp_path / "map.toml").write_text(MAPPING.replace(*change))
+    with pytest.raises(LogError) as refusal:
+        read_runs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml"))
+    assert words in str(refusal.value)
+
+
+def test_what_is_no_log_is_told(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(csv_lines())
+    with pytest.raises(LogError, match="no column known as time"):
+        read_runs(str(tmp_path / "log.csv"))
+    with pytest.raises(LogError, match="There is no file or folder"):
+        read_runs(str(tmp_path / "nothing"))
+    with pytest.raises(LogError, match="holds no log of driven work"):
+        read_runs(str(tmp_path))
+    with pytest.raises(LogError, match="no recorded path"):
+        read_runs(str(agopengps(tmp_path)))
