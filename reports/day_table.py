@@ -35,7 +35,7 @@ def legend(result: DayResult) -> str:
         "field may be worked. Lost is what ground that is not done by then costs in the mean."
     )
     carried = any(job.refills is not None for job in result.jobs)
-    tanks = " Tanks are made good before each field and as often as its plan says; both count in the times."
+    tanks = " Tanks are made good between fields, and on a field as often as its plan says; both count in the times."
     return words + tanks * carried
 
 
