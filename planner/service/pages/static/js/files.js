@@ -4,7 +4,7 @@ import { items, upload, get, part } from "./api.js";
 
 /** A select of the files of a kind with an upload beside it; `changed(name)` after every choice. */
 export async function filePicker(kind, title, { accept = "", changed = () => {}, none = null, first = null, hint = "" } = {}) {
-  const select = el("select", { name: kind, onchange: () => changed(select.value) }), trouble = el("div", { class: "stack" });
+  const select = el("select", { name: kind, onchange: () => { put(trouble); changed(select.value); } }), trouble = el("div", { class: "stack" });
   const file = el("input", { type: "file", accept, "aria-label": `Add a file: ${title}` });
   let all = [];
   const list = async (wanted = select.value || first) => {
@@ -13,10 +13,11 @@ export async function filePicker(kind, title, { accept = "", changed = () => {},
     changed(select.value);
   };
   const add = async (one, said = {}) => {
-    put(trouble);
+    put(trouble, el("p", { class: "small soft", role: "status" }, `Adding ${one.name}\u2026`));
     try {
       const made = await upload(kind, one, said);
       await list(made.name);
+      put(trouble);
     } catch (error) {
       put(trouble, sorry(error), (HOW.has(error.parameter) || said.crs) && howToRead(said, (more) => add(one, more)));
     }

@@ -31,6 +31,7 @@ export async function open(main, shell) {
   preview.refused = (error) => { if (["local", "swap", "crs"].includes(error.parameter)) reading.open = true; };
   const parcel = el("select", { name: "parcel", onchange: look }), along = el("select", { name: "along" });
   const ofSeveral = labelled("Which of its fields", parcel), byLine = labelled("Lay the tracks", along);
+  ofSeveral.hidden = byLine.hidden = true;
   preview.told = ({ fields = [], field: shape }) => {
     ofSeveral.hidden = fields.length < 2;
     if (fields.length > 1 && parcel.options.length < 2) put(parcel, option("", "choose one"), fields.map((one) => option(keyOf(one, fields), `${one.key} (${number(one.area_ha, 2, "ha")})`)));
@@ -42,6 +43,8 @@ export async function open(main, shell) {
     const said = field.options();
     [local.checked, swap.checked, crs.value] = [Boolean(said.local), Boolean(said.swap), said.crs ?? ""];
     put(parcel);
+    put(along);
+    ofSeveral.hidden = byLine.hidden = true;
     look();
   };
   let field = null;
