@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -184,3 +185,24 @@ def test_one_that_was_stopped_after_the_last_that_is_known_is_not_set_in_motion_
     assert ("resume" in kinds) == goes_on and again.alarms.on("stood", 0) == (not goes_on)
     again.resume("anna", 0, 110.0)
     assert not again.states[0].standing_ordered and not again.alarms.on("stood", 0)
+
+
+def ended_the_first_time(mark: str) -> int:
+    """What a process does that is killed once."""
+    if not Path(mark).exists():
+        Path(mark).touch()
+        os._exit(9)
+    return 7
+
+
+def test_a_process_that_is_killed_at_its_work_is_replaced(tmp_path: Path) -> None:
+    store = Store(Settings(data=tmp_path))
+
+    async def worked() -> int:
+        hub = Hub(store)
+        done: int = await hub.work(ended_the_first_time, str(tmp_path / "mark"))
+        await hub.stop()
+        return done
+
+    assert asyncio.run(worked()) == 7
+    store.close()

@@ -10,10 +10,11 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Awaitable, Callable, Mapping
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from planner.errors import HeadlandError
+from planner.errors import HeadlandError, WorkerError
 from planner.parameters import word_of
 from planner.pool import LocalPool
 from planner.service.centre.chances import Chances
@@ -34,6 +35,7 @@ STEP_S, KEEP_S, LOOK_S, TOKENS_S = 0.05, 1.0, 1.0, 1.0
 REVOKED = "The token of this link was revoked; link again with another one."
 DELETED = "This fleet was deleted."
 MOST_FLEETS = 20
+TRIES = 2
 X, Y, WORKS = 2, 3, 10  # columns of kept rows
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with the ending of its file."""
@@ -86,10 +88,19 @@ class Hub:
             await asyncio.to_thread(self._pool.shutdown, wait=True, cancel_futures=True)
 
     async def work(self, fn: Callable[..., Any], *arguments: Any) -> Any:
-        """Do something in a process of its own, so that nobody's frames wait for it."""
-        if self._pool is None:
-            self._pool = LocalPool(1)
-        return await asyncio.wrap_future(self._pool.submit(fn, *arguments))
+        """Do something in a process of its own, so that nobody's frames wait for it.
+
+        Where that process is killed another one does it again. Raises WorkerError when that is killed too.
+        """
+        for _ in range(TRIES):
+            pool = self._pool = self._pool or LocalPool(1)
+            try:
+                return await asyncio.wrap_future(pool.submit(fn, *arguments))
+            except BrokenProcessPool:
+                self._pool = None if self._pool is pool else self._pool
+                pool.shutdown(wait=False)
+        raise WorkerError("The process that was to work this out was ended from outside; see what is short on this "
+                          "machine, memory most likely, and ask again.")  # fmt: skip
 
     def fleet(self, id: str) -> LiveFleet:
         """A fleet that runs; raises MissingError."""
