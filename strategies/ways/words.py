@@ -208,8 +208,8 @@ def awkward_s(word, radius, full_arc, short_s, curved_s) -> float:  # type: igno
 
 
 @compiled
-def _straight_crosses(x, y, u, v, edges) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the straight from (x, y) to (u, v) meets an edge; `edges` (n, 4) are x, y of both ends."""
+def _straight_meets(x, y, u, v, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that the straight from (x, y) to (u, v) meets, -1 for none; `edges` (n, 4) are x, y of both ends."""
     west, east, south, north = min(x, u), max(x, u), min(y, v), max(y, v)
     for k in range(len(edges)):
         p, q, r, s = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
@@ -220,13 +220,13 @@ def _straight_crosses(x, y, u, v, edges) -> bool:  # type: ignore[no-untyped-def
         three = (r - p) * (y - q) - (s - q) * (x - p)
         four = (r - p) * (v - q) - (s - q) * (u - p)
         if one * two <= 0.0 and three * four <= 0.0:
-            return True
-    return False
+            return k
+    return -1
 
 
 @compiled
-def _arc_crosses(x, y, heading, length, curvature, gear, edges) -> bool:  # type: ignore[no-untyped-def]
-    """Whether an arc meets an edge."""
+def _arc_meets(x, y, heading, length, curvature, gear, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that an arc meets, -1 for none."""
     radius = abs(1.0 / curvature)
     hand = 1.0 if curvature > 0.0 else -1.0
     cx, cy = x - hand * radius * math.sin(heading), y + hand * radius * math.cos(heading)
@@ -250,8 +250,8 @@ def _arc_crosses(x, y, heading, length, curvature, gear, edges) -> bool:  # type
             if 0.0 <= t <= 1.0:
                 angle = way * (math.atan2(q + t * dy, p + t * dx) - begin) % TAU
                 if angle <= sweep or angle >= TAU - 1e-12:
-                    return True
-    return False
+                    return k
+    return -1
 
 
 @compiled
@@ -293,8 +293,8 @@ def inside(x, y, edges) -> bool:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a word driven from pose a, which lies in the region, never meets its boundary."""
+def edge_met(a, word, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that a word driven from pose a meets, -1 for none."""
     x, y, heading = a[0], a[1], a[2]
     for piece in range(len(word)):
         length, curvature, gear = word[piece, 0], word[piece, 1], word[piece, 2]
@@ -302,12 +302,19 @@ def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
             continue
         u, v, after = advanced(x, y, heading, length, curvature, gear)
         if curvature == 0.0:
-            if _straight_crosses(x, y, u, v, edges):
-                return False
-        elif _arc_crosses(x, y, heading, length, curvature, gear, edges):
-            return False
+            met = _straight_meets(x, y, u, v, edges)
+        else:
+            met = _arc_meets(x, y, heading, length, curvature, gear, edges)
+        if met >= 0:
+            return met  # type: ignore[no-any-return]
         x, y, heading = u, v, after
-    return True
+    return -1
+
+
+@compiled
+def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a word driven from pose a, which lies in the region, never meets its boundary."""
+    return edge_met(a, word, edges) < 0
 
 
 @compiled
