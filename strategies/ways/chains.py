@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.ways.search import fitting_in_room, room_m
-from strategies.ways.words import MOST_PIECES, driven_s
+from strategies.ways.words import MOST_PIECES, TAU, driven_s
 from vehicle.jit import compiled
 
 Floats = npt.NDArray[np.float64]
@@ -23,22 +23,47 @@ Ints = npt.NDArray[np.int64]
 
 MOST_LINKS = 2500
 UNKNOWN, NOWHERE = -1.0, -2
+FAR = 6.0  # radii; three arcs lead no farther
+ROUNDING = 1e-5  # radians
 
 
 @compiled
-def link_s(poses, p, q, rooms, radius, speeds, edges, row) -> float:  # type: ignore[no-untyped-def]
+def link_s(poses, p, q, rooms, barrier, radius, speeds, edges, row) -> float:  # type: ignore[no-untyped-def]
     """Seconds of the shortest fitting of the three shortest forward words from pose p, inside, to pose q.
 
     Infinite for none. Most words fail in one of their arcs at the ends, which is told from `rooms` (n, 4): how far arcs
-    lead from every pose, to the left and to the right, ahead and back; UNKNOWN until it is asked for.
+    lead from every pose, to the left and to the right, ahead and back; UNKNOWN until it is asked for. `barrier` is as
+    of search.fitting_in_room.
     """
     if rooms[p, 0] == UNKNOWN:
         room_m(poses[p], 1.0, radius, edges, rooms[p, :2])
     if rooms[q, 2] == UNKNOWN:
         room_m(poses[q], -1.0, radius, edges, rooms[q, 2:])
-    if fitting_in_room(poses[p], poses[q], rooms[p, :2], rooms[q, 2:], radius, edges, 3, row) < 0:
+    if _points_away(poses[p], poses[q], rooms[p, :2], rooms[q, 2:], radius):
+        return np.inf
+    if fitting_in_room(poses[p], poses[q], rooms[p, :2], rooms[q, 2:], barrier, radius, edges, 3, row) < 0:
         return np.inf
     return driven_s(row, speeds)
+
+
+@compiled
+def _points_away(a, b, ahead, behind, radius) -> bool:  # type: ignore[no-untyped-def]
+    """Whether no word can lead from a to b, as their arcs would have to turn farther than they have room.
+
+    Poses as far apart as this are joined by arc, straight, arc, whose straight points at b as seen from a, but for what
+    the arcs lead aside.
+    """
+    x, y = b[0] - a[0], b[1] - a[1]
+    apart = math.hypot(x, y)
+    if apart <= FAR * radius:
+        return False
+    aside = min(2.0 * radius, max(ahead[0], ahead[1])) + min(2.0 * radius, max(behind[0], behind[1]))
+    way, most = math.atan2(y, x), math.asin(min(1.0, aside / apart)) + ROUNDING
+    left, right = (way - a[2]) % TAU, (a[2] - way) % TAU
+    if left > ahead[0] / radius + most and right > ahead[1] / radius + most:
+        return True
+    left, right = (b[2] - way) % TAU, (way - b[2]) % TAU
+    return left > behind[0] / radius + most and right > behind[1] / radius + most  # type: ignore[no-any-return]
 
 
 @compiled
@@ -65,6 +90,7 @@ def quickest_chain(  # type: ignore[no-untyped-def]
     from the first of these; `rooms` is as of `link_s`. It gives up after MOST_LINKS links.
     """
     count, speed, row = len(poses), speeds[0], np.zeros((MOST_PIECES, 3))
+    barrier = np.full((1, 4), np.inf)
     starts, first_goal = len(before_s), count - len(after_s)
     left = _left(poses, first_goal, after_s, speed)
     came = np.full(count + 1, NOWHERE)
@@ -81,7 +107,7 @@ def quickest_chain(  # type: ignore[no-untyped-def]
             tried += 1
             links, at = (graph[2], place) if place >= 0 else (kept[2], -1 - place)
             if links[at] == UNKNOWN:
-                links[at] = link_s(poses, parent, node, rooms, radius, speeds, edges, row)
+                links[at] = link_s(poses, parent, node, rooms, barrier, radius, speeds, edges, row)
             if links[at] < np.inf:
                 cost += links[at]
                 heapq.heappush(heap, (cost + left[node], node, parent, cost, True, place))

@@ -29,6 +29,7 @@ from strategies.ways.paths import (
     require_radius,
     straight,
 )
+from strategies.ways.reach import Moves, rings_lead
 from strategies.ways.routes import Corners, corner_poses, ring_poses
 from strategies.ways.search import RULES, best_costs, best_word, cost_s, shortest_forward, shortest_m
 from strategies.ways.turns import TURN_KINDS
@@ -114,7 +115,7 @@ class Connector:
         self._parts = shapely.get_parts(self._guard)
         shapely.prepare(self._parts)
         self._links: dict[tuple[Pose, Pose], Path | None] = {}
-        self._moves: dict[tuple[Pose, int, bool], list[Path]] = {}
+        self._moves: dict[tuple[Pose, int, bool], Moves] = {}
         self._edges = _boundary(self._guard)
         self._rules = self._make_rules()
         self._row = np.zeros((MOST_PIECES, 3))
@@ -191,15 +192,26 @@ class Connector:
         bends = list(self._bends(a, b))
         ends = [self._ends(a, b, effort) for effort in ((0, 1) if self.reversing else (0,))]
         for starts, goals in ends:
-            way = self._by_corners(bends, starts, goals)
+            way = self._by_corners(bends, starts.ways, goals.ways)
             if way is not None:
                 return way
         if self.reversing:
             ends.append(self._ends(a, b, 2))
-            way = self._by_corners(bends, *ends[-1])
-        return way or next((path for pair in ends if (path := self._by_rings(*pair))), None)
+            way = self._by_corners(bends, ends[-1][0].ways, ends[-1][1].ways)
+        return way or self._beside_corners(ends, sight=[] in bends)
 
-    def _ends(self, a: Pose, b: Pose, effort: int) -> tuple[list[Path], list[Path]]:
+    def _beside_corners(self, ends: list[tuple[Moves, Moves]], sight: bool) -> Path | None:
+        """The first route by rings for ends of ever more effort, the last of which hold all that those before hold.
+
+        Where rings lead nowhere only a word from end to end is left, and that was tried where one end sees the other.
+        """
+        if self._rings_lead(*ends[-1]):
+            return next((path for pair in ends if (path := self._by_rings(*pair))), None)
+        if sight or self._by_layers(ends[-1][0].ways, [], ends[-1][1].ways, math.inf) is None:
+            return None
+        return next((way for one, two in ends if (way := self._by_layers(one.ways, [], two.ways, math.inf))), None)
+
+    def _ends(self, a: Pose, b: Pose, effort: int) -> tuple[Moves, Moves]:
         """What may be driven before the first word of a route and after its last, remembered for the next route."""
         found = []
         for pose, moves, before in ((a, self._starts, True), (b, self._goals, False)):
@@ -207,7 +219,7 @@ class Connector:
             if key not in self._moves:
                 if len(self._moves) >= _MOST_MOVES:
                     self._moves.clear()
-                self._moves[key] = moves(pose, effort)
+                self._moves[key] = Moves(moves(pose, effort))
             found.append(self._moves[key])
         return found[0], found[1]
 
@@ -251,29 +263,51 @@ class Connector:
         self, starts: list[Path], layers: list[list[Pose]], goals: list[Path], limit_s: float
     ) -> Path | None:
         """Quickest chain from a start through one pose of each layer to a goal, if quicker than limit_s."""
-        poses = [s.end for s in starts] + [pose for layer in layers for pose in layer] + [g.start for g in goals]
+        between = [pose for layer in layers for pose in layer]
+        poses = np.array([s.end for s in starts] + between + [g.start for g in goals]).reshape(-1, 3)
         sizes = np.array([len(starts), *(len(layer) for layer in layers), len(goals)])
         none = np.zeros(len(poses) + 1, np.int64), np.empty(0, np.int64), np.empty(0)
         rooms = np.full((len(poses), 4), UNKNOWN)
         return self._chain(poses, rooms, starts, goals, layered(sizes), none, limit_s)
 
-    def _by_rings(self, starts: list[Path], goals: list[Path]) -> Path | None:
+    def _by_rings(self, begin: Moves, end: Moves) -> Path | None:
         """Quickest chain from a start along ring poses to a goal, then made shorter where links can be left out."""
+        starts, goals = begin.ways, end.ways
         if not starts or not goals:
             return None
         ring, kept, known = self._ring
-        poses = [s.end for s in starts] + ring + [g.start for g in goals]
+        poses, rooms = self._with_rings(starts, goals)
         first_goal = len(starts) + len(ring)
-        graph = round_rings(np.array(poses), len(starts), first_goal, _RING_REACH * self.radius_m, self.radius_m)
-        rooms = np.full((len(poses), 4), UNKNOWN)
-        rooms[len(starts) : first_goal] = known
+        graph = round_rings(poses, len(starts), first_goal, _RING_REACH * self.radius_m, self.radius_m)
         found = self._chain(poses, rooms, starts, goals, graph, kept)
         known[:] = rooms[len(starts) : first_goal]
         return found
 
+    def _rings_lead(self, begin: Moves, end: Moves) -> bool:
+        """Whether there is any chain along ring poses."""
+        ring, kept, known = self._ring
+        if not begin.ways or not end.ways or not ring:
+            return False
+        poses, rooms = self._with_rings(begin.ways, end.ways)
+        first, first_goal = len(begin.ways), len(begin.ways) + len(ring)
+        led = rings_lead(
+            poses, rooms, first, first_goal, kept, begin.asked(len(ring)), end.asked(len(ring)),
+            _RING_REACH * self.radius_m, self.radius_m, self.radius_m, self.costs.speeds, self._edges,
+        )  # fmt: skip
+        known[:] = rooms[first:first_goal]
+        return bool(led)
+
+    def _with_rings(self, starts: list[Path], goals: list[Path]) -> tuple[Floats, Floats]:
+        """The poses of starts, rings and goals, and what is known of their room."""
+        ring, _, known = self._ring
+        poses = np.array([s.end for s in starts] + ring + [g.start for g in goals])
+        rooms = np.full((len(poses), 4), UNKNOWN)
+        rooms[len(starts) : len(starts) + len(ring)] = known
+        return poses, rooms
+
     def _chain(
         self,
-        poses: list[Pose],
+        poses: Floats,
         rooms: Floats,
         starts: list[Path],
         goals: list[Path],
@@ -287,12 +321,12 @@ class Connector:
         before, after = (np.array([self.costs.time_s(move) for move in moves]) for moves in (starts, goals))
         links = np.full(len(graph[1]), UNKNOWN)
         chain = quickest_chain(
-            np.array(poses), rooms, before, after, (*graph, links), kept, self.radius_m, self.costs.speeds,
+            poses, rooms, before, after, (*graph, links), kept, self.radius_m, self.costs.speeds,
             self._edges, limit_s,
         ).tolist()  # fmt: skip
         if not chain:
             return None
-        parts = self._shortcut([poses[i] for i in chain])
+        parts = self._shortcut([_pose(poses[i]) for i in chain])
         return join((starts[chain[0]], *parts, goals[chain[-1] - len(poses) + len(goals)]), "route")
 
     def _shortcut(self, poses: list[Pose]) -> list[Path]:
@@ -337,6 +371,11 @@ class Connector:
         poses = ring_poses(self.free, self.radius_m)
         near = all_close_by(np.array(poses).reshape(-1, 3), _RING_REACH * self.radius_m, self.radius_m)
         return poses, (*near, np.full(len(near[1]), UNKNOWN)), np.full((len(poses), 4), UNKNOWN)
+
+
+def _pose(row: Floats) -> Pose:
+    x, y, heading = row.tolist()
+    return x, y, heading
 
 
 def _boundary(region: BaseGeometry) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from strategies.ways.words import (
     backing_words,
     cusped_words,
     driven_s,
+    edge_met,
     forward_words,
     inside,
     remainder,
@@ -242,14 +243,15 @@ def shortest_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no
 @compiled
 def fitting_forward(a, b, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
     """As `shortest_forward` from a pose that is known to lie inside."""
-    return fitting_in_room(a, b, NO_END, NO_END, radius, edges, most, best)
+    return fitting_in_room(a, b, NO_END, NO_END, np.full((1, 4), np.inf), radius, edges, most, best)
 
 
 @compiled
-def fitting_in_room(a, b, ahead, behind, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
+def fitting_in_room(a, b, ahead, behind, barrier, radius, edges, most, best) -> int:  # type: ignore[no-untyped-def]
     """As `fitting_forward` where it is known how far arcs to the left and to the right lead before they meet an edge.
 
-    `ahead` (2,) is that from a, `behind` (2,) that driven back from b (m).
+    `ahead` (2,) is that from a, `behind` (2,) that driven back from b (m). `barrier` (1, 4) is the edge met last, which
+    is in the way of most words between poses near the last ones too, and so is asked first; infinite at the beginning.
     """
     out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
     count = min(forward_words(a, b, radius, out, kinds, 0), most)
@@ -257,11 +259,15 @@ def fitting_in_room(a, b, ahead, behind, radius, edges, most, best) -> int:  # t
     for k in range(count):
         if _leaves(out[k, 0], ahead) or _leaves(out[k, 2], behind):
             continue
+        if not word_fits(a, out[k], barrier):
+            continue
         if not len(near):
             near = edges_near(a, b, math.hypot(b[0] - a[0], b[1] - a[1]) + REACH * radius, edges)
-        if word_fits(a, out[k], near):
+        met = edge_met(a, out[k], near)
+        if met < 0:
             best[:] = out[k]
             return kinds[k]  # type: ignore[no-any-return]
+        barrier[0] = near[met]
     return -1
 
 

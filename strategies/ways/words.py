@@ -208,8 +208,8 @@ def awkward_s(word, radius, full_arc, short_s, curved_s) -> float:  # type: igno
 
 
 @compiled
-def _straight_crosses(x, y, u, v, edges) -> bool:  # type: ignore[no-untyped-def]
-    """Whether the straight from (x, y) to (u, v) meets an edge; `edges` (n, 4) are x, y of both ends."""
+def _straight_meets(x, y, u, v, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that the straight from (x, y) to (u, v) meets, -1 for none; `edges` (n, 4) are x, y of both ends."""
     west, east, south, north = min(x, u), max(x, u), min(y, v), max(y, v)
     for k in range(len(edges)):
         p, q, r, s = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
@@ -220,64 +220,62 @@ def _straight_crosses(x, y, u, v, edges) -> bool:  # type: ignore[no-untyped-def
         three = (r - p) * (y - q) - (s - q) * (x - p)
         four = (r - p) * (v - q) - (s - q) * (u - p)
         if one * two <= 0.0 and three * four <= 0.0:
-            return True
-    return False
+            return k
+    return -1
 
 
 @compiled
-def _arc_crosses(x, y, heading, length, curvature, gear, edges) -> bool:  # type: ignore[no-untyped-def]
-    """Whether an arc meets an edge."""
-    radius = abs(1.0 / curvature)
-    hand = 1.0 if curvature > 0.0 else -1.0
+def _angle_to(p, q, r, s, radius, begin, way) -> float:  # type: ignore[no-untyped-def]
+    """Angle (rad) through which a point goes round a centre before it meets an edge; infinite for never.
+
+    The edge leads from (p, q) to (r, s), counted from the centre. The point starts at the angle `begin` and goes round
+    in the sense `way`, 1 anticlockwise. Edges clear of the circle's box are left out by the caller, which costs less.
+    """
+    dx, dy = r - p, s - q
+    a = dx * dx + dy * dy
+    b = p * dx + q * dy
+    root = b * b - a * (p * p + q * q - radius * radius)
+    if a == 0.0 or root < 0.0:
+        return np.inf
+    root, least = math.sqrt(root), np.inf
+    for t in ((-b - root) / a, (-b + root) / a):
+        if 0.0 <= t <= 1.0:
+            angle = way * (math.atan2(q + t * dy, p + t * dx) - begin) % TAU
+            least = min(least, 0.0 if angle >= TAU - 1e-12 else angle)
+    return least
+
+
+@compiled
+def _circle(x, y, heading, curvature, gear):  # type: ignore[no-untyped-def]
+    """What `_angle_to` is told of an arc: centre, radius, the angle it begins at and the sense it goes round in."""
+    radius, hand = abs(1.0 / curvature), (1.0 if curvature > 0.0 else -1.0)
     cx, cy = x - hand * radius * math.sin(heading), y + hand * radius * math.cos(heading)
-    sweep = length / radius
-    begin = math.atan2(y - cy, x - cx)
-    way = hand * gear  # the sense in which the point goes round the centre
+    return cx, cy, radius, math.atan2(y - cy, x - cx), hand * gear
+
+
+@compiled
+def _arc_meets(x, y, heading, length, curvature, gear, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that an arc meets, -1 for none."""
+    cx, cy, radius, begin, way = _circle(x, y, heading, curvature, gear)
     for k in range(len(edges)):
         p, q, r, s = edges[k, 0] - cx, edges[k, 1] - cy, edges[k, 2] - cx, edges[k, 3] - cy
         if min(p, r) > radius or max(p, r) < -radius or min(q, s) > radius or max(q, s) < -radius:
             continue
-        dx, dy = r - p, s - q
-        a = dx * dx + dy * dy
-        if a == 0.0:
-            continue
-        b = p * dx + q * dy
-        root = b * b - a * (p * p + q * q - radius * radius)
-        if root < 0.0:
-            continue
-        root = math.sqrt(root)
-        for t in ((-b - root) / a, (-b + root) / a):
-            if 0.0 <= t <= 1.0:
-                angle = way * (math.atan2(q + t * dy, p + t * dx) - begin) % TAU
-                if angle <= sweep or angle >= TAU - 1e-12:
-                    return True
-    return False
+        if _angle_to(p, q, r, s, radius, begin, way) <= length / radius:
+            return k
+    return -1
 
 
 @compiled
 def arc_room_m(x, y, heading, curvature, gear, edges) -> float:  # type: ignore[no-untyped-def]
     """How far an arc leads before it meets an edge (m); infinite where a full circle meets none."""
-    radius = abs(1.0 / curvature)
-    hand = 1.0 if curvature > 0.0 else -1.0
-    cx, cy = x - hand * radius * math.sin(heading), y + hand * radius * math.cos(heading)
-    begin, way, least = math.atan2(y - cy, x - cx), hand * gear, np.inf
+    cx, cy, radius, begin, way = _circle(x, y, heading, curvature, gear)
+    least = np.inf
     for k in range(len(edges)):
         p, q, r, s = edges[k, 0] - cx, edges[k, 1] - cy, edges[k, 2] - cx, edges[k, 3] - cy
         if min(p, r) > radius or max(p, r) < -radius or min(q, s) > radius or max(q, s) < -radius:
             continue
-        dx, dy = r - p, s - q
-        a = dx * dx + dy * dy
-        if a == 0.0:
-            continue
-        b = p * dx + q * dy
-        root = b * b - a * (p * p + q * q - radius * radius)
-        if root < 0.0:
-            continue
-        root = math.sqrt(root)
-        for t in ((-b - root) / a, (-b + root) / a):
-            if 0.0 <= t <= 1.0:
-                angle = way * (math.atan2(q + t * dy, p + t * dx) - begin) % TAU
-                least = min(least, 0.0 if angle >= TAU - 1e-12 else angle)
+        least = min(least, _angle_to(p, q, r, s, radius, begin, way))
     return least * radius  # type: ignore[no-any-return]
 
 
@@ -293,8 +291,8 @@ def inside(x, y, edges) -> bool:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a word driven from pose a, which lies in the region, never meets its boundary."""
+def edge_met(a, word, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that a word driven from pose a meets, -1 for none."""
     x, y, heading = a[0], a[1], a[2]
     for piece in range(len(word)):
         length, curvature, gear = word[piece, 0], word[piece, 1], word[piece, 2]
@@ -302,12 +300,19 @@ def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
             continue
         u, v, after = advanced(x, y, heading, length, curvature, gear)
         if curvature == 0.0:
-            if _straight_crosses(x, y, u, v, edges):
-                return False
-        elif _arc_crosses(x, y, heading, length, curvature, gear, edges):
-            return False
+            met = _straight_meets(x, y, u, v, edges)
+        else:
+            met = _arc_meets(x, y, heading, length, curvature, gear, edges)
+        if met >= 0:
+            return met
         x, y, heading = u, v, after
-    return True
+    return -1
+
+
+@compiled
+def word_fits(a, word, edges) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a word driven from pose a, which lies in the region, never meets its boundary."""
+    return edge_met(a, word, edges) < 0
 
 
 @compiled

@@ -8,16 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from shapely import LineString, Point, Polygon, box
+from shapely import LineString, MultiPoint, Point, Polygon, box
 
-from strategies.ways.chains import UNKNOWN, layered, quickest_chain
+from strategies.ways.chains import UNKNOWN, layered, link_s, quickest_chain
 from strategies.ways.connect import Connector, TurnCosts, _boundary
 from strategies.ways.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
+from strategies.ways.reach import APART, UNASKED, rings_lead
 from strategies.ways.routes import Corners, corner_poses, ring_poses
 from strategies.ways.search import fitting_forward, fitting_in_room, room_m
-from strategies.ways.turns import fishtail, omega_turn, switch_back, u_turn
+from strategies.ways.turns import TURN_KINDS, fishtail, omega_turn, switch_back, u_turn
 
 R = 4.0
 COSTS = TurnCosts(speed_mps=2.0, reverse_speed_mps=1.0, cusp_s=5.0)
@@ -315,8 +316,62 @@ def test_room_tells_only_words_that_do_not_fit(places: list[float], headings: li
     room_m(a, 1.0, R, edges, ahead)
     room_m(b, -1.0, R, edges, behind)
     kind = fitting_forward(a, b, R, edges, 3, plain)
-    assert fitting_in_room(a, b, ahead, behind, R, edges, 3, told) == kind
-    assert plain.tobytes() == told.tobytes()
+    for barrier in (np.full((1, 4), np.inf), edges[3:4].copy()):
+        assert fitting_in_room(a, b, ahead, behind, barrier, R, edges, 3, told) == kind
+        assert plain.tobytes() == told.tobytes()
+
+
+@given(
+    st.lists(st.floats(-40.0, 40.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2)
+)
+def test_a_link_that_fits_is_never_told_to_point_away(places: list[float], headings: list[float]) -> None:
+    """A link has the seconds of its word, or none where no word fits, on a field with a narrow neck."""
+    neck = [(-45, -45), (-3, -45), (-3, -8), (3, -8), (3, -45), (45, -45), (45, 45), (3, 45), (3, 0), (-3, 0), (-3, 45)]
+    field = Polygon([*neck, (-45, 45)])
+    assume(field.buffer(-0.01).contains(MultiPoint([places[:2], places[2:]])))
+    edges, word = _boundary(field), np.zeros((5, 3))
+    poses = np.array([[*places[:2], headings[0]], [*places[2:], headings[1]]])
+    kind, speeds = fitting_forward(poses[0], poses[1], R, edges, 3, word), np.array([2.0, 2.0, 0.0, 0.0])
+    rooms, barrier = np.full((2, 4), UNKNOWN), np.full((1, 4), np.inf)
+    seconds = link_s(poses, 0, 1, rooms, barrier, R, speeds, edges, np.zeros((5, 3)))
+    assert seconds == (word[:, 0].sum() / 2.0 if kind >= 0 else math.inf)
+
+
+def rings(poses: list[Pose], joined: list[tuple[int, int]]) -> bool:
+    """Whether rings lead from the first pose to the last, on an open field, where those between are so joined."""
+    count, no_edges, speeds = len(poses) - 2, np.empty((0, 4)), np.array([2.0, 2.0, 0.0, 0.0])
+    after = [[j for i, j in joined if i == k] for k in range(count)]
+    kept = (
+        np.cumsum([0, *(len(each) for each in after)]), np.array([j for each in after for j in each], np.int64),
+        np.full(len(joined), UNKNOWN),
+    )  # fmt: skip
+    start, goal = (np.full(count, UNASKED, np.int8) for _ in range(2))
+    goal[: count - 1] = APART  # only the last of the rings is joined to the goal
+    rooms = np.full((len(poses), 4), UNKNOWN)
+    return bool(rings_lead(
+        np.array(poses), rooms, 1, len(poses) - 1, kept, start, goal, 6.0, 2.0, 2.0, speeds, no_edges,
+    ))  # fmt: skip
+
+
+def test_rings_lead_where_their_links_do() -> None:
+    row = [(5.0 * k, 0.0, 0.0) for k in range(6)]  # a start, four poses 5 m apart of which it is near the first, a goal
+    assert rings(row, [(0, 1), (1, 2), (2, 3)])
+    assert rings(row, [(0, 2), (2, 3)])
+    assert not rings(row, [(0, 1), (2, 3)])
+    assert not rings(row, [(1, 2), (2, 3), (3, 1)])
+
+
+def test_a_route_that_fails_leaves_the_next_as_it_would_be_alone() -> None:
+    """What is remembered of one search for a route changes no other."""
+    comb = Polygon([(0, 0), (80, 0), (80, 60), (74, 60), (74, 12), (6, 12), (6, 60), (0, 60)])
+    forwards = tuple(kind for kind in TURN_KINDS if kind != "switch-back")
+    far, blind = (77.0, 50.0, UP), (3.0, 50.0, UP)  # forwards there is room to turn below, not in the arms
+    ends = [((3.0, 50.0, DOWN), far), (blind, far), ((3.0, 50.0, DOWN), (3.0, 20.0, UP)), (blind, (77.0, 50.0, DOWN))]
+    together = Connector(comb, R, COSTS, forwards)
+    found = [together.connect(a, b) for a, b in ends * 2]
+    alone = [Connector(comb, R, COSTS, forwards).connect(a, b) for a, b in ends]
+    assert found == alone * 2
+    assert [path is not None for path in alone] == [True, False, True, False]
 
 
 def test_room_of_arcs_before_a_wall() -> None:

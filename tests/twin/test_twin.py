@@ -54,16 +54,6 @@ def test_the_twin_says_that_it_is_wrong_and_how(following: Following) -> None:
     assert effect(doubt.like).label in doubt.words
 
 
-def test_trust_can_be_given_again() -> None:
-    twin = standing()
-    for step in range(1, 60):
-        twin.measured(Fix(step / 10.0, 1.0 + 0.02 * step, 2.0, 0.5 * math.pi, 0.0, step / 10.0))
-        twin.advance(step / 10.0)
-    assert twin.doubt() is not None
-    twin.trust_again()
-    assert twin.doubt() is None
-
-
 @pytest.mark.parametrize("way", WAYS)
 def test_steps_of_any_size_come_to_the_same(way: str) -> None:
     one, other = standing(way), standing(way)

@@ -264,10 +264,6 @@ class Twin:
         """Noise alone would say as much against the twin once in so many seconds (vehicle.twin.doubt)."""
         return self._test.seconds
 
-    def trust_again(self) -> None:
-        """Forget the doubt and its evidence; the corrections are kept."""
-        self._test.restart(self._start_s + self._step * DT_S)
-
     @property
     def rejected(self) -> int:
         """Fixes left out as absurd: more than 8 standard deviations from what was foretold."""

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from vehicle.missions import Mission
-from vehicle.plan_file import saved_from_json
+from vehicle.plan_file import plan_from_json
 from vehicle.tractor import Implement, Tractor
 from vehicle.twin.stepper import REMOTE, Stepper
 
@@ -122,7 +122,7 @@ class Driver:
 
     def _follow(self, plan: dict[str, Any]) -> None:
         """Take the centre's legs, which are those driven so far and new ones."""
-        self.stepper.follow(saved_from_json(json.dumps(plan)).plan.missions[0])
+        self.stepper.follow(plan_from_json(json.dumps(plan)).missions[0])
 
     def dated(self, clock_s: float, now: float) -> None:
         """The clock on the wall shows `clock_s` (since 1970): states are dated by it anew where somebody has set it."""

@@ -1,0 +1,92 @@
+"""Whether rings lead from one end of a route to the other, compiled: asked before the quickest way is looked for.
+
+Most searches along rings fail, in narrow places nearly all, and a search for the quickest way has to try every pose
+before it knows. That some way exists at all is found without regard to time, link by link as far as none is known, and
+which ring poses are joined to an end serves every route from or to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.ways.chains import UNKNOWN, close_by, link_s
+from strategies.ways.paths import Path
+from strategies.ways.words import MOST_PIECES
+from vehicle.jit import compiled
+
+UNASKED, APART, JOINED = -1, 0, 1
+
+
+@dataclass(eq=False)
+class Moves:
+    """What may be driven at one end of a route, and whether each pose of the rings is joined to any of it.
+
+    `joined` (poses,) is empty until rings are asked for, and UNASKED where that was not needed yet.
+    """
+
+    ways: list[Path]
+    joined: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
+
+    def asked(self, poses: int) -> npt.NDArray[np.int8]:
+        """`joined`, for so many poses of rings."""
+        if len(self.joined) != poses:
+            self.joined = np.full(poses, UNASKED, np.int8)
+        return self.joined
+
+
+@compiled
+def rings_lead(  # type: ignore[no-untyped-def]
+    poses, rooms, starts, first_goal, kept, from_start, to_goal, near, behind, radius, speeds, edges
+):  # fmt: skip
+    """Whether ring poses lead from a start to a goal; what is found out is put into `kept` and both kinds of `joined`.
+
+    `poses` (n, 3) are so many `starts`, the ring poses, and goals from `first_goal` on; `rooms` and `kept` are as of
+    chains.quickest_chain, whose links are the same: from starts to ring poses within `near` metres that are not
+    farther back than `behind`, from every ring pose to every goal.
+    """
+    rings, row, barriers = first_goal - starts, np.zeros((MOST_PIECES, 3)), np.full((3, 1, 4), np.inf)
+    seen, stack, high = np.zeros(rings, np.bool_), np.empty(rings, np.int64), 0
+    close = _close(poses, starts, first_goal, near, behind)
+    for first in range(rings):
+        if from_start[first] == UNASKED and not seen[first]:
+            from_start[first] = APART
+            for start in range(starts):
+                if close[start, first] and from_start[first] == APART:
+                    link = link_s(poses, start, starts + first, rooms, barriers[0], radius, speeds, edges, row)
+                    from_start[first] = JOINED if link < np.inf else APART
+        if from_start[first] == JOINED and not seen[first]:
+            seen[first], stack[0], high = True, first, 1
+        while high > 0:
+            high -= 1
+            node = stack[high]
+            if to_goal[node] == UNASKED:
+                to_goal[node] = APART
+                for goal in range(first_goal, len(poses)):
+                    if to_goal[node] == APART:
+                        link = link_s(poses, starts + node, goal, rooms, barriers[1], radius, speeds, edges, row)
+                        to_goal[node] = JOINED if link < np.inf else APART
+            if to_goal[node] == JOINED:
+                return True
+            for k in range(kept[0][node], kept[0][node + 1]):
+                one, to = starts + node, starts + kept[1][k]
+                if not seen[kept[1][k]]:
+                    if kept[2][k] == UNKNOWN:
+                        kept[2][k] = link_s(poses, one, to, rooms, barriers[2], radius, speeds, edges, row)
+                    if kept[2][k] < np.inf:
+                        seen[kept[1][k]], stack[high] = True, kept[1][k]
+                        high += 1
+    return False
+
+
+@compiled
+def _close(poses, starts, first_goal, near, behind):  # type: ignore[no-untyped-def]
+    """Which ring poses are close by each start, (starts, rings)."""
+    close = np.zeros((starts, first_goal - starts), np.bool_)
+    out = np.empty(first_goal - starts, np.int64)
+    for start in range(starts):
+        for place in range(close_by(poses[start], poses[starts:first_goal], near, behind, out)):
+            close[start, out[place]] = True
+    return close
