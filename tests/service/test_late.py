@@ -173,6 +173,7 @@ def test_a_clock_of_the_service_that_is_set_neither_stops_twins_nor_lets_them_ra
     twins: tuple[Twins, Centre], jump_s: float
 ) -> None:
     made, centre = twins
+
     def reported(clock_s: float, sequence: int) -> None:
         at = datetime.fromtimestamp(clock_s, UTC).isoformat()
         made.reported(0, State.model_validate_json(json.dumps(state(sequence, time=at))), clock_s)
