@@ -37,8 +37,13 @@ class Outcome:
 
 
 def pack(site: Site) -> bytes:
-    """A site as every task takes it; each thread unpacks one of its own, so that tasks in threads share nothing."""
-    return pickle.dumps(site)
+    """A site as every task takes it; each thread unpacks one of its own, so that tasks in threads share nothing.
+
+    The thread that packs it goes on with the site itself, and with the ways that were found to lay it out.
+    """
+    packed = pickle.dumps(site)
+    _keep(packed, site)
+    return packed
 
 
 def work_out(packed: bytes, candidate: Candidate, pictures: bool = False, rival: Rival | None = None) -> Outcome:
@@ -59,12 +64,15 @@ def _unpacked(packed: bytes) -> Site:
 
     The thread that works on it keeps it, for as long as it lives or until it is given another one.
     """
-    worker: Any = current_thread()
-    kept: tuple[bytes, Site] | None = getattr(worker, KEPT, None)
+    kept: tuple[bytes, Site] | None = getattr(current_thread(), KEPT, None)
     if kept is None or kept[0] != packed:
-        kept = packed, pickle.loads(packed)
-        setattr(worker, KEPT, kept)
+        return _keep(packed, pickle.loads(packed))
     return kept[1]
+
+
+def _keep(packed: bytes, site: Site) -> Site:
+    setattr(current_thread(), KEPT, (packed, site))
+    return site
 
 
 def outcomes(

@@ -54,7 +54,8 @@ def parse_rain(text: str, start_s: int | None) -> Rain:
     """Rain in one of `FORMS`; `start_s` is the planned start, seconds of the day. Raises ScenarioError.
 
     A clock time that is not after the start is on the next day. A file has one row per member of an ensemble, all
-    as likely: a column `time` (hh:mm, or a date with a time) or `hours` after the start, empty for a dry one.
+    as likely: a column `time` (hh:mm, or a date with a time) or `hours` after the start; `dry`, or an empty cell, for
+    a dry one.
     """
     text = text.strip()
     rate = re.fullmatch(r"([0-9.eE+-]+)\s*/\s*h", text)
@@ -71,6 +72,7 @@ def parse_rain(text: str, start_s: int | None) -> Rain:
 
 def members(text: str, called: str, start_s: int | None) -> Rain:
     """Rain from the text of a CSV file as `parse_rain` describes it; `called` names it in refusals."""
+    _refuse_empty_line(text, called)
     rows = csv.DictReader(io.StringIO(text.removeprefix("\ufeff")))
     names = {(name or "").strip().lower(): name for name in rows.fieldnames or ()}
     column = next((name for name in ("time", "hours") if name in names), None)
@@ -82,7 +84,7 @@ def members(text: str, called: str, start_s: int | None) -> Rain:
     for row in rows:
         value = (row[names[column]] or "").strip()
         at = f"row {rows.line_num} of {called}"
-        if not value:
+        if value.lower() in ("", "dry"):
             dry += 1
         elif column == "hours":
             onsets.append(_number(value, "hours", at) * HOUR_S)
@@ -95,6 +97,17 @@ def members(text: str, called: str, start_s: int | None) -> Rain:
             f"{MOST_MEMBERS} rows, one with a time at least."
         )
     return Rain(tuple(onsets), (1.0 / count,) * len(onsets))
+
+
+def _refuse_empty_line(text: str, called: str) -> None:
+    """An empty line of one column may be a dry member or nothing: csv skips it, so the file has to say."""
+    head, *lines = text.splitlines() or [""]
+    for number, line in enumerate(lines, 2):
+        if "," not in head and not line.strip():
+            raise ScenarioError(
+                f"{named('rain')} file {called} is empty in line {number}; write dry there for a member without rain, "
+                "or take the line out."
+            )
 
 
 def _with_percentages(text: str, start_s: int | None) -> Rain:

@@ -45,6 +45,13 @@ def test_members_of_a_file_are_equally_likely(tmp_path: Path) -> None:
     assert rain.shares == (0.25, 0.25, 0.25)
 
 
+def test_an_empty_line_has_to_say_what_it_is() -> None:
+    """csv skips it, and three members of four that bring rain would be all of them."""
+    with pytest.raises(ScenarioError, match="empty in line 3; write dry there"):
+        members("hours\n1.5\n\n3\n4\n", "x.csv", None)
+    assert members("hours\n1.5\ndry\n3\n4\n", "x.csv", None).shares == (0.25, 0.25, 0.25)
+
+
 def test_hours_need_no_start() -> None:
     assert members("hours\n1.5\n3\n", "x.csv", None).onset_s == (5400.0, 10800.0)
 
@@ -82,7 +89,7 @@ def test_a_time_needs_a_start() -> None:
         ("time\nsoon\n", "write hh:mm"),
         ("hours\n-2\n", "hours '-2' in row 2 of x.csv"),
         ("member,time\n1,17:00\n2,25:10\n", "'25:10' in row 3 of x.csv"),
-        ("time\n17:00\n\n2026-13-01T10:00\n", "'2026-13-01T10:00' in row 4 of x.csv"),
+        ("time\n17:00\ndry\n2026-13-01T10:00\n", "'2026-13-01T10:00' in row 4 of x.csv"),
     ],
 )
 def test_a_file_without_times_is_refused(text: str, words: str) -> None:
