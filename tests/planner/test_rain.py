@@ -84,7 +84,7 @@ def test_a_time_needs_a_start() -> None:
     [
         ("onset\n17:00\n", "no column of times"),
         ("", "no column of times"),
-        ("time\n\n", "0 members"),
+        ("time\n", "0 members"),
         ("time,x\n,1\n,2\n", "2 members, 0 of them with rain"),
         ("time\nsoon\n", "write hh:mm"),
         ("hours\n-2\n", "hours '-2' in row 2 of x.csv"),
