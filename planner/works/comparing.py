@@ -15,7 +15,7 @@ from fields.reading import some
 from planner.errors import HeadlandError, ScenarioError
 from planner.showing import Shown, machines_with, show
 from planner.works.example import antenna
-from planner.works.files import read_run, run_files
+from planner.works.files import read_runs
 from planner.works.ground import ground, tool_lines
 from planner.works.metres import course_deg, speeds
 from planner.works.phases import stretches
@@ -49,7 +49,7 @@ def compare(plan: str | Path, paths: Sequence[str | Path]) -> Comparison:
     Raises MissionError, ScenarioError, VehicleError, LogError: the plan is none, or no run lies in its field.
     """
     shown = show(plan)
-    runs = [read_run(path) for path in run_files(paths)]
+    runs = read_runs(paths)
     crs = shown.saved.crs
     if crs is None:
         raise ScenarioError(
