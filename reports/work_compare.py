@@ -67,7 +67,9 @@ def rows(found: Comparison) -> Iterator[Row]:
         if one or other:
             yield _time(kind, one, other)
     for words, of, decimals in _FIGURES:
-        yield _line(words, of(a.figures), of(b.figures), decimals)
+        one, other = of(a.figures), of(b.figures)
+        if one is not None or other is not None:
+            yield _line(words, one, other, decimals)
     if a.ground is not None and b.ground is not None and found.field_m2:
         for words, one, other in (
             ("worked, ha", a.ground.worked_m2, b.ground.worked_m2),
