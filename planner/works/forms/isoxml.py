@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -60,9 +60,8 @@ def _read(path: str, label: str) -> Found:
     mains = members.named(isoxml.TASKDATA) if whole else [place.name]
     runs: list[Logged] = []
     notes: list[str] = []
-    for main in mains:
-        inside = Members(place if whole else place.parent, len(PurePosixPath(main).parts) - 1) if whole else members
-        runs += _of_folder(inside, main, label, notes)
+    for main in mains:  # each with a limit of its own to how much is read
+        runs += _of_folder(Members(place) if whole else members, main, label, notes)
     if not runs and not notes:
         raise LogError(f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
     return Found(tuple(runs), tuple(notes))
