@@ -18,7 +18,7 @@ from reports.paths import Extent
 from reports.plain import finite
 from reports.template import rendered
 from reports.wording import NOTHING, area, duration, number
-from reports.work_results import KINDS, Comparison, Figures, Points, Side
+from reports.work_results import KINDS, STANDING, UNLOGGED, Comparison, Figures, Points, Side
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,12 +62,16 @@ def rows(found: Comparison) -> Iterator[Row]:
     a, b = found.planned, found.driven
     yield "tractors, logs", str(a.machines), str(b.machines), ""
     yield _time("machine time", a.figures.seconds, b.figures.seconds)
-    for kind in KINDS:
+    if a.figures.turns is None or b.figures.turns is None:
+        yield _time("moving", a.figures.moving_s, b.figures.moving_s)
+    for kind in KINDS if a.figures.turns is not None and b.figures.turns is not None else (STANDING, UNLOGGED):
         one, other = a.figures.by_kind_s[kind], b.figures.by_kind_s[kind]
         if one or other:
             yield _time(kind, one, other)
     for words, of, decimals in _FIGURES:
-        yield _line(words, of(a.figures), of(b.figures), decimals)
+        one, other = of(a.figures), of(b.figures)
+        if one is not None or other is not None:
+            yield _line(words, one, other, decimals)
     if a.ground is not None and b.ground is not None and found.field_m2:
         for words, one, other in (
             ("worked, ha", a.ground.worked_m2, b.ground.worked_m2),

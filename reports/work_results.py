@@ -56,6 +56,11 @@ class Figures:
         return None if self.active_m is None or not self.seconds else self.by_kind_s[WORKING] / self.seconds
 
     @property
+    def moving_s(self) -> float:
+        """Time in which it moved, whatever for."""
+        return sum(self.by_kind_s[kind] for kind in (WORKING, TURNING, WAY))
+
+    @property
     def net_s(self) -> float:
         """The time without stops."""
         return self.seconds - self.stops_s

@@ -33,6 +33,7 @@ def learn(
     """
     from planner.commands.outputs import check_outputs, spare, written
     from planner.commands.show import progress_bar, warm_up
+    from planner.farm.file import farm_from
     from planner.works.files import run_files
     from planner.works.learning import learn as learnt
     from reports.work_taught import taught_json, taught_table
@@ -45,6 +46,8 @@ def learn(
     with progress_bar("Learning"):
         lesson = learnt(runs, farm, implement, replace)
     place = farm if out is None else out
+    if out is not None:
+        farm_from(lesson.text, str(out), out.parent)  # files of tractors are looked for beside it
     check_outputs((place, ".toml"), reads=reads)
     with written([(place, lesson.text)]):
         if json:

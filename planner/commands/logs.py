@@ -42,6 +42,9 @@ def import_(
     log stands a JSON file with its field, width, counters and figures. `headland compare` and `headland learn` take
     the folder.
 
+    A mapping for CSV files is a TOML file: under [columns] time, longitude, latitude, and where there are any speed_kmh
+    or speed_mps and works, each with the name of a column in quotes; under [values] width_m and field.
+
     Example: headland logs import TASKDATA -o runs
     """
     from planner.commands.show import progress_bar, remark

@@ -15,7 +15,7 @@ from fields.reading import some
 from planner.errors import HeadlandError, ScenarioError
 from planner.showing import Shown, machines_with, show
 from planner.works.example import antenna
-from planner.works.files import read_run, run_files
+from planner.works.files import read_runs
 from planner.works.ground import ground, tool_lines
 from planner.works.metres import course_deg, speeds
 from planner.works.phases import stretches
@@ -49,7 +49,7 @@ def compare(plan: str | Path, paths: Sequence[str | Path]) -> Comparison:
     Raises MissionError, ScenarioError, VehicleError, LogError: the plan is none, or no run lies in its field.
     """
     shown = show(plan)
-    runs = [read_run(path) for path in run_files(paths)]
+    runs = read_runs(paths)
     crs = shown.saved.crs
     if crs is None:
         raise ScenarioError(
@@ -75,7 +75,7 @@ def compare(plan: str | Path, paths: Sequence[str | Path]) -> Comparison:
         planned=sides[0],
         driven=sides[1],
         differences=tuple(_differences(sides[0].figures, sides[1].figures)),
-        notes=tuple(_notes(runs, own, shown, behind, said)),
+        notes=tuple(_notes(runs, own, shown, None if sides[1].ground is None else behind, said)),
     )
 
 
@@ -205,21 +205,28 @@ def _differences(planned: Figures, driven: Figures) -> Iterator[Difference]:
     At work and in turns the part of how much is told from that of how fast: (b - a) x s and b x (t - s) add up to
     b x t - a x s, with a and b the lengths or counts and s and t the seconds that each takes.
     """
-    found = [
-        Difference(kind, driven.by_kind_s[kind] - planned.by_kind_s[kind], words)
-        for kind, words in ((WAY, "on ways longer than a turn"), (UNLOGGED, "moved without a log"))
-    ]
+    known = driven.turns is not None
+    ways, lost = (driven.by_kind_s[kind] - planned.by_kind_s[kind] for kind in (WAY, UNLOGGED))
+    found = [Difference(UNLOGGED, lost, "moved without a log")]
     more = driven.by_kind_s[STANDING] - planned.by_kind_s[STANDING]
     found.append(Difference(STANDING, more, f"{driven.stops} stops, planned {planned.stops}"))
-    found += _parts(
+    if known:
+        found += [Difference(WAY, ways, "on ways longer than a turn"), *_by_kind(planned, driven)]
+    else:
+        found.append(Difference("moving", driven.moving_s - planned.moving_s, "moving, at work or off it"))
+    yield from sorted((one for one in found if abs(one.seconds) >= 1.0), key=lambda one: -abs(one.seconds))
+
+
+def _by_kind(planned: Figures, driven: Figures) -> Iterator[Difference]:
+    """How much and how fast at work, and in turns."""
+    yield from _parts(
         WORKING, planned, driven, (planned.active_m, driven.active_m),
         "{driven:.0f} m at work, planned {planned:.0f} m", "at work {driven:.1f} km/h, planned {planned:.1f} km/h",
     )  # fmt: skip
-    found += _parts(
+    yield from _parts(
         TURNING, planned, driven, (planned.turns, driven.turns), "{driven:.0f} turns, planned {planned:.0f}",
         "{driven:.0f} s a turn, planned {planned:.0f} s",
     )  # fmt: skip
-    yield from sorted((one for one in found if abs(one.seconds) >= 1.0), key=lambda one: -abs(one.seconds))
 
 
 def _parts(
@@ -236,7 +243,9 @@ def _parts(
     yield Difference(kind, b * (t - s), fast.format(driven=told[0], planned=told[1]))
 
 
-def _notes(runs: Sequence[Driven], own: Sequence[Driven], shown: Shown, behind_m: float, said: bool) -> Iterator[str]:
+def _notes(
+    runs: Sequence[Driven], own: Sequence[Driven], shown: Shown, behind_m: float | None, said: bool
+) -> Iterator[str]:
     if len(own) < len(runs):
         yield f"{some(len(runs) - len(own), 'run')} in other places left out."
     if not all(run.works_known for run in own):
@@ -246,6 +255,8 @@ def _notes(runs: Sequence[Driven], own: Sequence[Driven], shown: Shown, behind_m
     width = next((run.width_m for run in own if run.width_m), None)
     if width and abs(width - shown.scenario.width_m) > 0.05:
         yield f"Working width: {width:g} m by the logs, {shown.scenario.width_m:g} m by the plan; each side has its."
+    if behind_m is None:
+        return
     yield (
         f"Ground is what a tool of that width sweeps {behind_m:.1f} m behind the antenna, as the plan's tractor and "
         "implement have it; pieces narrower than 0.4 m are not drawn."

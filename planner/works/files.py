@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,16 @@ def run_files(paths: Iterable[str | Path]) -> list[Path]:
         else:
             found[one.with_suffix(".csv")] = None
     return list(found)
+
+
+def read_runs(paths: Iterable[str | Path]) -> list[Driven]:
+    """All runs of folders and files, each under a name of its own: its log's, with the folder where two share it."""
+    files = run_files(paths)
+    alike = Counter(path.stem for path in files)
+    return [
+        run if alike[path.stem] == 1 else replace(run, name=path.with_suffix("").as_posix())
+        for path, run in ((path, read_run(path)) for path in files)
+    ]
 
 
 def _is_run(path: Path) -> bool:

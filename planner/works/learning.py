@@ -16,7 +16,7 @@ from planner.farm.file import FarmFile, farm_from, load_farm
 from planner.farm.machines import FarmImplement
 from planner.scenario import FASTEST_KMH, KMH, SLOWEST_KMH
 from planner.works.estimates import Estimate
-from planner.works.files import read_run, run_files
+from planner.works.files import read_runs
 from planner.works.observing import Observed
 from planner.works.record import Driven
 from planner.works.toml_edit import with_block, with_value, without_blocks, written
@@ -51,7 +51,7 @@ def learn(
     """
     own = load_farm(farm)
     text = read_text(farm, "a farm file (TOML)", ScenarioError)
-    runs = [read_run(path) for path in run_files(paths)]
+    runs = read_runs(paths)
     mounted, used, notes = _implement(own, runs, implement)
     observed = Observed(used, mounted.width_m)
     if not observed.runs:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fields.errors import FieldError
 from fields.formats.archive import names_in
 from fields.reading import shown
 from planner.works.forms import agopengps, isoxml, points, table
@@ -47,6 +46,3 @@ def read_runs(path: str, mapping: str | None = None) -> Found:
         why = f" ({found.notes[0].rstrip('.')})" if found.notes else ""
         raise LogError(f"{shown(path)} has no run that can be read{why}; copy the folder again.")
     return found
-
-
-__all__ = ["FORMS", "FieldError", "form_of", "read_runs"]

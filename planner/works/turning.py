@@ -32,7 +32,10 @@ class TurnSpeed:
         )
         clock = TurnClock(self.tractor, self.implement, manner, SOIL)
         times = clock.best_times(self.implement.width_m, ROOM_M, allowed_kinds("auto"))
-        return times[min(self.over, len(times) - 1)]
+        last = min(self.over, len(times) - 1)
+        timed = times[last]
+        across_m = (self.over - last) * self.implement.width_m  # over more tracks than that it drives straight across
+        return None if timed is None else timed + across_m / turn_mps
 
     def for_seconds(self, seconds: float) -> float | None:
         """The speed (m/s) whose turn takes so long, by halving; None where none from 0.3 to 5.5 m/s does."""

@@ -155,3 +155,20 @@ def test_runs_of_other_fields_are_left_out(driven: tuple[Path, Path, Example], t
         compare(plan_file, [tmp_path])
     both = compare(plan_file, [runs, tmp_path])
     assert both.driven.machines == 2 and both.notes[0] == "2 runs in other places left out."
+
+
+def test_runs_without_a_work_state_compare_what_they_know(driven: tuple[Path, Path, Example], tmp_path: Path) -> None:
+    plan_file, runs, made = driven
+    for path in runs.iterdir():
+        text = path.read_text()
+        if path.suffix == ".csv":
+            text = "\n".join(line.rpartition(",")[0] for line in text.splitlines())
+        (tmp_path / path.name).write_text(text)
+    found = compare(plan_file, [tmp_path])
+    assert found.driven.ground is None and found.driven.work == ()
+    assert {one.what for one in found.differences} == {"moving", STANDING}
+    told = {row[0] for row in rows(found)}
+    assert "moving" in told and not told & {WORKING, TURNING, "worked, ha"}
+    assert "Not every run says when the implement worked, so ground and work are not compared." in found.notes
+    stops = sum(seconds for truth in made.truths for seconds in truth.stops_s)
+    assert found.driven.figures.stops_s == pytest.approx(stops, rel=0.1)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import random
-from collections.abc import Callable
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +26,26 @@ from tests.works.conftest import HEADER, binary, main_file
 from tests.works.test_other_forms import MAPPING, csv_lines, write_points
 
 CASES = 1_000
+MEMORY = Path("/dev/shm")
 ROWS = 60
 NUMBERS = (0, 1, 0x7F, 0x80, 0xFF)
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder in memory where there is one: thousands of files take long on some disks."""
+    if not os.access(MEMORY, os.W_OK):
+        yield tmp_path
+        return
+    with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield Path(folder)
+
+
+@pytest.fixture
+def stick(taskdata: Path, place: Path) -> Path:
+    """A TASKDATA folder with the drive, in memory."""
+    return Path(shutil.copytree(taskdata, place / "TASKDATA"))
 
 
 def damaged_bytes(data: bytes, draw: random.Random, records: list[int]) -> bytes:
@@ -70,14 +91,14 @@ def starts(data: bytes) -> list[int]:
     return found
 
 
-def test_binary_time_logs(taskdata: Path) -> None:
+def test_binary_time_logs(stick: Path) -> None:
     draw, whole = random.Random(20263), binary()
     whole = whole[: starts(whole)[5 * ROWS]]
     places = starts(whole)
 
     def read(number: int) -> None:
-        (taskdata / "TLG00001.bin").write_bytes(damaged_bytes(whole, draw, places))
-        for run in read_runs(str(taskdata)).runs:
+        (stick / "TLG00001.bin").write_bytes(damaged_bytes(whole, draw, places))
+        for run in read_runs(str(stick)).runs:
             told = summary(driven(run))
             assert np.isfinite([told.seconds, told.placed_m, *told.by_kind_s.values()]).all()
             assert sum(told.by_kind_s.values()) == pytest.approx(told.seconds)
@@ -90,21 +111,21 @@ def test_headers_of_time_logs() -> None:
     survey(lambda number: read_time_log(damaged(HEADER, draw).encode(errors="replace"), whole, "x"))
 
 
-def test_task_files(taskdata: Path) -> None:
+def test_task_files(stick: Path) -> None:
     draw, whole = random.Random(20265), main_file()
     data = binary()
-    (taskdata / "TLG00001.bin").write_bytes(data[: starts(data)[5 * ROWS]])
+    (stick / "TLG00001.bin").write_bytes(data[: starts(data)[5 * ROWS]])
 
     def read(number: int) -> None:
-        (taskdata / "TASKDATA.XML").write_text(damaged(whole, draw), errors="replace")
-        imported([str(taskdata)])
+        (stick / "TASKDATA.XML").write_text(damaged(whole, draw), errors="replace")
+        imported([str(stick)])
 
     survey(read)
 
 
 @pytest.mark.parametrize("ending", [".dbf", ".shp"])
-def test_shapefiles_of_points(tmp_path: Path, ending: str) -> None:
-    draw, path = random.Random(20266), write_points(tmp_path, most=30).with_suffix(ending)
+def test_shapefiles_of_points(place: Path, ending: str) -> None:
+    draw, path = random.Random(20266), write_points(place, most=30).with_suffix(ending)
     whole = path.read_bytes()
     places = [*range(0, 200, 4), *range(200, len(whole), 97)]
 
@@ -116,8 +137,8 @@ def test_shapefiles_of_points(tmp_path: Path, ending: str) -> None:
     survey(read, CASES // 2)
 
 
-def test_recorded_paths(tmp_path: Path) -> None:
-    draw, folder = random.Random(20267), agopengps(tmp_path)
+def test_recorded_paths(place: Path) -> None:
+    draw, folder = random.Random(20267), agopengps(place)
     whole = "$RecPath\n20\n" + "\n".join(f"{place},{2 * place},0.5,7.2,{place % 5 > 0}" for place in range(12))
 
     def read(number: int) -> None:
@@ -128,10 +149,10 @@ def test_recorded_paths(tmp_path: Path) -> None:
     survey(read)
 
 
-def test_csv_files_and_mappings(tmp_path: Path) -> None:
+def test_csv_files_and_mappings(place: Path) -> None:
     draw = random.Random(20268)
     lines = "\n".join(csv_lines().split("\n")[:30])
-    log, mapping = tmp_path / "log.csv", tmp_path / "map.toml"
+    log, mapping = place / "log.csv", place / "map.toml"
 
     mapping.write_text(MAPPING)
 
@@ -147,23 +168,23 @@ def test_csv_files_and_mappings(tmp_path: Path) -> None:
     survey(read)
 
 
-def test_files_of_runs(taskdata: Path, tmp_path: Path) -> None:
+def test_files_of_runs(stick: Path, place: Path) -> None:
     draw = random.Random(20269)
     data = binary()
-    (taskdata / "TLG00001.bin").write_bytes(data[: starts(data)[5 * ROWS]])
-    (log, text), (about, told) = sorted(imported([str(taskdata)]).files.items())
+    (stick / "TLG00001.bin").write_bytes(data[: starts(data)[5 * ROWS]])
+    (log, text), (about, told) = sorted(imported([str(stick)]).files.items())
     lines = "\n".join(text.split("\n")[:30])
 
-    (tmp_path / about).write_text(told)
+    (place / about).write_text(told)
 
     def read(number: int) -> None:
         if number < CASES // 2:
-            (tmp_path / log).write_text(damaged(lines, draw))
+            (place / log).write_text(damaged(lines, draw))
         else:
-            (tmp_path / about).write_text(damaged(told, draw))
+            (place / about).write_text(damaged(told, draw))
         if number == CASES // 2:
-            (tmp_path / log).write_text(lines)
-        run = read_run(tmp_path / log)
+            (place / log).write_text(lines)
+        run = read_run(place / log)
         summary(run)
         assert run.outline is None or isinstance(run.outline, shapely.Polygon)
 

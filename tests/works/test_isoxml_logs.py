@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fields.errors import HeadlandError
-from planner.works.example import COLUMNS, GOOD_FIX
+from planner.works.example import COLUMNS, GOOD_FIX, records
 from planner.works.files import read_run
 from planner.works.forms.tlg import moment, read_time_log
 from planner.works.importing import imported
@@ -117,8 +117,6 @@ def test_zips_and_capitals(taskdata: Path, tmp_path: Path) -> None:
 
 def test_rows_without_a_place_or_out_of_order_are_counted(taskdata: Path) -> None:
     time_s, xy, works = drive()
-    from planner.works.example import records
-
     places = lonlat(xy)
     places[3] = 0.0
     places[40] += 0.5  # fifty kilometres in a second
@@ -132,8 +130,6 @@ def test_rows_without_a_place_or_out_of_order_are_counted(taskdata: Path) -> Non
 
 def test_a_terminal_that_forgets_midnight(taskdata: Path) -> None:
     time_s, xy, works = drive()
-    from planner.works.example import records
-
     late = time_s + 57_500.0  # from 23:58:20 on
     data = bytearray(records(late, lonlat(xy), values(time_s, xy, works)))
     place = 0
@@ -155,12 +151,22 @@ def test_speeds_of_makers_by_what_their_device_shows(taskdata: Path) -> None:
     )
     (taskdata / "TASKDATA.XML").write_text(main_file().replace("<PFD", device + "<PFD"))
     time_s, xy, works = drive()
-    from planner.works.example import records
-
     table = values(time_s, xy, works)
     table[:, COLUMNS.index("018D")] = 72  # tenths of km/h
     (taskdata / "TLG00001.bin").write_bytes(records(time_s, lonlat(xy), table))
     np.testing.assert_allclose(read_runs(str(taskdata)).runs[0].speed_mps, 2.0)
+
+
+def test_sections_say_when_an_implement_without_a_work_state_works(taskdata: Path) -> None:
+    (taskdata / "TLG00001.xml").write_text(HEADER.replace("008D", "00A1"))
+    time_s, xy, works = drive()
+    table = values(time_s, xy, works)
+    # Sections 1 to 4 off (0), on (1), in error (2), not there (3): 0b11_10_01_00 is at work, 0b11_10_10_00 is not.
+    table[:, COLUMNS.index("008D")] = np.where(works, 0b11100100, 0b11101000)
+    (taskdata / "TLG00001.bin").write_bytes(records(time_s, lonlat(xy), table))
+    (run,) = read_runs(str(taskdata)).runs
+    np.testing.assert_array_equal(run.works, works)
+    assert "at work is where a section is on" in run.notes
 
 
 def test_entities_and_files_that_lead_out_are_refused(taskdata: Path, tmp_path: Path) -> None:

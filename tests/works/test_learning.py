@@ -133,6 +133,19 @@ def test_plans_use_and_cite_it(runs: Path, farm: Path) -> None:
     assert cited["chances", "stop_s"] == "given"  # changed by hand, so the logs are no source of it
 
 
+def test_a_ranking_tells_what_its_farm_learnt(runs: Path, farm: Path) -> None:
+    from planner.planning import with_machines
+    from reports.results import Ranking
+
+    farm.write_text(learn([runs], farm).text)
+    question = asked(Scenario(field="iwamizawa"), load_farm(farm), implement="mower")
+    told = with_machines(Ranking("iwamizawa", 1.0, 1, ()), question.terms)
+    assert any(words.startswith("speed_kmh 7.2") for words in told.scenario["learned"])
+    assert [f"From the farm's own logs: {words}." for words in told.scenario["learned"]] == list(told.assumptions)
+    plain = with_machines(Ranking("iwamizawa", 1.0, 1, ()), None)
+    assert plain.assumptions == () and "learned" not in plain.scenario
+
+
 def test_the_order_of_the_headland_is_asked_for_unless_another_is(farm: Path) -> None:
     farm.write_text(FARM.replace('operation = "mow"', 'operation = "mow"\nheadland = "last"'))
     own = load_farm(farm)

@@ -79,3 +79,52 @@ def test_diagnosis_says_that_such_logs_lack_steering(
     headland("logs", "import", taskdata, "-o", tmp_path / "runs")
     status, out, err = headland("diagnose", tmp_path / "runs" / "*.csv")
     assert status == 2 and out == "" and "has no column steering_command_deg or steering_deg" in err
+
+
+FARM = '[[implements]]\nname = "mower"\nwidth_m = 6.0\n'
+
+
+def test_learning_writes_where_it_is_told_to(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
+    headland("logs", "import", taskdata, taskdata, taskdata, "-o", tmp_path / "runs")
+    farm, other = tmp_path / "farm.toml", tmp_path / "other.toml"
+    farm.write_text(FARM)
+    status, out, err = headland("learn", tmp_path / "runs", "--farm", farm, "-o", other)
+    assert (status, err) == (0, "") and "implements.mower.speed_kmh" in out
+    assert farm.read_text() == FARM and "speed_kmh = 7.2 " in other.read_text()
+    status, _, err = headland("learn", tmp_path / "runs", "--farm", farm, "-o", other)
+    assert status == 2 and "is there already" in err
+    assert headland("learn", tmp_path / "runs", "--farm", farm)[0] == 0
+    assert farm.read_text() == other.read_text()
+    status, out, _ = headland("farm", "check", farm, "--json")
+    (speed,) = (one for one in json.loads(out)["values"] if one["key"] == "speed_kmh")
+    assert speed["source"].startswith("own logs: 7.2 (95 %")
+
+
+def test_runs_of_one_name_in_two_folders_are_two(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        headland("logs", "import", taskdata, "-o", tmp_path / name)
+    (tmp_path / "farm.toml").write_text(FARM)
+    words = ("learn", tmp_path / "one", tmp_path / "two", "--farm", tmp_path / "farm.toml", "--json")
+    told = json.loads(headland(*words)[1])["learned"]
+    assert all(len(one["runs"]) == 2 for one in told)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("compare", "plan.json", "nowhere"), "There is no file or folder"),
+        (("compare", "plan.json", "."), "holds no imported run"),
+        (("learn", "nowhere", "--farm", "farm.toml"), "There is no file or folder"),
+        (("logs", "import", "nowhere", "-o", "runs"), "There is no file or folder"),
+        (("logs", "example", "nowhere.json", "-o", "TASKDATA"), "There is no file"),
+    ],
+)
+def test_refusals_are_one_sentence(
+    headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "farm.toml").write_text(FARM)
+    status, out, err = headland(*words)
+    sentences = [line for line in err.splitlines() if not line.startswith("Compiling")]
+    assert status == 2 and out == "" and len(sentences) == 1 and said in sentences[0] and sentences[0].endswith(".")
+    assert [path.name for path in tmp_path.iterdir()] == ["farm.toml"]

@@ -1,5 +1,6 @@
 """Point Shapefiles, AgOpenGPS paths and CSV files: the drive that is known comes back from each."""
 
+import json
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -49,6 +50,16 @@ def test_points_of_a_shapefile(tmp_path: Path) -> None:
     np.testing.assert_array_equal(run.works, xy[rows, 1] < 90.0)
     assert any("appliedrat" in note for note in run.notes)
     assert driven(run).speed_logged is False
+
+
+def test_the_metadata_say_the_field_and_the_unit_of_the_width(tmp_path: Path) -> None:
+    path = write_points(tmp_path)
+    told = {"FieldName": "Jen-3", "DataAttributes": [{"Name": "SWATHWIDTH", "Unit": "m"}]}
+    (tmp_path / "points-Deere-Metadata.json").write_text(json.dumps(told))
+    (run,) = read_runs(str(path)).runs
+    assert run.field == "Jen-3" and run.width_m == pytest.approx(WIDTH_M / 0.3048)
+    (tmp_path / "points-Deere-Metadata.json").write_text("[")
+    assert read_runs(str(path)).runs[0].width_m == pytest.approx(WIDTH_M)
 
 
 def test_a_shapefile_without_time_or_without_points_is_told(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -27,6 +27,8 @@ COUNTED = {
 """Totals of a task by their DDI, and the unit of the number (ISO 11783-11)."""
 MOST_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0, INACTIVE_S: 1.0, FUEL_L: 0.05}
 """What no machine does more of in a second."""
+CONDENSED = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
+"""Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
 SPEED_UNITS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
 MM = 1e-3
 
@@ -52,13 +54,14 @@ class _Value:
 def _read(path: str, label: str) -> Found:
     place = Path(path)
     whole = place.is_dir() or is_archive(place)
+    if not whole and place.name.lower() != isoxml.TASKDATA:
+        raise LogError(f"{label} is one file of task data; name its folder, or the TASKDATA.XML in it.")
     members = Members(place) if whole else Members(place.parent, 0)
     mains = members.named(isoxml.TASKDATA) if whole else [place.name]
     runs: list[Logged] = []
     notes: list[str] = []
-    for main in mains:
-        inside = Members(place if whole else place.parent, len(PurePosixPath(main).parts) - 1) if whole else members
-        runs += _of_folder(inside, main, label, notes)
+    for main in mains:  # each with a limit of its own to how much is read
+        runs += _of_folder(Members(place) if whole else members, main, label, notes)
     if not runs and not notes:
         raise LogError(f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
     return Found(tuple(runs), tuple(notes))
@@ -114,6 +117,16 @@ def _run(members: Members, main: str, name: str, values: dict[tuple[str, str], _
     return replace(cleaned(run), start=moment(start))
 
 
+def _sections_on(log: TimeLog, notes: list[str]) -> Mask | None:
+    """Whether any section is on by the condensed states, two bits a section of which 1 is on; None without them."""
+    states = log.values[:, [place for place, (ddi, _) in enumerate(log.columns) if ddi in CONDENSED]]
+    if not np.isfinite(states).any():
+        return None
+    notes.append("at work is where a section is on")
+    bits = np.nan_to_num(states).astype(np.int64)
+    return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
+
+
 def _over_midnight(time_s: Array, notes: list[str]) -> Array:
     """Times of a terminal that forgets to count the day."""
     back = np.diff(time_s, prepend=time_s[:1]) < -43_200.0
@@ -123,11 +136,11 @@ def _over_midnight(time_s: Array, notes: list[str]) -> Array:
 
 
 def _works(log: TimeLog, notes: list[str]) -> Mask | None:
-    """Whether any element of the machine works; None where none says."""
+    """Whether any element of the machine works, else any of its sections; None where none says."""
     places = log.of(WORK_STATE)
     states = log.values[:, places]
     if not np.isfinite(states).any():
-        return None
+        return _sections_on(log, notes)
     if len(places) > 1:
         notes.append(f"{len(places)} elements say whether they work; one that does counts as work")
     return np.asarray((states == 1.0).any(axis=1))
@@ -211,4 +224,4 @@ def _parcel(element: Element) -> _Parcel:
     return _Parcel(name, area_m2 if area_m2 > 0.0 else None, tuple(np.array(ring) for ring in isoxml.rings_of(element)))
 
 
-FORM = Form("ISOXML", (".xml",), _read, lambda names: isoxml.TASKDATA in names)
+FORM = Form("ISOXML", (".xml", ".bin"), _read, lambda names: isoxml.TASKDATA in names)

@@ -128,7 +128,9 @@ def _mapping(mapping: str, header: list[str], path: str) -> _Mapped:
         raise LogError(f"The mapping {shown(mapping)} is not TOML: {parse_fault(error)}.") from None
     columns, values = told.get("columns"), told.get("values", {})
     if not isinstance(columns, dict) or not isinstance(values, dict):
-        raise LogError(f"The mapping {shown(mapping)} has no table [columns]; write one, see headland logs --help.")
+        raise LogError(
+            f"The mapping {shown(mapping)} has no table [columns]; write one, as headland logs import --help says."
+        )
     _check_mapping(columns, values, header, f"The mapping {shown(mapping)}", path)
     width = values.get("width_m")
     return _Mapped(dict(columns), None if width is None else float(width), str(values.get("field", "")))
