@@ -19,7 +19,6 @@ from reports.diagnosis_words import (
     rest_terms,
     rest_words,
     size_words,
-    status_words,
     value_text,
     visible_text,
 )
@@ -98,7 +97,7 @@ def _errors(diagnosis: Diagnosis) -> FittedTable:
 def _effects(diagnosis: Diagnosis) -> FittedTable:
     told = ordered(diagnosis.findings)
     rows = tuple(
-        (label(one.id), one.id, status_words(one), value_text(one), gain_text(one), visible_text(one)) for one in told
+        (label(one.id), one.id, one.status, value_text(one), gain_text(one), visible_text(one)) for one in told
     )
     styles = tuple("bold" if one.status in (NAMED, EQUIVALENT) else "" for one in told)
     return FittedTable(_EFFECTS, rows, styles)

@@ -32,7 +32,7 @@ LEFT_KINDS = (("cross_cm", "cm across", 1), ("along_cm", "cm along", 1), ("headi
 ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
     "Smallest visible: the smallest deviation from the tractor file that these logs would have shown, as a change of "
-    "the value; of a limit the highest that they would have shown."
+    "the value; of a limit the highest that they would have shown. What is refuted is refuted from that size on."
 )
 
 
@@ -187,7 +187,8 @@ def _left_in_plan(diagnosis: Diagnosis) -> list[str]:
     plan, left = diagnosis.plan, diagnosis.left
     if plan is not None and plan.left_cm is not None:
         time = "" if plan.left_s is None else f"{plan.left_s:+.0f} s and "
-        return [f"In the plan below the rest that was fitted to it comes to {time}{plan.left_cm:+.1f} cm off the tracks."]
+        comes = f"{time}{plan.left_cm:+.1f} cm off the tracks"
+        return [f"In the plan below, the rest that was fitted to it comes to {comes}."]
     if left is None:
         return []
     return [

@@ -15,7 +15,7 @@ from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, knobs_for
 from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.horizons import chain
-from vehicle.measured.replay.replaying import Rig, make_rig
+from vehicle.measured.replay.replaying import FORWARD, Rig, make_rig, replay
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor, load_tractor
@@ -48,7 +48,11 @@ def commanded(drill: str, settings: Settings) -> Bench:
     for stretch in bench.course.stretches:
         antenna, heading, wheel, speed = chain(bench.rig, stretch, settings)
         east, north = antenna[:, 0], antenna[:, 1]
-        stretches.append(replace(stretch, east=east, north=north, heading=heading, wheel=wheel, speed=speed))
+        states = replay(bench.rig, stretch, settings, from_sensor=False, from_speed=False)
+        grids = stretch.grids | {"speed": states[:, FORWARD]}
+        stretches.append(
+            replace(stretch, east=east, north=north, heading=heading, wheel=wheel, speed=speed, grids=grids)
+        )
     return prepare(replace(bench.course, stretches=tuple(stretches)), rig(), {}, NOISE)
 
 

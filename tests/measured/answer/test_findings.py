@@ -106,7 +106,10 @@ def test_sizes_and_intervals_to_neutral() -> None:
 def stub(final: float, before: float, floor: float = 1.0, row_s: float = 0.0) -> Any:
     return SimpleNamespace(
         floor="floor", bench=SimpleNamespace(row_s=row_s, has_wheel=True), number=lambda squares: np.array([floor]),
-        error=lambda settings: np.array([final]), extension=SimpleNamespace(ids=frozenset({"push_to_east"}), only=lambda names: {"no rest": not names}),
+        error=lambda settings: np.array([final] if settings == "no rest" else [0.0]),
+        extension=SimpleNamespace(
+            ids=frozenset({"push_to_east"}), only=lambda names: "with rest" if names else "no rest"
+        ),
     )  # fmt: skip
 
 

@@ -12,13 +12,22 @@ from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.causes.trial import Projector
 from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, fitted
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.extension import Extension, of_fit, of_mended
 from vehicle.measured.mend.irreplaceable import irreplaceable
 from vehicle.measured.mend.mending import Mended, mend
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import ABOVE_UNNAMED, HARM_PCT, WORTH_A_NAME_PCT, WORTH_OF_WHEEL_PCT, WORTH_SAYING
+from vehicle.measured.thresholds import (
+    ABOVE_UNNAMED,
+    CLEARLY_BEYOND,
+    HARM_PCT,
+    SHARE_OF_A_NAME,
+    WORTH_A_NAME_PCT,
+    WORTH_OF_WHEEL_PCT,
+    WORTH_SAYING,
+)
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Tractor
 
@@ -60,6 +69,8 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
     bench, fit = selection.bench, selection.fit
     likely = clear_parts(selection, tractor)
     names, case = _holding(lambda kept: case_of(selection, of_fit(bench, fit, {*kept, *likely})), names)
+    kept = {name for name in case.extension.ids if name in names or is_likely(case, name)}
+    case = case if kept == case.extension.ids else case_of(selection, of_fit(bench, fit, kept))
     if not selection.unnamed and within_noise(case, case.final):
         return Explained(case, names, None)
     start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
@@ -88,6 +99,15 @@ def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
     ]  # fmt: skip
 
 
+def is_likely(case: Case, name: str) -> bool:
+    """Whether an effect is clearly not neutral, and one of the steering takes error off the wheel angle."""
+    term = case.main_terms[name]
+    clear = clear_of_neutral(case.extension, case.tractor, name)
+    far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
+    of_wheel = effect(name).block == STEERING and case.bench.has_wheel
+    return clear and far and (not of_wheel or case.worth_of(name) > SHARE_OF_A_NAME * WORTH_OF_WHEEL_PCT)
+
+
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:
     """Whether the 95 % interval of an effect leaves neutral out."""
     size = effect(name).size.name
@@ -102,7 +122,7 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     doubtful = {
         name for name in case.main_terms
         if name not in BY_NAME and name not in told.names
-        and not (clear_of_neutral(case.extension, case.tractor, name) and case.gain_of(name)[0] > 0.0)
+        and not (is_likely(case, name) and case.gain_of(name)[0] > 0.0)
     }  # fmt: skip
     if not doubtful:
         return told
