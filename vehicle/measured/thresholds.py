@@ -75,6 +75,11 @@ MOST_UNNAMED = 3
 # Chosen: a name must explain twice what all unnamed terms do, else it may be one of their shadows.
 ABOVE_UNNAMED = 2.0
 
+# --- Challenging a settled model: causes.challenge, causes.selection
+# Chosen: rivals fitted again with all others, the best of those tried; and how often a cause may give way to a better
+# one, which bounds the time.
+REFITTED, MOST_CHANGES = 4, 3
+
 # --- A model that is wrong everywhere: causes.refit
 # Chosen: mean square of the surprises above which measurements are trusted less, the factor of each easing, and how
 # often: enough for a vehicle of another kind and scale (tests/diagnosis/test_model_car.py).
