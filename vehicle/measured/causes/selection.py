@@ -41,7 +41,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What entered: the fit of all effects and unnamed terms, those terms, by name what is as good; what was refused."""
+    """What entered: the fit of effects and unnamed terms, those terms, what is as good by name and what was refused."""
 
     bench: Bench
     fit: Fit
