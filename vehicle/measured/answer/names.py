@@ -74,7 +74,7 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
     if not selection.unnamed and within_noise(case, case.final):
         return Explained(case, names, None)
     start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
-    mended = mend(bench, tractor, start, step)
+    mended = mend(bench, tractor, start, step, case.tolerated)
     case = case_of(selection, of_mended(mended))
     names = [name for name in names if holds(case, name)]
     names += [

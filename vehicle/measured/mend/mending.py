@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Model, OpenLoop, Term, Terms, fitted, held_out_loss
 from vehicle.measured.mend.proposals import Step, best_pair, entry_of, proposals, simulated
@@ -28,9 +29,12 @@ class Mended:
     model: Model
 
 
-def mend(bench: Bench, tractor: Tractor, start: Terms, step: Step) -> Mended:
-    """Terms that lower the open-loop error of runs held out, the most telling first; `start` stays in."""
-    loop = OpenLoop(bench)
+def mend(bench: Bench, tractor: Tractor, start: Terms, step: Step, tolerated: Settings | None = None) -> Mended:
+    """Terms that lower the open-loop error of runs held out, the most telling first; `start` stays in.
+
+    `tolerated` is that of OpenLoop.
+    """
+    loop = OpenLoop(bench, tolerated or {})
     model = fitted(loop, start)
     best = held_out_loss(loop, model)
     while len(model.terms) < MOST_TERMS:
