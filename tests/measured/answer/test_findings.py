@@ -165,12 +165,14 @@ def test_what_is_likely_is_clearly_not_neutral_and_clearly_beyond_tolerance(
     assert names.is_likely(case, "steering_offset") is likely
 
 
-@pytest.mark.parametrize("worth, likely", [(5.1, True), (4.9, False)])
-def test_what_is_likely_of_the_steering_shows_at_the_wheel(worth: float, likely: bool) -> None:
+@pytest.mark.parametrize("at, worth, likely", [(0.12, 10.1, True), (0.12, 9.9, False), (1.2, 99.0, False)])
+def test_what_is_likely_of_the_steering_shows_at_the_wheel_and_is_at_no_limit(
+    at: float, worth: float, likely: bool
+) -> None:
     case: Any = SimpleNamespace(
         bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), worth_of=lambda name: worth,
-        main_terms={"steering_dead_time": Term(knobs("steering_dead_time"), np.array([0.12]))},
-        extension=SimpleNamespace(intervals={"steering_dead_time": {"time_s": (0.06, 0.18)}}),
+        main_terms={"steering_dead_time": Term(knobs("steering_dead_time"), np.array([at]))},
+        extension=SimpleNamespace(intervals={"steering_dead_time": {"time_s": (0.06, 1.2)}}),
     )  # fmt: skip
     assert names.is_likely(case, "steering_dead_time") is likely
 

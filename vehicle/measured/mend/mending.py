@@ -73,7 +73,7 @@ def _accepted(loop: OpenLoop, model: Model, best: float, terms: Terms) -> tuple[
     new = larger.terms[len(model.terms) :]
     if not all(beyond_tolerance(loop, term) for term in new if term.runs is None):
         return None
-    return (larger, loss) if loss < _worth(larger, model) * best and not _at_a_limit(new) else None
+    return (larger, loss) if loss < _worth(larger, model) * best and not at_a_limit(new) else None
 
 
 def beyond_tolerance(loop: OpenLoop, term: Term, times: float = 1.0) -> bool:
@@ -85,7 +85,7 @@ def beyond_tolerance(loop: OpenLoop, term: Term, times: float = 1.0) -> bool:
     return term.knobs.deviation(term.at) > times * finest_of(tractor, name, bench.row_s)
 
 
-def _at_a_limit(terms: Terms) -> bool:
+def at_a_limit(terms: Terms) -> bool:
     """Whether a coordinate ran as far as a tractor can have it: such a fit stands for something else."""
     return any(
         np.any((term.at <= np.array(term.knobs.low)) & (np.array(term.knobs.low) < np.array(term.knobs.neutral)))
