@@ -32,7 +32,8 @@ causes: choosing
     trial, patches         one more effect and how far above chance it is; where in the field
     dependence             what an error without a name depends on
     evidence, refit        what runs held out say, how sure a coordinate is; a fit with a part more or less
-    selection              the choice: forward, exchanges, backward
+    challenge              every cause against its rivals once the model is settled
+    selection              the choice: forward, backward, challenges
 
 mend: lowering the error where no cause is known
     proposals, mending     what could lower it; what does, and stays
@@ -44,6 +45,7 @@ answer: saying
     findings, notes        one finding per effect; sentences beside the answer
     nextdrive, curves      the drive that decides, the plot that shows a cause
     verdict, diagnose      the result types; the order of the work
+    record                 how often what is called likely was right
     save, demo             the tractor file as text; made logs with a hidden effect
 
 Every number that decides a verdict stands in thresholds.

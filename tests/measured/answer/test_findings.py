@@ -12,9 +12,10 @@ from tests.measured.benches import bench_of, eg105, knobs
 from vehicle.effects import effect
 from vehicle.measured.answer import names
 from vehicle.measured.answer.case import Case, gain_between, noise_share, with_real_noise, within_noise
-from vehicle.measured.answer.findings import findings, look_alikes, sized, visible, with_neutral
+from vehicle.measured.answer.findings import findings, sized, visible, with_neutral
 from vehicle.measured.answer.names import Explained, holds, unexplained, unnamed_gain
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED
+from vehicle.measured.causes.challenge import look_alikes
 from vehicle.measured.fit.fitting import Extra, Fit, refined
 from vehicle.measured.fit.openloop import Term
 from vehicle.measured.mend.extension import Extension, of_fit
@@ -105,7 +106,10 @@ def test_sizes_and_intervals_to_neutral() -> None:
 def stub(final: float, before: float, floor: float = 1.0, row_s: float = 0.0) -> Any:
     return SimpleNamespace(
         floor="floor", bench=SimpleNamespace(row_s=row_s, has_wheel=True), number=lambda squares: np.array([floor]),
-        error=lambda settings: np.array([final]), extension=SimpleNamespace(only=lambda names: {}),
+        error=lambda settings: np.array([final] if settings == "no rest" else [0.0]),
+        extension=SimpleNamespace(
+            ids=frozenset({"push_to_east"}), only=lambda names: "with rest" if names else "no rest"
+        ),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vehicle.effects import STEERING, effect
+from vehicle.effects import SPEED, STEERING, effect
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit
@@ -57,18 +57,28 @@ class Case:
         seen = all(stretch.speed_seen for stretch in self.bench.course.stretches)
         return total_error(squares, self.floor, along=seen)
 
-    def error(self, settings: Mapping[int, Halves]) -> Array:
-        """Error of every run as one number."""
-        return self.number(run_squares(self.bench.course, self.bench.rig, settings))
+    def error(self, settings: Mapping[int, Halves], by_speed: bool = False) -> Array:
+        """Error of every run as one number; `by_speed` is that of replay.horizons.chain."""
+        return self.number(run_squares(self.bench.course, self.bench.rig, settings, by_speed))
 
     def gain_of(self, name: str) -> tuple[float, tuple[float, float]]:
-        """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs."""
-        return gain_between(self.error(self.extension.without(name)), self.final)
+        """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs.
+
+        Effects that are not of the speed are judged at the speed that was measured.
+        """
+        if effect(name).block == SPEED:
+            return gain_between(self.error(self.extension.without(name)), self.final)
+        return gain_between(self.error(self.extension.without(name), by_speed=True), self.final_by_speed)
 
     @cached_property
     def final(self) -> Array:
         """Error of every run with all that was found."""
         return self.error(self.extension.held_out)
+
+    @cached_property
+    def final_by_speed(self) -> Array:
+        """The same at the speed that was measured."""
+        return self.error(self.extension.held_out, by_speed=True)
 
     def worth_of(self, name: str) -> float:
         """Percent of the error where the effect shows: of the wheel angle for the steering, else of the path."""

@@ -11,36 +11,17 @@ import numpy.typing as npt
 from vehicle.effects import CATALOGUE, Effect, effect, neutral
 from vehicle.kinds import Interval
 from vehicle.measured.answer.case import Case
-from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
-from vehicle.measured.causes.refit import without
-from vehicle.measured.causes.trial import Projector, tried
+from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
+from vehicle.measured.causes.trial import Projector
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import LEAST_GAIN, LOOK_ALIKE, LOOK_ALIKE_SHARE, SURELY_SHOWN
+from vehicle.measured.thresholds import LEAST_GAIN, SURELY_SHOWN
 from vehicle.tractor import Tractor
 
 TRIAL_SHARES = (0.3, 1.0, 2.0)  # of the typical size: a small trial is nearly linear, a large one shows a dead band
 Rivals = Mapping[str, Mapping[str, dict[str, float]]]
-
-
-def look_alikes(bench: Bench, fit: Fit, name: str) -> dict[str, dict[str, float]]:
-    """Effects that explain as much in the place of a named one, with the values they would need."""
-    tractor = bench.rig.tractor
-    rest = without(bench, fit, name)
-    project = Projector(rest.slope)
-    gain = rest.loss - fit.loss
-    alike = {}
-    for entry in CATALOGUE:
-        if entry.id in fit.settings or entry.kind.searched:
-            continue
-        knobs = knobs_for(tractor, entry.id)
-        other = tried(bench.change, rest, knobs, project)
-        far = knobs.deviation(other.at)
-        if other.gain > gain - LOOK_ALIKE - LOOK_ALIKE_SHARE * gain and far > finest_of(tractor, entry.id):
-            alike[entry.id] = knobs.values(other.at)
-    return alike
 
 
 def findings(case: Case, names: Sequence[str], rivals: Rivals, step: Callable[[], None]) -> list[Finding]:
@@ -52,7 +33,7 @@ def findings(case: Case, names: Sequence[str], rivals: Rivals, step: Callable[[]
         if entry.id in names:
             told.append(_in_model(case, entry, EQUIVALENT if rivals.get(entry.id) else NAMED, rivals))
         elif entry.id in case.extension.ids:
-            told.append(_in_model(case, entry, NOT_VISIBLE, {}))
+            told.append(_in_model(case, entry, LIKELY, {}))
         elif entry.id in alike:
             told.append(_stand_in(case, entry, alike[entry.id], rivals))
         else:

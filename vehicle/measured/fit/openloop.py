@@ -1,7 +1,8 @@
 """The open-loop error as one vector: what a model drives wrong from the commands, anchored again and again.
 
 Unlike the surprises of a bench it does not ask what instruments and soil explain. It is what is left to lower when no
-cause is known: every horizon and every kind of error counts the same, each as a share of what it was before.
+cause is known, at the speed that was measured where one was: every horizon and every kind of error counts the same,
+each as a share of what it was before.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.effects import REST_KEY
+from vehicle.effects import BY_ID, REST_KEY, SPEED
+from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.fit.fitting import add_products, flat
 from vehicle.measured.fit.heldout import Pieces, steps_without
@@ -30,6 +32,7 @@ from vehicle.measured.fit.solver import (
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
+from vehicle.measured.replay.replaying import FORWARD, replay
 from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
@@ -84,9 +87,38 @@ class OpenLoop:
         return out
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
-        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings)
-        parts = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
+        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings, by_speed=True)
+        behind = self._behind(stretch, settings)
+        parts = []
+        for horizon in HORIZONS_S:
+            cut = pieces(stretch.time, horizon)
+            errors = anchored_pieces(stretch, antenna, heading, cut)
+            if behind is not None:
+                for rows in cut:
+                    errors[rows, 1] += behind[rows] - behind[rows].mean()
+            parts.append(errors)
         return np.nan_to_num(np.concatenate(parts).ravel())
+
+    def _behind(self, stretch: Stretch, settings: Settings) -> Array | None:
+        """How far the measured speed has come beyond the commanded one, per row (m); None where one was not logged.
+
+        The path is driven at the measured speed, so that no fault of the speed bends it; what the speed itself gets
+        wrong is added along the way. Only effects of the speed change it.
+        """
+        if stretch.target is None or not stretch.speed_seen:
+            return None
+        own = {name: values for name, values in settings.items() if name in BY_ID and BY_ID[name].block == SPEED}
+        key = (stretch.run, stretch.start_s, str(own))
+        if key not in self._ways:
+            states = replay(self.bench.rig, stretch, own, from_sensor=True, from_speed=False)
+            gained = np.cumsum(stretch.grids["speed"] - states[:, FORWARD]) * DT_S
+            self._ways[key] = np.interp(stretch.time, np.arange(len(gained)) * DT_S, gained)
+        return self._ways[key]
+
+    @cached_property
+    def _ways(self) -> dict[tuple[int, float, str], Array]:
+        """Ways already driven, by stretch and settings of the speed."""
+        return {}
 
     @cached_property
     def _units(self) -> Array:

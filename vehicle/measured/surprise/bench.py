@@ -105,6 +105,11 @@ class Bench:
         return all(stretch.wheel is not None for stretch in self.course.stretches)
 
     @cached_property
+    def has_speed(self) -> bool:
+        """Whether the speed was measured."""
+        return all(stretch.speed_seen for stretch in self.course.stretches)
+
+    @cached_property
     def row_s(self) -> float:
         """Median time from row to row (s)."""
         return float(np.median(np.concatenate([np.diff(stretch.time) for stretch in self.course.stretches])))
