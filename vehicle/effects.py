@@ -167,7 +167,7 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(TURN, SIDE_FORCE), of_ground=True, starts=(1.2, 2.0, 4.0, 8.0, 12.0, 18.0), kind=LIMIT,
     ),
     Effect(
-        "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.35, -10.0, 30.0),),
+        "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.5, -10.0, 30.0),),
         lambda v: {"understeer": math.radians(v["deg_per_mps2"])},
         lambda v: f"The tractor loses {v['deg_per_mps2']:.1f} degrees of steering per m/s2 of lateral acceleration.",
         "lateral acceleration", "the same circle slowly and fast",
@@ -207,7 +207,7 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(PACE, TOOL), of_ground=True, starts=(0.1,),
     ),
     Effect(
-        "speed_lag", SPEED, (Param("time_s", "s", 0.0, 0.8, 0.4, 0.0, 5.0),),
+        "speed_lag", SPEED, (Param("time_s", "s", 0.0, 1.0, 0.65, 0.0, 5.0),),
         lambda v: {"speed_lag": v["time_s"]},
         lambda v: f"The speed follows a changed command with a time constant of {v['time_s']:.1f} s.",
         "changes of the commanded speed", "straight ahead, the speed in steps, stops and starts",
@@ -232,7 +232,7 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(CRAB, TURNING),
     ),
     Effect(
-        "gnss_latency", POSITION, (Param("time_s", "s", 0.0, 0.15, 0.04, 0.0, 1.2),),
+        "gnss_latency", POSITION, (Param("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
         lambda v: {"latency": v["time_s"] * STEP_HZ},
         lambda v: f"Position and heading reach the log {v['time_s']:.2f} s late.",
         "changes of speed and turning rate", "turns at several speeds, stops and starts",

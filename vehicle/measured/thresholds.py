@@ -110,9 +110,8 @@ LEAST_LEFT = 0.05
 CLEARLY_LARGE = 2.0
 
 # --- Being likely: answer.names
-# Chosen, of the tolerance of the tractor file that an effect must reach, and of what a name of the steering must take
-# off the error of the wheel angle: nearer to either the base model's own simplifications pass for faults.
-CLEARLY_BEYOND, SHARE_OF_A_NAME = 1.5, 0.5
+# Chosen, times the tolerance of the tractor file: nearer to it the base model's own simplifications pass for faults.
+CLEARLY_BEYOND = 1.5
 
 # --- Keeping a name: answer.names
 # Chosen, percent of the held-out error over 5 s (of the wheel angle for the steering): less is the trace of a

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect
+from vehicle.learnt import Settings
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, settings_in
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.extension import Extension
@@ -29,12 +31,18 @@ DRAWS = 400  # resampled sets of runs: chosen, leaves an interval steady to its 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What findings are drawn from: the fit to the surprises, what is added to the tractor, and the noise floor."""
+    """What findings are drawn from: the fit to the surprises, what is added to the tractor, and the noise floor.
+
+    Errors are judged beside what is `tolerated` (see within_tolerance). `refused` are effects that the surprises spoke
+    for, without help to runs held out.
+    """
 
     bench: Bench
     fit: Fit
     extension: Extension
     floor: list[Squares]
+    tolerated: Settings = field(default_factory=dict)
+    refused: frozenset[str] = frozenset()
 
     @property
     def tractor(self) -> Tractor:
@@ -59,7 +67,10 @@ class Case:
 
     def error(self, settings: Mapping[int, Halves], by_speed: bool = False) -> Array:
         """Error of every run as one number; `by_speed` is that of replay.horizons.chain."""
-        return self.number(run_squares(self.bench.course, self.bench.rig, settings, by_speed))
+        beside: dict[int, Halves] = {
+            run: ({**self.tolerated, **even}, {**self.tolerated, **odd}) for run, (even, odd) in settings.items()
+        }
+        return self.number(run_squares(self.bench.course, self.bench.rig, beside, by_speed))
 
     def gain_of(self, name: str) -> tuple[float, tuple[float, float]]:
         """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs.
@@ -111,8 +122,19 @@ def case_of(selection: Selection, extension: Extension) -> Case:
     """The case of what was selected and added, above the noise that these logs really have."""
     bench = with_real_noise(selection.bench, selection.fit)
     runs = range(len(bench.course.names))
-    floor = floor_squares(bench, {run: settings_in(extension.terms, run) for run in runs})
-    return Case(selection.bench, selection.fit, extension, floor)
+    settings = {run: settings_in(extension.terms, run) for run in runs}
+    tolerated = within_tolerance(selection)
+    floor = floor_squares(bench, settings, tolerated=tolerated)
+    return Case(selection.bench, selection.fit, extension, floor, tolerated, selection.refused)
+
+
+def within_tolerance(selection: Selection) -> Settings:
+    """Effects of the speed that the fit has within the tolerance of the file: drive lines differ by as much."""
+    bench, tractor = selection.bench, selection.bench.rig.tractor
+    return {
+        knobs.id: knobs.values(at) for knobs, at in selection.fit.parts
+        if effect(knobs.id).block == SPEED and knobs.deviation(at) <= finest_of(tractor, knobs.id, bench.row_s)
+    }  # fmt: skip
 
 
 def with_real_noise(bench: Bench, fit: Fit) -> Bench:

@@ -91,7 +91,9 @@ def _absent(case: Case, entry: Effect) -> Finding:
 
 
 def _spoken_for(case: Case, entry: Effect) -> bool:
-    """Whether the fit to the surprises has the effect, beyond its tolerance."""
+    """Whether the surprises speak for the effect, beyond its tolerance."""
+    if entry.id in case.refused:
+        return True
     tractor, row_s = case.tractor, case.bench.row_s
     sizes = [knobs.deviation(at) for knobs, at in case.fit.parts if knobs.id == entry.id]
     return any(size > finest_of(tractor, entry.id, row_s) for size in sizes)

@@ -17,13 +17,12 @@ from vehicle.measured.fit.openloop import Term, fitted
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.extension import Extension, of_fit, of_mended
 from vehicle.measured.mend.irreplaceable import irreplaceable
-from vehicle.measured.mend.mending import Mended, mend
+from vehicle.measured.mend.mending import Mended, at_a_limit, mend
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import (
     ABOVE_UNNAMED,
     CLEARLY_BEYOND,
     HARM_PCT,
-    SHARE_OF_A_NAME,
     WORTH_A_NAME_PCT,
     WORTH_OF_WHEEL_PCT,
     WORTH_SAYING,
@@ -74,7 +73,7 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
     if not selection.unnamed and within_noise(case, case.final):
         return Explained(case, names, None)
     start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
-    mended = mend(bench, tractor, start, step)
+    mended = mend(bench, tractor, start, step, case.tolerated)
     case = case_of(selection, of_mended(mended))
     names = [name for name in names if holds(case, name)]
     names += [
@@ -100,12 +99,16 @@ def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
 
 
 def is_likely(case: Case, name: str) -> bool:
-    """Whether an effect is clearly not neutral, and one of the steering takes error off the wheel angle."""
+    """Whether an effect is clearly not neutral, and one of the steering takes as much off the wheel as a name must.
+
+    One that ran as far as a tractor can have it stands for something else.
+    """
     term = case.main_terms[name]
     clear = clear_of_neutral(case.extension, case.tractor, name)
     far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
     of_wheel = effect(name).block == STEERING and case.bench.has_wheel
-    return clear and far and (not of_wheel or case.worth_of(name) > SHARE_OF_A_NAME * WORTH_OF_WHEEL_PCT)
+    shown = not of_wheel or case.worth_of(name) >= WORTH_OF_WHEEL_PCT
+    return clear and far and shown and not at_a_limit((term,))
 
 
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:

@@ -41,13 +41,14 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What entered: the fit of all effects and unnamed terms together, those terms, and by name what is as good."""
+    """What entered: the fit of effects and unnamed terms, those terms, what is as good by name and what was refused."""
 
     bench: Bench
     fit: Fit
     unnamed: tuple[Dependence, ...]
     threshold: float
     alike: Mapping[str, Alike] = field(default_factory=dict)
+    refused: frozenset[str] = frozenset()
 
     @property
     def ids(self) -> frozenset[str]:
@@ -93,11 +94,11 @@ def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> 
         chosen = _settled(_forward(chosen, tractor, refused, progress))
         outcome = challenged(chosen.bench, chosen.fit, chosen.unnamed, tractor)
         if outcome.better is None:
-            return replace(chosen, alike=outcome.alike)
+            return replace(chosen, alike=outcome.alike, refused=frozenset(refused))
         better = retuned(chosen.bench, outcome.better)
         fit = restarted(better, outcome.better.parts, outcome.unnamed)
         chosen = replace(chosen, bench=better, fit=fit, unnamed=outcome.unnamed)
-    return _settled(chosen)
+    return replace(_settled(chosen), refused=frozenset(refused))
 
 
 def _settled(chosen: Selection) -> Selection:

@@ -8,7 +8,7 @@ each as a share of what it was before.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,9 +76,13 @@ def settings_in(terms: Sequence[Term], run: int) -> Settings:
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
-    """The errors of a bench under terms, as a vector in units of what they were without any (n,)."""
+    """The errors of a bench under terms, as a vector in units of what they were without any (n,).
+
+    Errors along the way are judged beside what is `tolerated`: effects of the speed that no term has to take away.
+    """
 
     bench: Bench
+    tolerated: Settings = field(default_factory=dict)
 
     def errors(self, terms: Sequence[Term]) -> Array:
         """The whole vector: the sum of its squares is 1 without terms."""
@@ -107,7 +111,8 @@ class OpenLoop:
         """
         if stretch.target is None or not stretch.speed_seen:
             return None
-        own = {name: values for name, values in settings.items() if name in BY_ID and BY_ID[name].block == SPEED}
+        own = dict(self.tolerated)
+        own |= {name: values for name, values in settings.items() if name in BY_ID and BY_ID[name].block == SPEED}
         key = (stretch.run, stretch.start_s, str(own))
         if key not in self._ways:
             states = replay(self.bench.rig, stretch, own, from_sensor=True, from_speed=False)
