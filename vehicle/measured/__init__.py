@@ -11,6 +11,7 @@ logs: reading
 
 replay: comparing
     course                 stretches on the simulation's grid
+    keeping                what was replayed once, so that nothing is driven twice
     replaying              logged commands through the functions of planning, and what instruments show of them
     anchoring, windows     rigid fits in closed form; the parts of a run that take turns
     horizons               open-loop error over horizons, anchored again piece by piece
