@@ -25,6 +25,7 @@ surprise: judging
 
 fit: explaining
     knobs                  effects and terms of the rest as coordinates
+    products               of tall columns, on one core
     solver                 bounded Gauss-Newton with one-sided slopes, for every fit
     fitting, openloop      fits to the surprises, and to the open-loop error as one vector
     heldout                coordinates for data that had no part in finding them

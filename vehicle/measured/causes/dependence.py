@@ -14,6 +14,7 @@ import numpy as np
 
 from vehicle.effects import PATH, SPEED, effect_fields
 from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.products import crossed
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.replaying import antenna_lever
@@ -204,8 +205,8 @@ class Response:
         self.places = [
             slice(int(end) - 3 * s.rows, int(end)) for end, s in zip(ends, bench.course.stretches, strict=True)
         ]
-        self.inverse = np.linalg.pinv(fit.slope.T @ fit.slope, rcond=1e-12, hermitian=True)
-        self.side = fit.slope.T @ fit.surprise
+        self.inverse = np.linalg.pinv(crossed(fit.slope, fit.slope), rcond=1e-12, hermitian=True)
+        self.side = crossed(fit.slope, fit.surprise)
 
     def _surprise(self, index: int, move: Increments) -> Array:
         stretch, filtered = self.bench.course.stretches[index], self.bench.filters[index]
@@ -248,7 +249,8 @@ class Response:
     def products(self, index: int, made: Array) -> Products:
         """Squares of columns (3 k, c), products with what is left, and with the columns of the fit, of one stretch."""
         place = self.places[index]
-        return made.T @ made, made.T @ self.fit.surprise[place], made.T @ self.fit.slope[place]
+        left, slope = self.fit.surprise[place], self.fit.slope[place]
+        return crossed(made, made), crossed(made, left), crossed(made, slope)
 
     def gain(self, made: list[Terms], per_run: bool) -> tuple[float, int]:
         """Loss that columns (one list of terms per stretch) take away beyond the fit, and how many are free."""

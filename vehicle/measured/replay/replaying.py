@@ -36,10 +36,12 @@ X, Y, ANGLE, STEERING, FORWARD = range(5)  # columns of replayed states
 
 @compiled
 def replay_steps(  # type: ignore[no-untyped-def]
-    command, wheel, speed, target, working, east, north, heading, start_s, dt, from_sensor, from_speed, state, model,
-    ground, table, out,
+    command, wheel, speed, target, working, east, north, heading, cosines, sines, start_s, dt, from_sensor, from_speed,
+    state, model, ground, table, out,
 ) -> None:  # fmt: skip
     """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
+
+    `cosines` and `sines` are those of `heading`.
 
     `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
     are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it.
@@ -59,7 +61,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
         else:
             turn_wheels(state, model, dt)
         drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
-        there, across = math.cos(heading[i]), math.sin(heading[i])
+        there, across = cosines[i], sines[i]
         tangent = affected_tangent(
             state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
@@ -146,7 +148,7 @@ def _replayed(rig: Rig, stretch: Stretch, settings: Settings, sensed: bool, time
     out = np.empty((len(command), 5))
     replay_steps(
         command, wheel, grids["speed"], grids.get("target", grids["speed"]), grids["working"], grids["east"],
-        grids["north"], grids["heading"], stretch.start_s, DT_S, sensed, timed, _fresh(command)[0],
+        grids["north"], grids["heading"], *stretch.direction, stretch.start_s, DT_S, sensed, timed, _fresh(command)[0],
         rig.with_effects(settings)[0], rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
