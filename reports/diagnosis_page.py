@@ -9,7 +9,6 @@ import numpy as np
 
 from reports import palette
 from reports.diagnosis_words import (
-    LIKELY_MEANS,
     SHOWN_S,
     SMALLEST_VISIBLE,
     exchange_words,
@@ -18,6 +17,7 @@ from reports.diagnosis_words import (
     held_out_words,
     is_calibration,
     left_words,
+    likely_words,
     ordered,
     plan_words,
     rest_terms,
@@ -61,7 +61,7 @@ def _content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
         "shown_by": _shown_by(diagnosis),
         "effects": [_effect(one) for one in ordered(diagnosis.findings)],
         "smallest_visible": SMALLEST_VISIBLE,
-        "likely": LIKELY_MEANS if any(is_calibration(one) for one in diagnosis.findings) else None,
+        "likely": likely_words() if any(is_calibration(one) for one in diagnosis.findings) else None,
         "rest": None if rest is None else {"terms": rest_terms(rest), "words": rest_words(rest)},
         "drive": diagnosis.next_drive,
         "rivals": listed(map(label, diagnosis.next_drive.separates)) if diagnosis.next_drive else "",

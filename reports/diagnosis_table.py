@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reports.diagnosis_words import (
-    LIKELY_MEANS,
     SMALLEST_VISIBLE,
     counted,
     exchange_words,
@@ -14,6 +13,7 @@ from reports.diagnosis_words import (
     held_out_words,
     is_calibration,
     left_words,
+    likely_words,
     ordered,
     plan_words,
     rest_terms,
@@ -70,7 +70,7 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
     """Sentences after the tables: how to read them, the rest, rivals, next drive, what is left, what it changes."""
     lines = [SMALLEST_VISIBLE]
     if any(is_calibration(one) for one in diagnosis.findings):
-        lines.append(LIKELY_MEANS)
+        lines.append(likely_words())
     rest = diagnosis.tractor.rest
     if rest is not None:
         lines.append(f"The rest: {'; '.join(rest_terms(rest))}. {rest_words(rest)}")

@@ -24,7 +24,7 @@ from vehicle.tractor import Rest
 
 LIKELY_MEANS = (
     "Likely: it is clearly not neutral and lowers the error of runs not used for fitting, but another cause or what is "
-    f"left is not excluded. Of {LIKELY_OF} called so on the tests' own tractors {LIKELY_RIGHT} were right."
+    "left is not excluded."
 )
 PLACES = ("first", "second")
 SHOWN_S = 5.0
@@ -34,6 +34,14 @@ SMALLEST_VISIBLE = (
     "Smallest visible: the smallest deviation from the tractor file that these logs would have shown, as a change of "
     "the value; of a limit the highest that they would have shown. What is refuted is refuted from that size on."
 )
+
+
+def likely_words(right: int = LIKELY_RIGHT, of: int = LIKELY_OF) -> str:
+    """What likely means, and how often it was right where that was measured."""
+    told = "How often it is right is not known."
+    if of:
+        told = f"Of {of} called so in the tests' own logs {right} were right."
+    return f"{LIKELY_MEANS} {told}"
 
 
 def is_calibration(one: Finding) -> bool:

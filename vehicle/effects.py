@@ -167,7 +167,7 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(TURN, SIDE_FORCE), of_ground=True, starts=(1.2, 2.0, 4.0, 8.0, 12.0, 18.0), kind=LIMIT,
     ),
     Effect(
-        "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.5, -10.0, 30.0),),
+        "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.7, -10.0, 30.0),),
         lambda v: {"understeer": math.radians(v["deg_per_mps2"])},
         lambda v: f"The tractor loses {v['deg_per_mps2']:.1f} degrees of steering per m/s2 of lateral acceleration.",
         "lateral acceleration", "the same circle slowly and fast",

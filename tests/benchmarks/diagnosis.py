@@ -2,7 +2,7 @@
 
 Every set of tests.diagnosis.sets (80 a seed) is diagnosed; the answers go to FILE, a line of JSON each. Called again
 with the same FILE it does what is left, so it can be stopped at any time. Answers of another state of the code are
-neither counted nor taken for done. A set takes 10 to 25 s of CPU, a seed about 20 minutes of one core. Printed are
+neither counted nor taken for done. A set takes 20 to 30 s of CPU, a seed about 35 minutes of one core. Printed are
 what is asked of a diagnosis beside what it reached, a line per effect, and every set that went wrong, by the key that
 --only repeats.
 """

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.diagnosis.sets import inside, size_of
+from vehicle.measured.answer.verdict import LIKELY, NAMED, REFUTED
 
 NAMED_WANTED, LIKELY_WANTED, INSIDE_WANTED, SETS_PER_WRONG_NAME = 0.97, 0.80, (0.90, 0.98), 300
-NAMED, LIKELY, EQUIVALENT, REFUTED = "named", "likely", "equivalent", "refuted"
 Record = dict[str, Any]
 
 

@@ -20,9 +20,9 @@ from rich.console import Console
 from reports.diagnosis_export import diagnosis_json
 from reports.diagnosis_page import diagnosis_page, ticks
 from reports.diagnosis_table import diagnosis_table
+from reports.diagnosis_words import LIKELY_MEANS, likely_words
 from vehicle.effects import CATALOGUE, effect
 from vehicle.measured.answer.demo import Hidden
-from vehicle.measured.answer.record import LIKELY_OF, LIKELY_RIGHT
 from vehicle.measured.answer.verdict import (
     EQUIVALENT,
     LIKELY,
@@ -154,8 +154,10 @@ class TestLikely:
         assert "refuted" not in lines[0] and len(lines) == len(CATALOGUE)
         rows = re.findall(r'<tr class="(.*?)"><td class="id">.*?<code>(.*?)</code></td>', diagnosis_page(what))
         assert rows[0] == ("likely", "grip_drift") and rows[-1] == ("not-visible", "understeer")
-        assert all(f"Of {LIKELY_OF} called so" in text and f"{LIKELY_RIGHT} were right" in text for text in both(what))
-        assert not any("called so" in text for text in both(diagnosis()))
+        assert all(likely_words() in text for text in both(what))
+        assert not any(LIKELY_MEANS in text for text in both(diagnosis()))
+        assert likely_words(9, 10).endswith("Of 10 called so in the tests' own logs 9 were right.")
+        assert likely_words(0, 0).endswith("How often it is right is not known.")
         assert what.headline.startswith("No cause is certain. Likely: ")
 
     def test_what_is_refuted_says_from_which_size_on_and_a_limit_up_to_which(self) -> None:

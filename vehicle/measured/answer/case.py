@@ -11,6 +11,7 @@ import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect
 from vehicle.learnt import Settings
+from vehicle.measured.causes.refit import with_unnamed
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit
@@ -54,6 +55,11 @@ class Case:
         """Terms by id, those of the longer driving where an effect has two levels."""
         main = main_terms(self.extension.terms, driven_seconds(self.bench.course))
         return {term.knobs.id: term for term in main}
+
+    @cached_property
+    def plain(self) -> Fit:
+        """The fit of the effects without unnamed terms."""
+        return with_unnamed(self.bench, self.fit, ())
 
     @cached_property
     def misfit(self) -> float:

@@ -12,7 +12,7 @@ from vehicle.effects import CATALOGUE, Effect, effect, neutral
 from vehicle.kinds import Interval
 from vehicle.measured.answer.case import Case
 from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
-from vehicle.measured.causes.trial import Projector
+from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
 from vehicle.measured.fit.products import squared
@@ -97,6 +97,10 @@ def _spoken_for(case: Case, entry: Effect) -> bool:
         return True
     tractor, row_s = case.tractor, case.bench.row_s
     sizes = [knobs.deviation(at) for knobs, at in case.fit.parts if knobs.id == entry.id]
+    if not sizes and case.fit.extra is not None and not entry.kind.searched:
+        # Terms without a name may have taken up what an effect explains: it is asked what it would take without them.
+        one = tried(case.bench.change, case.plain, knobs_for(tractor, entry.id), Projector(case.plain.slope))
+        sizes = [one.knobs.deviation(one.at)] if one.gain > LEAST_GAIN else []
     return any(size > finest_of(tractor, entry.id, row_s) for size in sizes)
 
 

@@ -70,7 +70,7 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
     names, case = _holding(lambda kept: case_of(selection, of_fit(bench, fit, {*kept, *likely})), names)
     kept = {name for name in case.extension.ids if name in names or is_likely(case, name)}
     case = case if kept == case.extension.ids else case_of(selection, of_fit(bench, fit, kept))
-    if not selection.unnamed and within_noise(case, case.final):
+    if within_noise(case, case.final):
         return Explained(case, names, None)
     start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
     mended = mend(bench, tractor, start, step, case.tolerated)
