@@ -11,6 +11,7 @@ logs: reading
 
 replay: comparing
     course                 stretches on the simulation's grid
+    keeping                what was replayed once, so that nothing is driven twice
     replaying              logged commands through the functions of planning, and what instruments show of them
     anchoring, windows     rigid fits in closed form; the parts of a run that take turns
     horizons               open-loop error over horizons, anchored again piece by piece
@@ -24,6 +25,7 @@ surprise: judging
 
 fit: explaining
     knobs                  effects and terms of the rest as coordinates
+    products               of tall columns, on one core
     solver                 bounded Gauss-Newton with one-sided slopes, for every fit
     fitting, openloop      fits to the surprises, and to the open-loop error as one vector
     heldout                coordinates for data that had no part in finding them

@@ -15,6 +15,7 @@ from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIB
 from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
+from vehicle.measured.fit.products import squared
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import LEAST_GAIN, SURELY_SHOWN
@@ -114,7 +115,7 @@ def visible(case: Case, entry: Effect) -> float | None:
     for share in TRIAL_SHARES:
         at = knobs.inside(np.array(knobs.neutral) + share * np.array(knobs.typical))
         trace = project(bench.change(settings_of([*parts, (knobs, at)]), bare, frozenset({entry.block})) - bare)
-        strength = float(trace @ trace)
+        strength = squared(trace)
         if strength > SURELY_SHOWN * LEAST_GAIN * case.misfit:
             return _size(tractor, knobs, at, share, strength / case.misfit)
     return None

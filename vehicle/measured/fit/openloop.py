@@ -20,6 +20,7 @@ from vehicle.learnt import Settings
 from vehicle.measured.fit.fitting import add_products, flat
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.knobs import Knobs
+from vehicle.measured.fit.products import squared
 from vehicle.measured.fit.solver import (
     FIRST_STEP,
     LATER_STEP,
@@ -188,7 +189,7 @@ class Model:
     @property
     def loss(self) -> float:
         """What is left of the squared error; 1 without terms."""
-        return float(self.errors @ self.errors)
+        return squared(self.errors)
 
     @property
     def ids(self) -> frozenset[str]:
