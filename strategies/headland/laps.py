@@ -152,7 +152,7 @@ def link(job: Job, a: Pose, b: Pose, *, anyhow: bool = False, beside: bool = Fal
         way = job.headland.connect(a, b)
         if _easy(way) and not job.crosses(way):
             return way
-    ways = chain((_turn(job, a, b),), (_between(job, p, q) for p, q in _freed(job, rim, a, b)))
+    ways = chain((_turn(job, a, b),), _all_between(job, rim, a, b))
     easy: list[Path] = []
     for each in ways:
         if _easy(each):
@@ -202,6 +202,18 @@ def _freed(job: Job, rim: Connector, a: Pose, b: Pose) -> Iterator[tuple[Path, P
 
 def _held(job: Job, pose: Pose) -> bool:
     return bool(shapely.dwithin(job.connector.free, shapely.Point(pose[:2]), 1e-3))
+
+
+def _all_between(job: Job, rim: Connector, a: Pose, b: Pose) -> Iterator[Path]:
+    """Ways after a straight back from a and before one to b, the shortest straights first.
+
+    Where no way at all leads from one of these places to the other, none does from a few metres farther back.
+    """
+    for lead, tail in _freed(job, rim, a, b):
+        way = _between(job, lead, tail)
+        if way is None:
+            return
+        yield way
 
 
 def _between(job: Job, lead: Path, tail: Path) -> Path | None:

@@ -3,7 +3,8 @@
 Held and Karp, "The traveling-salesman problem and minimum spanning trees", Operations Research 18 (1970). The open
 path through all tracks becomes a tour by one node that stands for start and end. Directions are left free, so the
 seconds between two tracks are the least over their directions and over both ways round: the bound holds for every
-table.
+table. Prices per track end go farther: a tour comes to each end of a track once, a 1-tree may come to one of them
+twice and never to the other.
 """
 
 from __future__ import annotations
@@ -38,11 +39,17 @@ def held_karp(between, enough):  # type: ignore[no-untyped-def]
 
     Stops early at `enough`, seconds an order is known to take.
     """
+    return _ascended(between, enough)[0]
+
+
+@compiled
+def _ascended(between, enough):  # type: ignore[no-untyped-def]
+    """As `held_karp`, with the prices of the tracks (n + 1,) that it was found with."""
     n = len(between) - 1
     price, degree = np.zeros(n + 1), np.zeros(n + 1)
     reach, parent, inside = np.empty(n), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_)
     step = FIRST_STEP * between[:n, :n].min()
-    best = -np.inf
+    best, kept = -np.inf, price.copy()
     for _ in range(STEPS):
         total, degree[:], inside[:], inside[0] = 0.0, 0.0, False, True
         for j in range(1, n):
@@ -70,7 +77,9 @@ def held_karp(between, enough):  # type: ignore[no-untyped-def]
         total += between[n, one] + price[one] + between[n, two] + price[two] + 2.0 * price[n]
         degree[one] += 1.0
         degree[two] += 1.0
-        best = max(best, total - 2.0 * price.sum())
+        bound = total - 2.0 * price.sum()
+        if bound > best:
+            best, kept[:] = bound, price
         settled = True
         for j in range(n):
             if degree[j] != 2.0:
@@ -79,5 +88,88 @@ def held_karp(between, enough):  # type: ignore[no-untyped-def]
             break
         for j in range(n):
             price[j] += step * (degree[j] - 2.0)
+        step *= SHRINK
+    return best, kept
+
+
+def between_ends(turns: Floats, first: Floats, last: Floats) -> Floats:
+    """Least seconds between ends of n tracks and the node of start and end, either way round (2 n + 1, 2 n + 1).
+
+    End 2 i + d is where pass 2 i + d of track i leaves it; infinite between both ends of a track.
+    """
+    n = len(first) // 2
+    enter = np.arange(2 * n) ^ 1
+    out = np.full((2 * n + 1, 2 * n + 1), np.inf)
+    out[:-1, :-1] = np.minimum(turns[:, enter], turns[:, enter].T)
+    out[-1, :-1] = out[:-1, -1] = np.minimum(first[enter], last)
+    for track in range(n):
+        out[2 * track : 2 * track + 2, 2 * track : 2 * track + 2] = np.inf
+    return out
+
+
+def bound_by_ends(turns: Floats, first: Floats, last: Floats, enough: float) -> float:
+    """A lower bound (s) on every order, by prices per track end; never below that of `held_karp`.
+
+    Stops early at `enough`, seconds an order is known to take.
+    """
+    bound, price = _ascended(least_between(turns, first, last), enough)
+    if bound >= enough or len(first) < 4:
+        return float(bound)
+    return max(float(bound), float(_by_ends(between_ends(turns, first, last), np.repeat(price[:-1], 2), enough)))
+
+
+@compiled
+def _nearest_ends(ends, price, i, j):  # type: ignore[no-untyped-def]
+    """The least seconds with prices between an end of track i and one of track j, and these two ends."""
+    best, p, q = np.inf, 2 * i, 2 * j
+    for one in range(2 * i, 2 * i + 2):
+        for two in range(2 * j, 2 * j + 2):
+            cost = ends[one, two] + price[one] + price[two]
+            if cost < best:
+                best, p, q = cost, one, two
+    return best, p, q
+
+
+@compiled
+def _by_ends(ends, price, enough):  # type: ignore[no-untyped-def]
+    """The best bound of an ascent from prices (2 n,) of the ends; `ends` is from `between_ends`."""
+    n = len(price) // 2
+    degree, inside = np.zeros(2 * n), np.zeros(n, dtype=np.bool_)
+    reach, own, other = np.empty(n), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    step, best = FIRST_STEP * ends[: 2 * n, : 2 * n].min(), -np.inf
+    for _ in range(STEPS):
+        total, degree[:], inside[:], inside[0] = 0.0, 0.0, False, True
+        for j in range(1, n):
+            reach[j], other[j], own[j] = _nearest_ends(ends, price, 0, j)
+        for _ in range(n - 1):
+            near = -1
+            for j in range(n):
+                if not inside[j] and (near < 0 or reach[j] < reach[near]):
+                    near = j
+            inside[near] = True
+            total += reach[near]
+            degree[own[near]] += 1.0
+            degree[other[near]] += 1.0
+            for j in range(n):
+                if not inside[j]:
+                    cost, p, q = _nearest_ends(ends, price, near, j)
+                    if cost < reach[j]:
+                        reach[j], other[j], own[j] = cost, p, q
+        for j in range(n):
+            one = ends[2 * n, 2 * j] + price[2 * j] > ends[2 * n, 2 * j + 1] + price[2 * j + 1]
+            own[j] = 2 * j + one
+            reach[j] = ends[2 * n, own[j]] + price[own[j]]
+        for _ in range(2):
+            near = int(reach.argmin())
+            total += reach[near]
+            degree[own[near]] += 1.0
+            reach[near] = np.inf
+        best = max(best, total - price.sum())
+        settled = True
+        for j in range(2 * n):
+            settled = settled and degree[j] == 1.0
+            price[j] += step * (degree[j] - 1.0)
+        if settled or best >= enough:
+            break
         step *= SHRINK
     return best

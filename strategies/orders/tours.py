@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from strategies.orders.bounds import held_karp, least_between
+from strategies.orders.bounds import bound_by_ends, held_karp, least_between
 from strategies.orders.exact import best_order
 from vehicle.gnss import mixed
 from vehicle.jit import compiled
@@ -314,6 +314,8 @@ def tour(
     passes = _directions(order, turns, first, last)
     if proven and seconds > enough and 3 < len(order) <= MOST_PROVEN:
         return _proven(turns, first, last, Tour(passes, float(seconds), float(bound)))
+    if seconds > enough:
+        bound = max(bound, bound_by_ends(turns, first, last, seconds - GAIN_S))
     return Tour(passes, float(seconds), float(min(bound, seconds)))
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strategies.orders.bounds import held_karp, least_between
+from strategies.orders.bounds import bound_by_ends, held_karp, least_between
 from strategies.orders.exact import best_order
 from strategies.orders.sequence import skip_pattern
 from strategies.orders.tours import FAR_S, FARTHEST, run_tables, seconds_of, tour
@@ -49,11 +49,31 @@ def test_bounds_hold_and_small_orders_are_the_best(drawn: tuple[list[int], list[
     assert best.seconds == pytest.approx(first[best.passes[0]] + steps + last[best.passes[-1]])
     if n >= 4:
         assert best.seconds <= exact * 1.0005 + 1e-3
-    assert held_karp(least_between(turns, first, last), math.inf) <= exact + 1e-6
+    plain = held_karp(least_between(turns, first, last), math.inf)
+    assert plain <= bound_by_ends(turns, first, last, math.inf) <= exact + 1e-6
     passes = best_order(turns, first, last, math.inf)
     assert sorted(passes // 2) == list(range(n))
     assert first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]] == pytest.approx(exact)
     assert len(best_order(turns, first, last, exact)) == 0  # nothing takes less than the best
+
+
+def test_prices_per_end_see_that_a_tour_comes_to_both_ends_of_a_track() -> None:
+    """Ends in the south are 1 s from each other, those in the north 9 s: half of all turns have to be there."""
+    n = 6
+    turns = np.where(np.arange(2 * n)[:, None] % 2 == 0, 9.0, 1.0) * np.ones(2 * n)
+    same = np.arange(2 * n)[:, None] % 2 == np.arange(2 * n) % 2
+    turns[same | (np.arange(2 * n)[:, None] // 2 == np.arange(2 * n) // 2)] = FAR_S
+    free = np.zeros(2 * n)
+    exact = 3 * 1.0 + 2 * 9.0
+    assert quickest_of(turns, free) == exact
+    assert held_karp(least_between(turns, free, free), math.inf) == pytest.approx(5.0)
+    assert 0.999 * exact <= bound_by_ends(turns, free, free, math.inf) <= exact + 1e-6
+
+
+def quickest_of(turns: np.ndarray, free: np.ndarray) -> float:
+    """Seconds of the best order, proven."""
+    passes = best_order(turns, free, free, math.inf)
+    return float(turns[passes[:-1], passes[1:]].sum())
 
 
 def test_a_turn_in_closed_form() -> None:
