@@ -122,9 +122,17 @@ def plan_gain(before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
     world = World(first.plan, after, site.implement, seed=site.scenario.seed)
     second = world.run(max_time_s=PATIENCE * float(first.time_s[-1]))
-    times = [float(run.duration_s) if run.outcome == DONE else None for run in (first, second)]
-    lateral = [_lateral_cm(site, run) for run in (first, second)]
-    return PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1]), ""
+    runs = [first, second]
+    if after.rest is not None:
+        world = World(first.plan, after.model_copy(update={"rest": None}), site.implement, seed=site.scenario.seed)
+        runs.append(world.run(max_time_s=PATIENCE * float(first.time_s[-1])))
+    times = [float(run.duration_s) if run.outcome == DONE else None for run in runs]
+    lateral = [_lateral_cm(site, run) for run in runs]
+    gain = PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1])
+    if len(runs) > 2:
+        slower = times[1] - times[2] if times[1] is not None and times[2] is not None else None
+        gain = replace(gain, left_s=slower, left_cm=lateral[1] - lateral[2])
+    return gain, ""
 
 
 def _lateral_cm(site: Site, run: Run) -> float:

@@ -37,6 +37,7 @@ def diagnosis_dict(diagnosis: Diagnosis, hidden: Hidden | None = None) -> dict[s
         "effects": [_effect(one) for one in diagnosis.findings],
         "named": list(diagnosis.named),
         "unexplained_share": diagnosis.unexplained_share,
+        "left": _left(diagnosis),
         "unexplained_depends_on": list(diagnosis.depends_on),
         "next_drive": None if drive is None else {
             "id": drive.id, "words": drive.words, "seconds": drive.seconds, "separates": list(drive.separates),
@@ -52,6 +53,12 @@ def diagnosis_dict(diagnosis: Diagnosis, hidden: Hidden | None = None) -> dict[s
 
 def _errors(errors: Errors) -> dict[str, dict[str, float]]:
     return {f"{horizon:g}": dict(error.__dict__) for horizon, error in errors.items()}
+
+
+def _left(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What all effects together leave: whether that is noise, and what it comes to above the noise."""
+    left = diagnosis.left
+    return {"as_good_as_noise": diagnosis.as_good_as_noise, **({} if left is None else left.__dict__)}
 
 
 def _effect(one: Finding) -> dict[str, Any]:

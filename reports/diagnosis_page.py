@@ -9,20 +9,21 @@ import numpy as np
 
 from reports import palette
 from reports.diagnosis_words import (
-    FITTED,
+    SHOWN_S,
     SMALLEST_VISIBLE,
     exchange_words,
     gain_text,
     ground_words,
     held_out_words,
     is_calibration,
+    left_words,
+    likely_words,
     ordered,
     plan_words,
     rest_terms,
     rest_words,
     size_words,
     status_words,
-    unexplained_words,
     value_text,
     visible_text,
 )
@@ -33,7 +34,6 @@ from vehicle.effects import effect
 from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding, ResidualPlot
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 720.0, 300.0, 64.0, 44.0, 12.0
-SHOWN_S = 5.0
 KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Heading", "deg", "heading_deg", 2))
 
 
@@ -61,12 +61,12 @@ def _content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
         "shown_by": _shown_by(diagnosis),
         "effects": [_effect(one) for one in ordered(diagnosis.findings)],
         "smallest_visible": SMALLEST_VISIBLE,
-        "fitted": FITTED if any(is_calibration(one) for one in diagnosis.findings) else None,
+        "likely": likely_words() if any(is_calibration(one) for one in diagnosis.findings) else None,
         "rest": None if rest is None else {"terms": rest_terms(rest), "words": rest_words(rest)},
         "drive": diagnosis.next_drive,
         "rivals": listed(map(label, diagnosis.next_drive.separates)) if diagnosis.next_drive else "",
         "exchanges": exchange_words(diagnosis),
-        "unexplained": unexplained_words(diagnosis),
+        "left": left_words(diagnosis),
         "plan": plan_words(diagnosis),
         "notes": [spelled(note) for note in diagnosis.notes],
         "before_colour": palette.TRACTORS[1],
@@ -134,10 +134,10 @@ def _effect(one: Finding) -> dict[str, Any]:
     if one.gain_interval:
         low, high = (number(value, 0) for value in one.gain_interval)
         gain += f" ({low} to {high})"
-    unseen = one.status == NOT_VISIBLE and not is_calibration(one)
+    unseen = one.status == NOT_VISIBLE
     return {
         "id": one.id, "label": label(one.id),
-        "kind": "fitted" if is_calibration(one) else one.status, "status": status_words(one),
+        "kind": one.status, "status": status_words(one),
         "block": one.block, "value": value_text(one), "gain": gain, "visible": visible_text(one),
         "same": ", ".join(map(label, one.equivalent_to)), "regressor": effect(one.id).regressor,
         "drive": effect(one.id).drive if unseen else None,

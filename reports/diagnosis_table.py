@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reports.diagnosis_words import (
-    FITTED,
     SMALLEST_VISIBLE,
     counted,
     exchange_words,
@@ -13,13 +12,13 @@ from reports.diagnosis_words import (
     ground_words,
     held_out_words,
     is_calibration,
+    left_words,
+    likely_words,
     ordered,
     plan_words,
     rest_terms,
     rest_words,
     size_words,
-    status_words,
-    unexplained_words,
     value_text,
     visible_text,
 )
@@ -71,7 +70,7 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
     """Sentences after the tables: how to read them, the rest, rivals, next drive, what is left, what it changes."""
     lines = [SMALLEST_VISIBLE]
     if any(is_calibration(one) for one in diagnosis.findings):
-        lines.append(f"{FITTED.capitalize()}: it lowers the error, but these logs do not show that it is the cause.")
+        lines.append(likely_words())
     rest = diagnosis.tractor.rest
     if rest is not None:
         lines.append(f"The rest: {'; '.join(rest_terms(rest))}. {rest_words(rest)}")
@@ -82,7 +81,7 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
         doubt = "" if drive.decides else " It tells most of the drives that are known, but perhaps not enough."
         rivals = listed(map(label, drive.separates))
         lines.append(f"To tell {rivals} apart: {drive.words} That takes {length}.{doubt}")
-    lines += [unexplained_words(diagnosis), *plan_words(diagnosis)]
+    lines += [*left_words(diagnosis), *plan_words(diagnosis)]
     return lines + [spelled(note) for note in diagnosis.notes]
 
 
@@ -98,7 +97,7 @@ def _errors(diagnosis: Diagnosis) -> FittedTable:
 def _effects(diagnosis: Diagnosis) -> FittedTable:
     told = ordered(diagnosis.findings)
     rows = tuple(
-        (label(one.id), one.id, status_words(one), value_text(one), gain_text(one), visible_text(one)) for one in told
+        (label(one.id), one.id, one.status, value_text(one), gain_text(one), visible_text(one)) for one in told
     )
     styles = tuple("bold" if one.status in (NAMED, EQUIVALENT) else "" for one in told)
     return FittedTable(_EFFECTS, rows, styles)

@@ -8,32 +8,58 @@ from collections.abc import Iterable
 from reports.effect_words import both, capital, label, spelled
 from reports.wording import listed, number
 from vehicle.effects import effect
-from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding, PlanGain
+from vehicle.measured.answer.record import LIKELY_OF, LIKELY_RIGHT
+from vehicle.measured.answer.verdict import (
+    EQUIVALENT,
+    LIKELY,
+    NAMED,
+    NOT_VISIBLE,
+    REFUTED,
+    Diagnosis,
+    Finding,
+    PlanGain,
+)
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Rest
 
-FITTED = "fitted, no name"
+LIKELY_MEANS = (
+    "Likely: it is clearly not neutral and lowers the error of runs not used for fitting, but another cause or what is "
+    "left is not excluded."
+)
 PLACES = ("first", "second")
-ORDER = (NAMED, EQUIVALENT, FITTED, REFUTED, NOT_VISIBLE)
+SHOWN_S = 5.0
+LEFT_KINDS = (("cross_cm", "cm across", 1), ("along_cm", "cm along", 1), ("heading_deg", "degrees", 2))
+ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
     "Smallest visible: the smallest deviation from the tractor file that these logs would have shown, as a change of "
-    "the value; of a limit the highest that they would have shown."
+    "the value; of a limit the highest that they would have shown. What is refuted is refuted from that size on."
 )
+
+
+def likely_words(right: int = LIKELY_RIGHT, of: int = LIKELY_OF) -> str:
+    """What likely means, and how often it was right where that was measured."""
+    told = "How often it is right is not known."
+    if of:
+        told = f"Of {of} called so in the tests' own logs {right} were right."
+    return f"{LIKELY_MEANS} {told}"
 
 
 def is_calibration(one: Finding) -> bool:
     """Whether an effect is in the model without being shown to be a cause."""
-    return one.status == NOT_VISIBLE and one.value is not None
+    return one.status == LIKELY
 
 
 def status_words(one: Finding) -> str:
-    """Status for a reader: one of `ORDER`."""
-    return FITTED if is_calibration(one) else one.status
+    """Status for a reader; what is refuted, from which size on, a limit up to which."""
+    if one.status != REFUTED or one.smallest_visible is None:
+        return one.status
+    bound = "to" if effect(one.id).kind.size_word else "from"
+    return f"{one.status} {bound} {one.smallest_visible:.2g} {one.unit}".strip()
 
 
 def ordered(findings: Iterable[Finding]) -> list[Finding]:
     """Findings by status, as `ORDER` has it."""
-    return sorted(findings, key=lambda one: ORDER.index(status_words(one)))
+    return sorted(findings, key=lambda one: ORDER.index(one.status))
 
 
 def counted(count: int, noun: str) -> str:
@@ -134,19 +160,49 @@ def exchange_words(diagnosis: Diagnosis) -> list[str]:
     return [f"{capital(label(one.id))}: {spelled(one.exchange)}." for one in alike]
 
 
-def unexplained_words(diagnosis: Diagnosis) -> str:
-    """What has no name, and what it depends on."""
-    share, depends = 100.0 * diagnosis.unexplained_share, "; ".join(diagnosis.depends_on)
-    large = share >= 0.5
-    if not depends:
-        if not large:
-            return "Nothing is left that depends on anything these logs hold."
-        return (
-            f"{share:.0f} % of what is wrong beyond the noise has no name, and it depends on nothing that was looked "
-            "for."
-        )
-    much = f"{share:.0f} %" if large else "Less than 1 %"
-    return f"{much} of what is wrong beyond the noise has no name. The logs show there: {depends}."
+def left_words(diagnosis: Diagnosis) -> list[str]:
+    """What is left, in sentences: how large against the noise, what it changes in a plan, what it depends on."""
+    lines = [f"{_against_noise(diagnosis)}{_share_words(diagnosis)}"]
+    if diagnosis.as_good_as_noise:
+        return lines
+    depends = "; ".join(diagnosis.depends_on) or "nothing that was looked for"
+    return [*lines, *_left_in_plan(diagnosis), f"It depends on: {depends}."]
+
+
+def _against_noise(diagnosis: Diagnosis) -> str:
+    """The errors left over pieces of 5 s (or of the shortest length there is) beside those of noise alone."""
+    if not diagnosis.after:
+        return "What is left"
+    over = SHOWN_S if SHOWN_S in diagnosis.after else min(diagnosis.after)
+    after, floor = diagnosis.after[over], diagnosis.floor[over]
+    parts = [
+        f"{number(getattr(after, key), digits)} {unit} (noise {number(getattr(floor, key), digits)})"
+        for key, unit, digits in LEFT_KINDS if math.isfinite(getattr(after, key))
+    ]  # fmt: skip
+    return f"What is left over pieces of {over:g} s, {', '.join(parts)},"
+
+
+def _share_words(diagnosis: Diagnosis) -> str:
+    if diagnosis.as_good_as_noise:
+        return " is as good as the noise."
+    share = 100.0 * diagnosis.unexplained_share
+    much = f"{share:.0f} %" if share >= 0.5 else "less than 1 %"
+    return f" is above the noise: no effect explains {much} of what was wrong beyond it."
+
+
+def _left_in_plan(diagnosis: Diagnosis) -> list[str]:
+    """What is left as seconds and centimetres: of the plan that was driven, else of the longest pieces."""
+    plan, left = diagnosis.plan, diagnosis.left
+    if plan is not None and plan.left_cm is not None:
+        time = "" if plan.left_s is None else f"{plan.left_s:+.0f} s and "
+        comes = f"{time}{plan.left_cm:+.1f} cm off the tracks"
+        return [f"In the plan below, the rest that was fitted to it comes to {comes}."]
+    if left is None:
+        return []
+    return [
+        f"In a plan, within {left.over_s:g} s, that is {number(left.late_s, 1)} s early or late and "
+        f"{number(left.aside_cm, 1)} cm aside while nobody steers back."
+    ]
 
 
 def saved_words(diagnosis: Diagnosis) -> str:
@@ -160,7 +216,7 @@ def saved_words(diagnosis: Diagnosis) -> str:
         elif setting.equivalent_to:
             parts.append(f"{both(name)}, or {listed(map(label, setting.equivalent_to), 'or')} in its place")
         else:
-            parts.append(both(name) if setting.named else f"{both(name)}, {FITTED}")
+            parts.append(both(name) if setting.named else f"{both(name)}, {LIKELY}")
     parts += ["a rest"] if diagnosis.tractor.rest else []
     return f"The tractor file gets: {'; '.join(parts)}." if parts else ""
 

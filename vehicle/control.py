@@ -63,13 +63,17 @@ def rolls_on(leg: int, legs) -> bool:  # type: ignore[no-untyped-def]
 
 @compiled
 def allowed_speed(state, model, legs, gates, states) -> tuple[float, bool]:  # type: ignore[no-untyped-def]
-    """Speed that still respects every leg end, gate, stand and gear change ahead, and whether a closed gate binds."""
+    """Speed that still respects every leg end, gate, stand and gear change ahead, and whether a closed gate binds.
+
+    A tractor whose speed lags its command brakes earlier, by the way it drives meanwhile.
+    """
     deceleration = model.acceleration
-    brake_range = 0.5 * state.forward * state.forward / deceleration + 1.0
+    late = model.speed_lag * abs(state.forward)
+    brake_range = 0.5 * state.forward * state.forward / deceleration + 1.0 + late
     leg = state.leg
     speed = legs[leg].speed
     while True:
-        distance = legs[leg].end - state.progress
+        distance = legs[leg].end - state.progress - late
         closed = leg < state.last_leg and not gates_open(leg + 1, legs, gates, states)
         if leg == state.last_leg or closed or not rolls_on(leg, legs):
             if distance < ARRIVED_M:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from vehicle.chassis import GRAVITY
 from vehicle.jit import compiled
-from vehicle.speed import drive_force, ramp
+from vehicle.speed import drive_force, lagging, ramp
 from vehicle.steering import steering_step
 from vehicle.terms import delayed, ground_speed, played
 
@@ -36,6 +36,8 @@ def propel(state, model, ground, forward, dt) -> float:  # type: ignore[no-untyp
     if model.affected != 0.0:
         target = ground_speed(target, state.working, model)
     before = state.reference_speed
+    if model.affected != 0.0 and model.speed_lag > 0.0:
+        target = lagging(before, target, model.speed_lag, dt)
     state.reference_speed = ramp(before, target, model.acceleration * dt)
     error = state.reference_speed - forward
     state.integral = min(max(state.integral + error * dt, -2.0), 2.0)

@@ -21,6 +21,7 @@ STEP_HZ = 60.0  # steps of the simulation, in which delays are counted
 TURN, CRAB, WHEEL, PACE = "turning rate", "crab angle", "wheel angle", "speed"
 ANGLE, STEERING_SPEED, COMMAND_RATE, SIDE_FORCE = "angle", "steering speed", "rate of command", "side force"
 DIRECTION, TOOL, TARGET, TURNING, TIME = "direction", "implement", "target speed", "turning", "time"
+TARGET_RATE = "rate of target speed"
 REST_KEY = "rest"
 ROUNDING = 1e-9
 
@@ -166,7 +167,7 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(TURN, SIDE_FORCE), of_ground=True, starts=(1.2, 2.0, 4.0, 8.0, 12.0, 18.0), kind=LIMIT,
     ),
     Effect(
-        "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.35, -10.0, 30.0),),
+        "understeer", PATH, (Param("deg_per_mps2", "deg per m/s2", 0.0, 1.5, 0.7, -10.0, 30.0),),
         lambda v: {"understeer": math.radians(v["deg_per_mps2"])},
         lambda v: f"The tractor loses {v['deg_per_mps2']:.1f} degrees of steering per m/s2 of lateral acceleration.",
         "lateral acceleration", "the same circle slowly and fast",
@@ -206,6 +207,13 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(PACE, TOOL), of_ground=True, starts=(0.1,),
     ),
     Effect(
+        "speed_lag", SPEED, (Param("time_s", "s", 0.0, 1.0, 0.65, 0.0, 5.0),),
+        lambda v: {"speed_lag": v["time_s"]},
+        lambda v: f"The speed follows a changed command with a time constant of {v['time_s']:.1f} s.",
+        "changes of the commanded speed", "straight ahead, the speed in steps, stops and starts",
+        plot=(PACE, TARGET_RATE), starts=(0.4, 0.8, 1.6, 3.0),
+    ),
+    Effect(
         "antenna_forward", POSITION, (Param("distance_m", "m", 0.0, 0.4, 0.08, -5.0, 5.0, metres=1),),
         lambda v: {"shift_forward": v["distance_m"]},
         lambda v: f"The antenna sits {100 * abs(v['distance_m']):.0f} cm further "
@@ -224,7 +232,7 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(CRAB, TURNING),
     ),
     Effect(
-        "gnss_latency", POSITION, (Param("time_s", "s", 0.0, 0.15, 0.04, 0.0, 1.2),),
+        "gnss_latency", POSITION, (Param("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
         lambda v: {"latency": v["time_s"] * STEP_HZ},
         lambda v: f"Position and heading reach the log {v['time_s']:.2f} s late.",
         "changes of speed and turning rate", "turns at several speeds, stops and starts",
@@ -308,6 +316,7 @@ def effect_fields(settings: Mapping[str, Values]) -> Fields:
 NEUTRAL_FIELDS: Fields = {
     "affected": 0.0, "offset": 0.0, "bend": 1.0, "bend_left": 1.0, "dead_steps": 0.0, "half_play": 0.0, "slide": 0.0,
     "understeer": 0.0, "slope_east": 0.0, "slope_north": 0.0, "draft": 0.0, "slip": 0.0, "tool_slip": 0.0,
+    "speed_lag": 0.0,
     "shift_forward": 0.0, "shift_right": 0.0, "latency": 0.0, "heading_bias": 0.0, "patch": 1.0, "patch_east": 0.0,
     "patch_north": 0.0, "patch_radius": 0.0, "drift": 0.0, **NEUTRAL_REST,
 }  # fmt: skip

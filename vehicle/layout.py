@@ -54,6 +54,7 @@ MODEL = np.dtype(
         ("draft", "f8"),
         ("slip", "f8"),
         ("tool_slip", "f8"),
+        ("speed_lag", "f8"),
         ("shift_forward", "f8"),
         ("shift_right", "f8"),
         ("latency", "f8"),

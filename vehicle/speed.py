@@ -6,6 +6,8 @@ import math
 
 from vehicle.jit import compiled
 
+ARRIVED_MPS = 0.02  # so that a brake that waits for a standstill is not kept waiting by the tail of a lag
+
 
 @compiled
 def drive_force(
@@ -27,6 +29,15 @@ def follower_speed(distance: float, gap: float, leader_speed: float) -> float:
     if distance >= gap:
         return leader_speed
     return max(leader_speed - 0.5 * (gap - distance), 0.0)
+
+
+@compiled
+def lagging(value: float, target: float, lag_s: float, dt: float) -> float:
+    """Where a first-order lag would take `value` on its way to `target` within `dt`; what is nearly there arrives."""
+    gap = target - value
+    if abs(gap) < ARRIVED_MPS:
+        return target
+    return value + gap * (1.0 - math.exp(-dt / lag_s))
 
 
 @compiled

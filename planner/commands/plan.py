@@ -126,11 +126,15 @@ def plan(
     reads = inputs(field=wanted.fields[0], tractor=tractor, gnss_table=gnss_table, farm=farm, rain=rain)
     check_outputs((png, ".png"), (html, ".html"), (save, ""), reads=reads)
     planned = _planned(with_farm(scenario, farm, implement, context), hands, pictures=html is not None, every=full)
-    remark(planned.site.layout.field.remarks)
-    remark(f"From the farm's own logs: {words}." for words in planned.ranking.scenario.get("learned", ()))
+    remark([*planned.site.layout.field.remarks, *_learned(planned.ranking)])
     with written(_results(planned, html, png, save)):
         _print(planned.ranking, json, csv, full)
     _end(planned.ranking)
+
+
+def _learned(ranking: Ranking) -> list[str]:
+    """A sentence for every value that the farm's logs taught."""
+    return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
 
 
 def _end(ranking: Ranking) -> None:

@@ -11,7 +11,7 @@ from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import NEUTRAL, PLACES, scaled
 from tests.truth.model import make_logs
 from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.answer.verdict import EQUIVALENT, NOT_VISIBLE, Diagnosis
+from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NOT_VISIBLE, Diagnosis
 from vehicle.measured.logs.reading import log_from_frame
 from vehicle.tractor import Tractor, load_tractor
 
@@ -58,7 +58,8 @@ class Verdict:
 def judge(found: Diagnosis, effects: dict[str, dict[str, float]]) -> Verdict:
     """How a diagnosis stands to what was hidden.
 
-    Found: every hidden effect is named or in a set. Announced: each one that is not is `not-visible`, never refuted.
+    Found: every hidden effect is named or in a set. Announced: each one that is not is `not-visible` or `likely`, never
+    refuted.
     Wrong: named and not hidden. Close: what was found is within 15 % of the truth, or the truth in its interval.
     """
     in_sets = {one.id for one in found.findings if one.status == EQUIVALENT}
@@ -69,7 +70,7 @@ def judge(found: Diagnosis, effects: dict[str, dict[str, float]]) -> Verdict:
     told = [name for name in effects if name in by_id and (name in found.named or name in in_sets)]
     close = all(_close(by_id[name], name, effects[name]) for name in told) if told else None
     missed = [name for name in effects if name in by_id and name not in told]
-    announced = all(by_id[name].status == NOT_VISIBLE for name in missed)
+    announced = all(by_id[name].status in (NOT_VISIBLE, LIKELY) for name in missed)
     text = f"named {list(found.named)} sets {sorted(in_sets)} unexplained {found.unexplained_share:.2f}"
     return Verdict(not missed, announced, wrong, close, at_floor(found), text)
 

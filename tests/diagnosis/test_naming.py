@@ -1,5 +1,7 @@
 """A quick part of the matrix: seven to nine runs of the independent truth model, seeds drawn when the tests run.
 
+More effects are named in test_second_reference.py, in fewer runs of another reference.
+
 HEADLAND_TEST_SEED repeats a seed; continuous integration sets it, so that the same commit always ends the same way.
 """
 

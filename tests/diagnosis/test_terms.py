@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from vehicle import terms
 from vehicle.calibration import steering_tables
-from vehicle.compile import compile_model
-from vehicle.driveline import turn_wheels
+from vehicle.compile import compile_grounds, compile_model
+from vehicle.driveline import propel, turn_wheels
 from vehicle.effects import CATALOGUE, NEUTRAL_FIELDS, check, effect_fields, neutral
 from vehicle.errors import VehicleError
 from vehicle.ground import ground_index
@@ -137,6 +137,37 @@ def test_wheel_slip_slows_the_plan_in_proportion() -> None:
     down = with_effect("implement_slip", ratio=0.2)
     assert drive(down).duration_s == pytest.approx(plain.duration_s, abs=0.2)
     assert drive(down, implement=True).duration_s == pytest.approx(slow.duration_s, rel=0.02)
+
+
+def paced(lag_s: float, start: float, target: float, steps: int) -> np.ndarray:
+    """Reference speed after each step of 1/60 s towards a target."""
+    state, record, out = np.zeros(1, dtype=STATE), model(with_effect("speed_lag", time_s=lag_s)), np.empty(steps)
+    state["reference_speed"], state["target_speed"] = start, target
+    ground = compile_grounds()[SOIL]
+    for step in range(steps):
+        propel(state[0], record, ground, float(state[0]["reference_speed"]), 1.0 / 60.0)
+        out[step] = state[0]["reference_speed"]
+    return out
+
+
+@pytest.mark.parametrize(("lag_s", "start", "target"), [(0.8, 1.0, 1.4), (2.0, 2.0, 1.0)])
+def test_a_small_change_of_speed_follows_its_time_constant(lag_s: float, start: float, target: float) -> None:
+    """Below the acceleration that the drive line has, the speed is an exponential."""
+    time = np.arange(1, 61) / 60.0
+    assert paced(lag_s, start, target, 60) == pytest.approx(target + (start - target) * np.exp(-time / lag_s))
+
+
+def test_a_lag_keeps_to_the_acceleration_and_comes_to_a_standstill() -> None:
+    steep = np.diff(paced(0.8, 0.0, 3.0, 120))
+    assert steep[:60] == pytest.approx(0.7 / 60.0) and steep.max() <= 0.7 / 60.0 + 1e-12
+    assert paced(0.8, 1.0, 0.0, 600)[-1] == 0.0
+
+
+def test_a_tractor_with_a_lag_brakes_in_time() -> None:
+    plain, late = drive(EG105), drive(with_effect("speed_lag", time_s=2.0))
+    assert plain.outcome == late.outcome == DONE
+    assert late.duration_s > plain.duration_s + 2.0
+    assert late.record[:, 0, 1].max() < plain.record[:, 0, 1].max() + 0.05
 
 
 def test_an_antenna_to_the_right_shifts_the_track_to_the_left() -> None:

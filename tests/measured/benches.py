@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from vehicle.effects import effect
+from vehicle.layout import DT_S
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, knobs_for
 from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.horizons import chain
-from vehicle.measured.replay.replaying import Rig, make_rig
+from vehicle.measured.replay.replaying import FORWARD, Rig, make_rig, replay
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor, load_tractor
@@ -42,13 +43,20 @@ def bench_of(drill: str, settings: Settings) -> Bench:
 
 
 def commanded(drill: str, settings: Settings) -> Bench:
-    """As bench_of, with logs that the commands alone explain to the last digit once the effects are known."""
+    """As bench_of, with logs that the commands alone explain to the last digit once the effects are known.
+
+    The measured speed is that of the plain tractor: what effects of the path brake in bends is no fault of its speed.
+    """
     bench = bench_of(drill, settings)
     stretches = []
-    for stretch in bench.course.stretches:
-        antenna, heading, wheel, speed = chain(bench.rig, stretch, settings)
-        east, north = antenna[:, 0], antenna[:, 1]
-        stretches.append(replace(stretch, east=east, north=north, heading=heading, wheel=wheel, speed=speed))
+    for plain in bench.course.stretches:
+        wheel = chain(bench.rig, plain, settings)[2]
+        steps = np.arange(len(plain.grids["speed"])) * DT_S
+        turned = replace(plain, wheel=wheel, grids=plain.grids | {"wheel": np.interp(steps, plain.time, wheel)})
+        pace = replay(bench.rig, turned, {}, from_sensor=True, from_speed=False)[:, FORWARD]
+        log = replace(turned, speed=np.interp(plain.time, steps, pace), grids=turned.grids | {"speed": pace})
+        antenna, heading, _, _ = chain(bench.rig, log, settings, by_speed=True)
+        stretches.append(replace(log, east=antenna[:, 0], north=antenna[:, 1], heading=heading))
     return prepare(replace(bench.course, stretches=tuple(stretches)), rig(), {}, NOISE)
 
 

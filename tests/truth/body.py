@@ -53,6 +53,7 @@ class Hidden(NamedTuple):
     draft: float
     slip: float
     implement_slip: float
+    speed_lag: float
     patch: float
     patch_east: float
     patch_north: float
@@ -147,7 +148,7 @@ def rates(
 ) -> None:  # fmt: skip
     """Time derivative of the state; `play` is the wheel angle before the step, `push` the soil's yaw rate (rad/s)."""
     out[ACTUATOR] = valve_rate(command - state[ACTUATOR], slewing, h.lag, h.rate, h.dead_band)
-    out[WHEEL_SPEED] = min(max((target - state[WHEEL_SPEED]) / SPEED_LAG_S, -ACCELERATION), ACCELERATION)
+    out[WHEEL_SPEED] = min(max((target - state[WHEEL_SPEED]) / h.speed_lag, -ACCELERATION), ACCELERATION)
     u = state[WHEEL_SPEED] * (1.0 - h.slip) * (1.0 - h.implement_slip * down)
     v, r = state[SIDEWAYS], state[SPIN]
     wheel = min(max(play, state[ACTUATOR] - h.half_play), state[ACTUATOR] + h.half_play)

@@ -164,6 +164,30 @@ def default_programme() -> list[Drive]:
     ]
 
 
+def three_speeds_programme() -> list[Drive]:
+    """Eight runs of 56 s at 3, 5 and 8 km/h: what a person drives who wants to see much in little time."""
+    slow, road, fast = 3.0 / 3.6, 5.0 / 3.6, 8.0 / 3.6
+    paces = stairs((18.0, slow), (20.0, fast), (18.0, road))
+    small = stairs(*[(4.0, size) for size in (0.4, 0.0, -0.6, 1.2, 0.0, -1.5, 0.8)])
+    wave = triangle(3.0, 14.0)
+    down = stairs(*[(14.0, float(index % 2)) for index in range(4)])
+    rises = stairs((16.0, road), (5.0, 0.0), (15.0, fast), (20.0, slow))
+    turns = ((12.0, 8.0), (12.0, 18.0), (16.0, 18.0), (16.0, 26.0))
+    laps = stairs((12.0, road), (12.0, slow), (16.0, fast), (16.0, road))
+    return [
+        drive("there", 56.0, constant(0.0), paces, bearing_deg=90.0),
+        drive("back", 56.0, constant(0.0), paces, bearing_deg=270.0),
+        drive("right", 56.0, stairs(*turns), laps),
+        drive("left", 56.0, stairs(*[(seconds, -angle) for seconds, angle in turns]), laps),
+        steps((3.0, -3.0, 8.0, -8.0, 15.0, -15.0, 22.0, -22.0, 5.0, -12.0, 2.0, 0.0), 56.0 / 12.0, "steps"),
+        drive("waves", 56.0, lambda time: np.where(time < 28.0, small(time), wave(time)), slow),
+        drive("tool", 56.0, stairs((28.0, 0.0), (14.0, 6.0), (14.0, -6.0)), stairs((28.0, road), (28.0, fast)), down,
+              bearing_deg=0.0),
+        drive("lines", 56.0, stairs((14.0, 0.6), (16.0, -0.8), (14.0, 0.7), (12.0, 0.0)), rises, bearing_deg=180.0,
+              closed_loop=True),
+    ]  # fmt: skip
+
+
 def one_way_programme(bearing_deg: float = 90.0) -> list[Drive]:
     """Four straight passes, all the same way and with the implement down: offset, draft and slope look the same."""
     return [replace(straight(bearing_deg, 1.0), name=f"one_way_{index}") for index in range(4)]

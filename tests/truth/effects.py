@@ -18,6 +18,7 @@ Sign conventions (angles of steering in degrees, positive to the right; bearings
 | implement_side_draft | curvature_per_m | the path bends to the right while the implement works |
 | wheel_slip | ratio | share of the commanded speed that is lost |
 | implement_slip | ratio | the same while the implement works |
+| speed_lag | time_s | time constant from commanded to driven speed (0 is neutral: the quickness every tractor has) |
 | antenna_forward | distance_m | the antenna sits further forward than the tractor file says |
 | antenna_right | distance_m | the antenna sits further right than the tractor file says |
 | gnss_latency | time_s | position and heading are this old |
@@ -57,6 +58,7 @@ NEUTRAL: dict[str, dict[str, float]] = {
     "implement_side_draft": {"curvature_per_m": 0.0},
     "wheel_slip": {"ratio": 0.0},
     "implement_slip": {"ratio": 0.0},
+    "speed_lag": {"time_s": 0.0},
     "antenna_forward": {"distance_m": 0.0},
     "antenna_right": {"distance_m": 0.0},
     "gnss_latency": {"time_s": 0.0},
@@ -80,6 +82,7 @@ CLEAR_SIZES: dict[str, dict[str, float]] = {
     "implement_side_draft": {"curvature_per_m": 0.006},
     "wheel_slip": {"ratio": 0.08},
     "implement_slip": {"ratio": 0.10},
+    "speed_lag": {"time_s": 1.2},
     "antenna_forward": {"distance_m": 0.4},
     "antenna_right": {"distance_m": 0.15},
     "gnss_latency": {"time_s": 0.2},

@@ -207,6 +207,7 @@ def hidden(values: dict[str, dict[str, float]], clock_s: float) -> body.Hidden:
         draft=values["implement_side_draft"]["curvature_per_m"],
         slip=values["wheel_slip"]["ratio"],
         implement_slip=values["implement_slip"]["ratio"],
+        speed_lag=max(values["speed_lag"]["time_s"], body.SPEED_LAG_S),
         patch=patch["ratio"],
         patch_east=patch["east_m"],
         patch_north=patch["north_m"],

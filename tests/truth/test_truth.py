@@ -218,6 +218,7 @@ CHANGES = {
     "wind_drift": PATH - {"heading_deg"},
     "wheel_slip": PATH | {"speed_mps"},
     "implement_slip": PATH | {"speed_mps"},
+    "speed_lag": PATH | {"speed_mps"},
     "antenna_forward": PATH - {"heading_deg"},
     "antenna_right": PATH - {"heading_deg"},
     "heading_bias": {"heading_deg"},

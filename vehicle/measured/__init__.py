@@ -11,6 +11,7 @@ logs: reading
 
 replay: comparing
     course                 stretches on the simulation's grid
+    keeping                what was replayed once, so that nothing is driven twice
     replaying              logged commands through the functions of planning, and what instruments show of them
     anchoring, windows     rigid fits in closed form; the parts of a run that take turns
     horizons               open-loop error over horizons, anchored again piece by piece
@@ -24,6 +25,7 @@ surprise: judging
 
 fit: explaining
     knobs                  effects and terms of the rest as coordinates
+    products               of tall columns, on one core
     solver                 bounded Gauss-Newton with one-sided slopes, for every fit
     fitting, openloop      fits to the surprises, and to the open-loop error as one vector
     heldout                coordinates for data that had no part in finding them
@@ -32,7 +34,8 @@ causes: choosing
     trial, patches         one more effect and how far above chance it is; where in the field
     dependence             what an error without a name depends on
     evidence, refit        what runs held out say, how sure a coordinate is; a fit with a part more or less
-    selection              the choice: forward, exchanges, backward
+    challenge              every cause against its rivals once the model is settled
+    selection              the choice: forward, backward, challenges
 
 mend: lowering the error where no cause is known
     proposals, mending     what could lower it; what does, and stays
@@ -44,6 +47,7 @@ answer: saying
     findings, notes        one finding per effect; sentences beside the answer
     nextdrive, curves      the drive that decides, the plot that shows a cause
     verdict, diagnose      the result types; the order of the work
+    record                 how often what is called likely was right
     save, demo             the tractor file as text; made logs with a hidden effect
 
 Every number that decides a verdict stands in thresholds.

@@ -75,6 +75,11 @@ MOST_UNNAMED = 3
 # Chosen: a name must explain twice what all unnamed terms do, else it may be one of their shadows.
 ABOVE_UNNAMED = 2.0
 
+# --- Challenging a settled model: causes.challenge, causes.selection
+# Chosen: rivals fitted again with all others, the best of those tried; and how often a cause may give way to a better
+# one, which bounds the time.
+REFITTED, MOST_CHANGES = 4, 3
+
 # --- A model that is wrong everywhere: causes.refit
 # Chosen: mean square of the surprises above which measurements are trusted less, the factor of each easing, and how
 # often: enough for a vehicle of another kind and scale (tests/diagnosis/test_model_car.py).
@@ -103,6 +108,10 @@ RIVALS_LEAVE = 5.0 / 3.0
 LEAST_LEFT = 0.05
 # Chosen: times the tolerance of the tractor file, where a name is given without the statistics of the surprises.
 CLEARLY_LARGE = 2.0
+
+# --- Being likely: answer.names
+# Chosen, times the tolerance of the tractor file: nearer to it the base model's own simplifications pass for faults.
+CLEARLY_BEYOND = 1.5
 
 # --- Keeping a name: answer.names
 # Chosen, percent of the held-out error over 5 s (of the wheel angle for the steering): less is the trace of a

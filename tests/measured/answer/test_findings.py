@@ -12,9 +12,10 @@ from tests.measured.benches import bench_of, eg105, knobs
 from vehicle.effects import effect
 from vehicle.measured.answer import names
 from vehicle.measured.answer.case import Case, gain_between, noise_share, with_real_noise, within_noise
-from vehicle.measured.answer.findings import findings, look_alikes, sized, visible, with_neutral
+from vehicle.measured.answer.findings import findings, sized, visible, with_neutral
 from vehicle.measured.answer.names import Explained, holds, unexplained, unnamed_gain
-from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED
+from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED
+from vehicle.measured.causes.challenge import look_alikes
 from vehicle.measured.fit.fitting import Extra, Fit, refined
 from vehicle.measured.fit.openloop import Term
 from vehicle.measured.mend.extension import Extension, of_fit
@@ -105,7 +106,10 @@ def test_sizes_and_intervals_to_neutral() -> None:
 def stub(final: float, before: float, floor: float = 1.0, row_s: float = 0.0) -> Any:
     return SimpleNamespace(
         floor="floor", bench=SimpleNamespace(row_s=row_s, has_wheel=True), number=lambda squares: np.array([floor]),
-        error=lambda settings: np.array([final]), extension=SimpleNamespace(only=lambda names: {}),
+        error=lambda settings: np.array([final] if settings == "no rest" else [0.0]),
+        extension=SimpleNamespace(
+            ids=frozenset({"push_to_east"}), only=lambda names: "with rest" if names else "no rest"
+        ),
     )  # fmt: skip
 
 
@@ -143,6 +147,42 @@ def test_a_name_holds_when_it_is_worth_it_does_no_harm_and_is_not_neutral(
     )  # fmt: skip
     assert holds(case, "steering_offset") is held
     assert names._least_worth(case.bench, "steering_offset") == WORTH_A_NAME_PCT
+
+
+@pytest.mark.parametrize(
+    "at, interval, worth, likely",
+    [(0.2, (0.05, 0.35), 0.0, True), (0.2, (-0.05, 0.45), 0.0, False), (0.17, (0.05, 0.29), 0.0, False)],
+)
+def test_what_is_likely_is_clearly_not_neutral_and_clearly_beyond_tolerance(
+    at: float, interval: tuple[float, float], worth: float, likely: bool
+) -> None:
+    """The tolerance of an offset is 0.12 degrees, and half as much again has to be reached."""
+    case: Any = SimpleNamespace(
+        bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), worth_of=lambda name: worth,
+        main_terms={"steering_offset": Term(knobs("steering_offset"), np.array([at]))},
+        extension=SimpleNamespace(intervals={"steering_offset": {"angle_deg": interval}}),
+    )  # fmt: skip
+    assert names.is_likely(case, "steering_offset") is likely
+
+
+@pytest.mark.parametrize("at, worth, likely", [(0.12, 10.1, True), (0.12, 9.9, False), (1.2, 99.0, False)])
+def test_what_is_likely_of_the_steering_shows_at_the_wheel_and_is_at_no_limit(
+    at: float, worth: float, likely: bool
+) -> None:
+    case: Any = SimpleNamespace(
+        bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), worth_of=lambda name: worth,
+        main_terms={"steering_dead_time": Term(knobs("steering_dead_time"), np.array([at]))},
+        extension=SimpleNamespace(intervals={"steering_dead_time": {"time_s": (0.06, 1.2)}}),
+    )  # fmt: skip
+    assert names.is_likely(case, "steering_dead_time") is likely
+
+
+def test_a_likely_effect_is_in_the_model_and_says_so(case: Case) -> None:
+    told = {one.id: one for one in findings(case, [], {}, lambda: None)}
+    assert told["steering_offset"].status == LIKELY and told["steering_offset"].value is not None
+    refused = replace(case, refused=frozenset({"steering_gain"}))
+    told = {one.id: one for one in findings(refused, [], {}, lambda: None)}
+    assert told["steering_gain"].status == NOT_VISIBLE, "what the surprises spoke for is not refuted"
 
 
 def test_names_that_do_not_hold_leave_and_the_others_are_asked_again() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.measured.benches import bench_of, rig
+from tests.measured.drawn import circle, course
 from vehicle.measured.causes.dependence import (
     ALWAYS,
     DISTANCE,
@@ -16,7 +17,7 @@ from vehicle.measured.causes.dependence import (
     scores,
 )
 from vehicle.measured.fit.fitting import empty_fit
-from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.whitening import Increments
 
 
@@ -80,3 +81,23 @@ def test_words_and_blocks_of_a_term() -> None:
     assert grip.words == "a change of grip that depends on speed" and grip.block == "wheel to path"
     assert Dependence(ALWAYS, DISTANCE, lambda s, m, b: []).words == "a change of the distance driven"
     assert Dependence(ALWAYS, DISTANCE, lambda s, m, b: []).block == "speed"
+
+
+def test_products_of_many_stretches_are_explained_at_once() -> None:
+    squares, sides = np.array([np.diag([4.0, 100.0]), np.full((2, 2), 4.0)]), np.array([[6.0, 10.0], [6.0, 6.0]])
+    assert explained(squares, sides) == pytest.approx([10.0, 9.0])
+
+
+def test_turns_alone_answer_as_the_whole_filter_does() -> None:
+    """Every column is the difference of two runs of the filter, wherever its turns begin."""
+    bench = prepare(course(circle(0.05, 30.0).assign(steering_deg=8.0)), rig(), {})
+    response = Response(bench, empty_fit(bench))
+    rows = bench.course.stretches[0].rows - 1
+    turns = 0.01 * np.random.default_rng(4).standard_normal((3, rows))
+    turns[1, : rows // 2] = 0.0
+    turns[2] = 0.0
+    zero = np.zeros(rows)
+    whole = response._moved(0, [Increments(zero, zero, one) for one in turns])
+    alone = response.turned(0, turns)
+    assert np.abs(alone - whole).max() < 1e-9 < np.abs(alone[:, 1]).max() and not alone[:, 2].any()
+    assert not alone[: 3 * (rows // 2), 1].any()

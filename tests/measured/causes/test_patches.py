@@ -24,8 +24,8 @@ class Plain(Response):
         self.places = [slice(0, len(bench.move.turned))]
         self.inverse, self.side = np.zeros((0, 0)), np.zeros(0)
 
-    def local(self, index: int, terms: list[Increments]) -> np.ndarray:
-        return np.stack([term.turned for term in terms], axis=1)
+    def turned(self, index: int, turns: np.ndarray) -> np.ndarray:
+        return turns.T
 
 
 def field_of_bends(grip: float) -> tuple[Any, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.measured.drawn import QUIET, circle, course, course_of, measured, rig
-from vehicle.effects import PATH, STEERING
+from vehicle.effects import PATH, SPEED, STEERING
 from vehicle.measured.replay.windows import WINDOW_S
 from vehicle.measured.surprise.bench import BLOCK_S, Bench, prepare
 from vehicle.measured.surprise.floor import floor_squares
@@ -17,6 +17,7 @@ from vehicle.measured.surprise.whitening import Noise
 NOISE = Noise(0.01, 0.0, 0.002, 0.0, 0.0015, 0.01)
 PIECES = ((10.0, 8.0, 1.0, 0.0), (10.0, -8.0, 1.0, 1.0), (15.0, 0.0, 1.0, 0.0))
 OFFSET, SLIP = {"steering_offset": {"angle_deg": 1.0}}, {"wheel_slip": {"ratio": 0.1}}
+LATE = {"steering_dead_time": {"time_s": 0.3}}
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +59,11 @@ def test_only_channels_that_an_effect_reaches_are_made_anew(bench: Bench) -> Non
     rows, base = bench.course.rows, np.full(5 * bench.course.rows, 7.0)
     path = bench.change(OFFSET, base, frozenset({PATH}))
     assert (path[3 * rows :] == 7.0).all() and np.array_equal(path[: 3 * rows], bench.surprise(OFFSET)[: 3 * rows])
-    wheel = bench.change(SLIP, base, frozenset({STEERING}))
-    assert (wheel[: 3 * rows] == 7.0).all() and np.array_equal(wheel[3 * rows :], bench.surprise(SLIP)[3 * rows :])
+    wheel, whole = bench.change(LATE, base, frozenset({STEERING})), bench.surprise(LATE)
+    assert np.array_equal(wheel[3 * rows : 4 * rows], whole[3 * rows : 4 * rows]) and whole[3 * rows : 4 * rows].any()
+    assert (wheel[: 3 * rows] == 7.0).all() and (wheel[4 * rows :] == 7.0).all()
+    speed = bench.change(SLIP, base, frozenset({SPEED}))
+    assert (speed[: 4 * rows] == 7.0).all() and np.array_equal(speed[4 * rows :], bench.surprise(SLIP)[4 * rows :])
 
 
 def test_effects_can_be_fixed_under_those_that_are_asked_for(bench: Bench) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.measured.drawn import QUIET, circle, course, course_of, measured, rig
 from vehicle.measured.surprise.draws import coloured, noisy_instruments, over_rough_ground
-from vehicle.measured.surprise.noise import first_noise, tuned, white_noise
+from vehicle.measured.surprise.noise import DROWNED, Told, _least, first_noise, tuned, white_noise
 
 LONG = ((150.0, 0.0, 1.0, 0.0),)
 
@@ -69,6 +69,21 @@ def test_soil_is_told_from_quick_turns(soil: float) -> None:
     told = tuned(runs, rig(), first_noise(runs), {})
     assert told.soil == pytest.approx(soil, rel=0.2)
     assert told.position == first_noise(runs).position
+
+
+def test_a_span_that_instruments_drown_tells_nothing_of_the_soil() -> None:
+    """The least of those that tell; where none does, the longest, in which instruments have the smallest part."""
+    drowned, clear = DROWNED + 0.01, DROWNED - 0.01
+    assert _least([Told(1.0, drowned), Told(3.0, clear), Told(2.0, clear)]) == 2.0
+    assert _least([Told(1.0, drowned), Told(2.0, drowned), Told(3.0, drowned)]) == 3.0
+
+
+def test_noisy_headings_do_not_pass_for_smooth_soil() -> None:
+    """At 10 Hz and 0.12 degrees the instruments make up three quarters of what is seen over a second."""
+    noise = replace(QUIET, soil=0.0025, heading=0.0021, position=0.01)
+    for seed in range(3):
+        runs = course_of(*(measured(LONG, noise, seed=10 * seed + run, run=run) for run in range(4)))
+        assert tuned(runs, rig(), first_noise(runs), {}).soil == pytest.approx(0.0025, rel=0.25)
 
 
 def test_a_drive_too_short_leaves_the_noise_as_it_was() -> None:

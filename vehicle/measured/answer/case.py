@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from vehicle.effects import STEERING, effect
+from vehicle.effects import SPEED, STEERING, effect
+from vehicle.learnt import Settings
+from vehicle.measured.causes.refit import with_unnamed
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, settings_in
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.extension import Extension
@@ -29,12 +32,18 @@ DRAWS = 400  # resampled sets of runs: chosen, leaves an interval steady to its 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What findings are drawn from: the fit to the surprises, what is added to the tractor, and the noise floor."""
+    """What findings are drawn from: the fit to the surprises, what is added to the tractor, and the noise floor.
+
+    Errors are judged beside what is `tolerated` (see within_tolerance). `refused` are effects that the surprises spoke
+    for, without help to runs held out.
+    """
 
     bench: Bench
     fit: Fit
     extension: Extension
     floor: list[Squares]
+    tolerated: Settings = field(default_factory=dict)
+    refused: frozenset[str] = frozenset()
 
     @property
     def tractor(self) -> Tractor:
@@ -48,6 +57,11 @@ class Case:
         return {term.knobs.id: term for term in main}
 
     @cached_property
+    def plain(self) -> Fit:
+        """The fit of the effects without unnamed terms."""
+        return with_unnamed(self.bench, self.fit, ())
+
+    @cached_property
     def misfit(self) -> float:
         """Squared error that is left, in units of the noise floor, at least 1: it hides small effects."""
         return max(1.0, float(self.final.sum()) / float(self.number(self.floor).sum()))
@@ -57,18 +71,31 @@ class Case:
         seen = all(stretch.speed_seen for stretch in self.bench.course.stretches)
         return total_error(squares, self.floor, along=seen)
 
-    def error(self, settings: Mapping[int, Halves]) -> Array:
-        """Error of every run as one number."""
-        return self.number(run_squares(self.bench.course, self.bench.rig, settings))
+    def error(self, settings: Mapping[int, Halves], by_speed: bool = False) -> Array:
+        """Error of every run as one number; `by_speed` is that of replay.horizons.chain."""
+        beside: dict[int, Halves] = {
+            run: ({**self.tolerated, **even}, {**self.tolerated, **odd}) for run, (even, odd) in settings.items()
+        }
+        return self.number(run_squares(self.bench.course, self.bench.rig, beside, by_speed))
 
     def gain_of(self, name: str) -> tuple[float, tuple[float, float]]:
-        """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs."""
-        return gain_between(self.error(self.extension.without(name)), self.final)
+        """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs.
+
+        Effects that are not of the speed are judged at the speed that was measured.
+        """
+        if effect(name).block == SPEED:
+            return gain_between(self.error(self.extension.without(name)), self.final)
+        return gain_between(self.error(self.extension.without(name), by_speed=True), self.final_by_speed)
 
     @cached_property
     def final(self) -> Array:
         """Error of every run with all that was found."""
         return self.error(self.extension.held_out)
+
+    @cached_property
+    def final_by_speed(self) -> Array:
+        """The same at the speed that was measured."""
+        return self.error(self.extension.held_out, by_speed=True)
 
     def worth_of(self, name: str) -> float:
         """Percent of the error where the effect shows: of the wheel angle for the steering, else of the path."""
@@ -101,8 +128,19 @@ def case_of(selection: Selection, extension: Extension) -> Case:
     """The case of what was selected and added, above the noise that these logs really have."""
     bench = with_real_noise(selection.bench, selection.fit)
     runs = range(len(bench.course.names))
-    floor = floor_squares(bench, {run: settings_in(extension.terms, run) for run in runs})
-    return Case(selection.bench, selection.fit, extension, floor)
+    settings = {run: settings_in(extension.terms, run) for run in runs}
+    tolerated = within_tolerance(selection)
+    floor = floor_squares(bench, settings, tolerated=tolerated)
+    return Case(selection.bench, selection.fit, extension, floor, tolerated, selection.refused)
+
+
+def within_tolerance(selection: Selection) -> Settings:
+    """Effects of the speed that the fit has within the tolerance of the file: drive lines differ by as much."""
+    bench, tractor = selection.bench, selection.bench.rig.tractor
+    return {
+        knobs.id: knobs.values(at) for knobs, at in selection.fit.parts
+        if effect(knobs.id).block == SPEED and knobs.deviation(at) <= finest_of(tractor, knobs.id, bench.row_s)
+    }  # fmt: skip
 
 
 def with_real_noise(bench: Bench, fit: Fit) -> Bench:

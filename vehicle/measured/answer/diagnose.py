@@ -15,7 +15,7 @@ import numpy as np
 from vehicle.effects import effect
 from vehicle.measured.answer.case import Case, with_real_noise
 from vehicle.measured.answer.curves import best_curve
-from vehicle.measured.answer.findings import Rivals, findings, look_alikes
+from vehicle.measured.answer.findings import Rivals, findings
 from vehicle.measured.answer.names import Explained, explained, nameable, unexplained
 from vehicle.measured.answer.nextdrive import next_drive
 from vehicle.measured.answer.notes import notes
@@ -28,6 +28,7 @@ from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.mend.extended import Alike, extended_tractor
 from vehicle.measured.mend.levels import clear_levels, driven_seconds
 from vehicle.measured.replay.course import make_course
+from vehicle.measured.replay.drives import usual
 from vehicle.measured.replay.horizons import errors_of, run_squares
 from vehicle.measured.replay.replaying import make_rig, own_rig
 from vehicle.measured.surprise.bench import Bench, prepare
@@ -51,7 +52,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     bench = retuned(bench, empty_fit(bench))
     selection = select(bench, rig.tractor, lambda _: count.step())
     told = explained(selection, nameable(selection, rig.tractor), rig.tractor, count.step)
-    rivals = {name: look_alikes(selection.bench, selection.fit, name) for name in told.names if name in selection.ids}
+    rivals = {name: selection.alike.get(name, {}) for name in told.names if name in selection.ids}
     count.step()
     one_each = findings(told.case, told.names, rivals, count.step)
     answer = _answer(bench, selection, told, one_each, rivals, tractor, ground)
@@ -118,6 +119,7 @@ def _answer(
             named or list(rivals), selection.unnamed,
         ),
         grounds=_grounds(told),
+        pace_mps=usual(course.stretches)[1],
     )  # fmt: skip
 
 

@@ -11,36 +11,18 @@ import numpy.typing as npt
 from vehicle.effects import CATALOGUE, Effect, effect, neutral
 from vehicle.kinds import Interval
 from vehicle.measured.answer.case import Case
-from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
-from vehicle.measured.causes.refit import without
+from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
 from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
+from vehicle.measured.fit.products import squared
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import LEAST_GAIN, LOOK_ALIKE, LOOK_ALIKE_SHARE, SURELY_SHOWN
+from vehicle.measured.thresholds import LEAST_GAIN, SURELY_SHOWN
 from vehicle.tractor import Tractor
 
 TRIAL_SHARES = (0.3, 1.0, 2.0)  # of the typical size: a small trial is nearly linear, a large one shows a dead band
 Rivals = Mapping[str, Mapping[str, dict[str, float]]]
-
-
-def look_alikes(bench: Bench, fit: Fit, name: str) -> dict[str, dict[str, float]]:
-    """Effects that explain as much in the place of a named one, with the values they would need."""
-    tractor = bench.rig.tractor
-    rest = without(bench, fit, name)
-    project = Projector(rest.slope)
-    gain = rest.loss - fit.loss
-    alike = {}
-    for entry in CATALOGUE:
-        if entry.id in fit.settings or entry.kind.searched:
-            continue
-        knobs = knobs_for(tractor, entry.id)
-        other = tried(bench.change, rest, knobs, project)
-        far = knobs.deviation(other.at)
-        if other.gain > gain - LOOK_ALIKE - LOOK_ALIKE_SHARE * gain and far > finest_of(tractor, entry.id):
-            alike[entry.id] = knobs.values(other.at)
-    return alike
 
 
 def findings(case: Case, names: Sequence[str], rivals: Rivals, step: Callable[[], None]) -> list[Finding]:
@@ -52,7 +34,7 @@ def findings(case: Case, names: Sequence[str], rivals: Rivals, step: Callable[[]
         if entry.id in names:
             told.append(_in_model(case, entry, EQUIVALENT if rivals.get(entry.id) else NAMED, rivals))
         elif entry.id in case.extension.ids:
-            told.append(_in_model(case, entry, NOT_VISIBLE, {}))
+            told.append(_in_model(case, entry, LIKELY, {}))
         elif entry.id in alike:
             told.append(_stand_in(case, entry, alike[entry.id], rivals))
         else:
@@ -110,9 +92,15 @@ def _absent(case: Case, entry: Effect) -> Finding:
 
 
 def _spoken_for(case: Case, entry: Effect) -> bool:
-    """Whether the fit to the surprises has the effect, beyond its tolerance."""
+    """Whether the surprises speak for the effect, beyond its tolerance."""
+    if entry.id in case.refused:
+        return True
     tractor, row_s = case.tractor, case.bench.row_s
     sizes = [knobs.deviation(at) for knobs, at in case.fit.parts if knobs.id == entry.id]
+    if not sizes and case.fit.extra is not None and not entry.kind.searched:
+        # Terms without a name may have taken up what an effect explains: it is asked what it would take without them.
+        one = tried(case.bench.change, case.plain, knobs_for(tractor, entry.id), Projector(case.plain.slope))
+        sizes = [one.knobs.deviation(one.at)] if one.gain > LEAST_GAIN else []
     return any(size > finest_of(tractor, entry.id, row_s) for size in sizes)
 
 
@@ -127,7 +115,7 @@ def visible(case: Case, entry: Effect) -> float | None:
     for share in TRIAL_SHARES:
         at = knobs.inside(np.array(knobs.neutral) + share * np.array(knobs.typical))
         trace = project(bench.change(settings_of([*parts, (knobs, at)]), bare, frozenset({entry.block})) - bare)
-        strength = float(trace @ trace)
+        strength = squared(trace)
         if strength > SURELY_SHOWN * LEAST_GAIN * case.misfit:
             return _size(tractor, knobs, at, share, strength / case.misfit)
     return None

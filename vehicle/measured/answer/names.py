@@ -7,18 +7,27 @@ from dataclasses import dataclass
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
 from vehicle.measured.answer.case import Case, case_of, noise_share, within_noise
-from vehicle.measured.causes.evidence import is_nameable
+from vehicle.measured.causes.evidence import helps, is_nameable
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.causes.trial import Projector
 from vehicle.measured.fit.fitting import Fit
-from vehicle.measured.fit.openloop import Term
+from vehicle.measured.fit.knobs import finest_of
+from vehicle.measured.fit.openloop import Term, fitted
 from vehicle.measured.logs.record import Array
-from vehicle.measured.mend.extension import of_fit, of_mended
+from vehicle.measured.mend.extension import Extension, of_fit, of_mended
 from vehicle.measured.mend.irreplaceable import irreplaceable
-from vehicle.measured.mend.mending import Mended, mend
+from vehicle.measured.mend.mending import Mended, at_a_limit, mend
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import ABOVE_UNNAMED, HARM_PCT, WORTH_A_NAME_PCT, WORTH_OF_WHEEL_PCT, WORTH_SAYING
+from vehicle.measured.thresholds import (
+    ABOVE_UNNAMED,
+    CLEARLY_BEYOND,
+    HARM_PCT,
+    WORTH_A_NAME_PCT,
+    WORTH_OF_WHEEL_PCT,
+    WORTH_SAYING,
+)
+from vehicle.rest import BY_NAME
 from vehicle.tractor import Tractor
 
 Step = Callable[[], None]
@@ -55,13 +64,16 @@ def unnamed_gain(fit: Fit) -> float:
 
 
 def explained(selection: Selection, names: list[str], tractor: Tractor, step: Step) -> Explained:
-    """Named effects alone where they explain what there is; else all that lowers the error of runs held out."""
+    """Effects of the fit alone where they explain what there is; else all that lowers the error of runs held out."""
     bench, fit = selection.bench, selection.fit
-    names, case = _holding(lambda kept: case_of(selection, of_fit(bench, fit, kept)), names)
-    if not selection.unnamed and within_noise(case, case.final):
+    likely = clear_parts(selection, tractor)
+    names, case = _holding(lambda kept: case_of(selection, of_fit(bench, fit, {*kept, *likely})), names)
+    kept = {name for name in case.extension.ids if name in names or is_likely(case, name)}
+    case = case if kept == case.extension.ids else case_of(selection, of_fit(bench, fit, kept))
+    if within_noise(case, case.final):
         return Explained(case, names, None)
     start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
-    mended = mend(bench, tractor, start, step)
+    mended = mend(bench, tractor, start, step, case.tolerated)
     case = case_of(selection, of_mended(mended))
     names = [name for name in names if holds(case, name)]
     names += [
@@ -69,7 +81,58 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
         for name in irreplaceable(mended, tractor, noise_share(case), step)
         if name not in names and holds(case, name)
     ]
-    return Explained(case, names, mended)
+    return _without_doubtful(selection, Explained(case, names, mended))
+
+
+def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
+    """Effects of the fit whose 95 % interval leaves neutral out, and which help runs that had no part in it.
+
+    What stands in for whatever differs between runs is not among them: without a name it says nothing.
+    """
+    bench, fit = selection.bench, selection.fit
+    whole = of_fit(bench, fit, fit.settings)
+    return [
+        name for name in fit.settings
+        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name)
+        and helps(bench, without(bench, fit, name), fit, selection.threshold)
+    ]  # fmt: skip
+
+
+def is_likely(case: Case, name: str) -> bool:
+    """Whether an effect is clearly not neutral, and one of the steering takes as much off the wheel as a name must.
+
+    One that ran as far as a tractor can have it stands for something else.
+    """
+    term = case.main_terms[name]
+    clear = clear_of_neutral(case.extension, case.tractor, name)
+    far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
+    of_wheel = effect(name).block == STEERING and case.bench.has_wheel
+    shown = not of_wheel or case.worth_of(name) >= WORTH_OF_WHEEL_PCT
+    return clear and far and shown and not at_a_limit((term,))
+
+
+def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:
+    """Whether the 95 % interval of an effect leaves neutral out."""
+    size = effect(name).size.name
+    low, high = extension.intervals[name][size]
+    return not low <= neutral(name, tractor.steering)[size] <= high
+
+
+def _without_doubtful(selection: Selection, told: Explained) -> Explained:
+    """Without effects that lower the error but may as well be neutral, the other terms fitted again."""
+    case, mended = told.case, told.mended
+    assert mended is not None
+    doubtful = {
+        name for name in case.main_terms
+        if name not in BY_NAME and name not in told.names
+        and not (is_likely(case, name) and case.gain_of(name)[0] > 0.0)
+    }  # fmt: skip
+    if not doubtful:
+        return told
+    kept = tuple(term for term in mended.model.terms if term.knobs.id not in doubtful)
+    smaller = Mended(mended.loop, fitted(mended.loop, kept))
+    case = case_of(selection, of_mended(smaller))
+    return _without_doubtful(selection, Explained(case, [name for name in told.names if holds(case, name)], smaller))
 
 
 def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[list[str], Case]:
@@ -84,11 +147,9 @@ def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[
 
 def holds(case: Case, name: str) -> bool:
     """Whether an effect takes error away where it shows, without harm to the path, and is clearly not neutral."""
-    entry = effect(name)
     worth, least = case.worth_of(name), _least_worth(case.bench, name)
-    low, high = case.extension.intervals[name][entry.size.name]
-    zero = neutral(name, case.tractor.steering)[entry.size.name]
-    return worth >= least and case.gain_of(name)[0] > -HARM_PCT and not low <= zero <= high
+    beyond = clear_of_neutral(case.extension, case.tractor, name)
+    return beyond and worth >= least and case.gain_of(name)[0] > -HARM_PCT
 
 
 def _least_worth(bench: Bench, name: str) -> float:
@@ -98,12 +159,15 @@ def _least_worth(bench: Bench, name: str) -> float:
 
 
 def unexplained(told: Explained, before: Array) -> float:
-    """Share of the error above the noise floor that no named effect takes away; 0 while what they leave is noise."""
+    """Share of the error above the noise floor that no effect takes away; 0 while what they leave is noise.
+
+    Terms of the rest are no effects: what they take away is told, not explained.
+    """
     case = told.case
     floor = float(case.number(case.floor).sum())
-    error = case.error(case.extension.only(told.names))
+    error = case.error(case.extension.only(case.extension.ids - frozenset(BY_NAME)))
     if within_noise(case, error):
         return 0.0
-    named = float(error.sum())
-    share = (named - floor) / max(float(before.sum()) - floor, named - floor)
+    left = float(error.sum())
+    share = (left - floor) / max(float(before.sum()) - floor, left - floor)
     return float(share) if share > WORTH_SAYING else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.horizons import Error
 from vehicle.tractor import Tractor
 
-NAMED, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "equivalent", "refuted", "not-visible"
+NAMED, LIKELY, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "likely", "equivalent", "refuted", "not-visible"
 Errors = dict[float, Error]
 
 
@@ -20,10 +21,11 @@ Errors = dict[float, Error]
 class Finding:
     """One effect of the catalogue.
 
-    `value` and `interval` (95 %) are None unless the effect is in the model; one in the model that is `not-visible` is
-    a calibration: it lowers the error without being shown to be the cause. `gain_pct` is the reduction of the error
-    over 5 s on runs not used for fitting, `gain_interval` its 90 % interval over runs; `smallest_visible` the smallest
-    size these logs would have shown (None when no size would). `exchange` says how much of another effect looks alike.
+    `value` and `interval` (95 %) are None unless the effect is in the model: what is `likely` lowers the error and is
+    clearly not neutral, without being shown to be the cause. What is `refuted` is so from `smallest_visible` on, a
+    limit up to there. `gain_pct` is the reduction of the error over 5 s on runs not used for fitting (of the path at
+    the speed that was measured), `gain_interval` its 90 % interval over runs; `smallest_visible` the smallest size
+    these logs would have shown (None when no size would). `exchange` says how much of another effect looks alike.
     """
 
     id: str
@@ -79,14 +81,31 @@ class ResidualPlot:
 
 
 @dataclass(frozen=True)
+class Left:
+    """What is left above the noise over the longest pieces of `over_s` s, each told as it would be in a plan.
+
+    `late_s` is the way along, driven at the usual speed; `aside_cm` the way across, where nobody steers back.
+    """
+
+    over_s: float
+    late_s: float
+    aside_cm: float
+
+
+@dataclass(frozen=True)
 class PlanGain:
-    """A small plan driven by the tractor of the file and by the extended one: time, and lateral error on the tracks."""
+    """A small plan driven by the tractor of the file and by the extended one: time, and lateral error on the tracks.
+
+    `left_s` and `left_cm` are what the rest, which names no cause, changes of them; None without one.
+    """
 
     field: str
     time_before_s: float | None
     time_after_s: float | None
     lateral_before_cm: float
     lateral_after_cm: float
+    left_s: float | None = None
+    left_cm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +133,24 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     plan: PlanGain | None = None
     grounds: tuple[Grounds, ...] = ()
+    pace_mps: float = 0.0
+
+    @property
+    def as_good_as_noise(self) -> bool:
+        """Whether what all effects together leave is what noise would leave."""
+        return self.unexplained_share == 0.0
+
+    @property
+    def left(self) -> Left | None:
+        """What is left above the noise; None without errors or where nobody drove."""
+        if not self.after or self.pace_mps <= 0.0:
+            return None
+        over = max(self.after)
+        along, across = (
+            math.sqrt(max(getattr(self.after[over], kind) ** 2 - getattr(self.floor[over], kind) ** 2, 0.0))
+            for kind in ("along_cm", "cross_cm")
+        )
+        return Left(over, along / 100.0 / self.pace_mps, across)
 
     @property
     def headline(self) -> str:
@@ -124,12 +161,15 @@ class Diagnosis:
         sets = [one for one in self.findings if one.status == EQUIVALENT]
         if sets:
             return "Several causes fit these logs equally well: " + " Or: ".join(one.words for one in sets)
+        likely = [one for one in self.findings if one.status == LIKELY]
+        if likely:
+            return "No cause is certain. Likely: " + " ".join(one.words for one in likely)
         if self.depends_on:
             return f"No known cause explains these logs: what the simulation gets wrong is {listed(self.depends_on)}."
         if self.unexplained_share > 0.0:
             return "No known cause explains these logs, and what is wrong depends on nothing that was looked for."
         if self.calibration or self.tractor.rest is not None:
-            return "No cause found; what was fitted lowers the error a little and has no name."
+            return "No cause found; the rest that was fitted lowers the error and has no name."
         if any("already" in note for note in self.notes):
             return "Nothing found beyond what the tractor file said already, or against it: see the notes."
         return "Nothing found: the tractor drives as its file says, as far as these logs can show."

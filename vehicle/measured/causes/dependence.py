@@ -14,11 +14,12 @@ import numpy as np
 
 from vehicle.effects import PATH, SPEED, effect_fields
 from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.products import crossed
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.replaying import antenna_lever
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.surprise.whitening import Increments, innovations
+from vehicle.measured.surprise.whitening import Increments, innovations, turn_responses
 
 # From what a tractor can follow to longer runs; neighbours a tenth apart are as good as each other.
 PERIODS_S = tuple(np.geomspace(2.5, 80.0, 36).tolist())
@@ -26,6 +27,7 @@ FEWEST_ROWS_PER_PERIOD = 8.0  # chosen: a wave of fewer cannot be told from anot
 LONGEST_PERIOD = 1.3  # of the longest run: chosen, a longer one is a straight line in it
 DISTANCE, ALWAYS = "a change of the distance driven", "always"
 Terms = list[Increments]
+Products = tuple[Array, Array, Array]
 Maker = Callable[[Stretch, Increments, Array], Terms]
 
 
@@ -203,8 +205,8 @@ class Response:
         self.places = [
             slice(int(end) - 3 * s.rows, int(end)) for end, s in zip(ends, bench.course.stretches, strict=True)
         ]
-        self.inverse = np.linalg.pinv(fit.slope.T @ fit.slope, rcond=1e-12, hermitian=True)
-        self.side = fit.slope.T @ fit.surprise
+        self.inverse = np.linalg.pinv(crossed(fit.slope, fit.slope), rcond=1e-12, hermitian=True)
+        self.side = crossed(fit.slope, fit.surprise)
 
     def _surprise(self, index: int, move: Increments) -> Array:
         stretch, filtered = self.bench.course.stretches[index], self.bench.filters[index]
@@ -218,6 +220,21 @@ class Response:
 
     def local(self, index: int, terms: Terms) -> Array:
         """Columns of one stretch (3 k, c): the filter is linear, so any size of a term will do."""
+        if any(term.ahead.any() or term.aside.any() for term in terms):
+            return self._moved(index, terms)
+        return self.turned(index, np.stack([term.turned for term in terms]))
+
+    def turned(self, index: int, turns: Array) -> Array:
+        """Columns (3 k, c) of one stretch for turns (c, k - 1) that are added to those of its rows."""
+        stretch, move, filtered = self.bench.course.stretches[index], self.moves[index], self.bench.filters[index]
+        out = np.zeros((stretch.rows, 3, len(turns)))
+        turn_responses(
+            stretch.time, stretch.heading, move.ahead, move.aside, *self.lever, filtered.gains, filtered.roots, turns,
+            out,
+        )  # fmt: skip
+        return out.reshape(-1, len(turns))
+
+    def _moved(self, index: int, terms: Terms) -> Array:
         move, now = self.moves[index], self.now[index]
         parts = []
         for term in terms:
@@ -225,28 +242,37 @@ class Response:
             parts.append(self._surprise(index, moved) - now)
         return np.stack(parts, axis=1)
 
-    def sums(self, index: int, terms: Terms) -> tuple[Array, Array, Array]:
-        """Squares, products with what is left, and products with the columns of the fit, of one stretch."""
-        made, place = self.local(index, terms), self.places[index]
-        return made.T @ made, made.T @ self.fit.surprise[place], made.T @ self.fit.slope[place]
+    def sums(self, index: int, terms: Terms) -> Products:
+        """Products of the columns of terms in one stretch."""
+        return self.products(index, self.local(index, terms))
+
+    def products(self, index: int, made: Array) -> Products:
+        """Squares of columns (3 k, c), products with what is left, and with the columns of the fit, of one stretch."""
+        place = self.places[index]
+        left, slope = self.fit.surprise[place], self.fit.slope[place]
+        return crossed(made, made), crossed(made, left), crossed(made, slope)
 
     def gain(self, made: list[Terms], per_run: bool) -> tuple[float, int]:
         """Loss that columns (one list of terms per stretch) take away beyond the fit, and how many are free."""
         parts = [self.sums(index, terms) for index, terms in enumerate(made)]
+        square, side, cross = (np.stack([part[k] for part in parts]) for k in range(3))
         if per_run:
-            return sum(explained(square, side) for square, side, _ in parts), sum(len(side) for _, side, _ in parts)
-        square, side, cross = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
-        return self.beyond(square, side, cross), len(side)
+            return float(explained(square, side).sum()), side.size
+        return self.beyond(square.sum(axis=0), side.sum(axis=0), cross.sum(axis=0)), side.shape[1]
 
     def beyond(self, square: Array, side: Array, cross: Array) -> float:
         """Explained loss once the columns of the fit have taken their share."""
         share = cross @ self.inverse
-        return explained(square - share @ cross.T, side - share @ self.side)
+        return float(explained(square - share @ cross.T, side - share @ self.side))
 
 
-def explained(square: Array, side: Array) -> float:
-    """Loss that columns with these products take away."""
-    scale = np.sqrt(np.maximum(np.diag(square), 1e-12))
-    inverse = np.linalg.pinv(square / np.outer(scale, scale), rcond=1e-6, hermitian=True)
+def explained(square: Array, side: Array) -> Array:
+    """Loss (...) that columns take away, from their products (..., c, c) and those with what is left (..., c)."""
+    scale = np.sqrt(np.maximum(np.diagonal(square, axis1=-2, axis2=-1), 1e-12))
     scaled = side / scale
-    return float(scaled @ inverse @ scaled)
+    if side.shape[-1] == 1:
+        size = square[..., 0, 0] / scale[..., 0] ** 2
+        return np.asarray(np.where(size > 0.0, scaled[..., 0] ** 2 / np.where(size > 0.0, size, 1.0), 0.0))
+    unit = square / (scale[..., :, None] * scale[..., None, :])
+    inverse = np.linalg.pinv(unit, rcond=1e-6, hermitian=True)
+    return np.asarray(np.einsum("...i,...ij,...j", scaled, inverse, scaled))

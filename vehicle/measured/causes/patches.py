@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache, partial
 from itertools import product
 
 import numpy as np
 
 from vehicle.measured.causes.dependence import Response, explained
 from vehicle.measured.fit.fitting import Fit
-from vehicle.measured.logs.record import Mask
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.surprise.whitening import Increments
 from vehicle.measured.thresholds import FEWEST_TURNED_RAD, MOST_OF_TURNING
 
 CELLS = 30  # per longer side of the field: chosen, fine enough for a wet corner, and 900 products a side
@@ -55,7 +54,8 @@ class _Cells:
             mine = number[done : done + stretch.rows - 1]
             done += stretch.rows - 1
             here = np.unique(mine)
-            square, side, cross = response.sums(index, [_gripped(move, mine == cell) for cell in here])
+            made = response.turned(index, np.stack([move.turned * (mine == cell) for cell in here]))
+            square, side, cross = response.products(index, made)
             self.square[np.ix_(here, here)] += square
             self.side[here] += side
             self.cross[here] += cross
@@ -75,37 +75,37 @@ class _Cells:
                 turned = float(self.turned[inside].sum())
                 if FEWEST_TURNED_RAD < turned < MOST_OF_TURNING * whole:
                     weights = inside.astype(np.float64)
-                    gain = explained((weights @ self.square @ weights).reshape(1, 1), np.array([weights @ self.side]))
+                    square = (weights @ self.square @ weights).reshape(1, 1)
+                    gain = float(explained(square, np.array([weights @ self.side])))
                     best = max(best, (gain, (float(e), float(n), float(radius))))
             circles.append(best)
         return sorted(circles, reverse=True)[:POLISHED]
 
 
-def _gripped(move: Increments, inside: Mask) -> Increments:
-    zero = np.zeros_like(move.ahead)
-    return Increments(zero, zero, move.turned * inside)
-
-
 def _gain(response: Response, circle: Circle) -> float:
     """Loss taken away by grip inside a circle."""
     e, n, r = circle
-    made = []
-    for stretch, move in zip(response.bench.course.stretches, response.moves, strict=True):
+    width = response.fit.slope.shape[1]
+    square, side, cross = np.zeros((1, 1)), np.zeros(1), np.zeros((1, width))
+    for index, (stretch, move) in enumerate(zip(response.bench.course.stretches, response.moves, strict=True)):
         inside = (stretch.east[:-1] - e) ** 2 + (stretch.north[:-1] - n) ** 2 < r * r
-        made.append([_gripped(move, inside)])
-    return response.gain(made, per_run=False)[0]
+        if inside.any():
+            parts = response.products(index, response.turned(index, (move.turned * inside)[None]))
+            square, side, cross = square + parts[0], side + parts[1], cross + parts[2]
+    return response.beyond(square, side, cross)
 
 
 def _polished(response: Response, circle: Circle, cell: float) -> tuple[float, Circle]:
     """Pattern search over centre and radius together: one edge may stay where it is while the other moves."""
     if circle[2] <= 0.0:
         return 0.0, circle
-    best, step = _gain(response, circle), cell
+    gain_of = cache(partial(_gain, response))
+    best, step = gain_of(circle), cell
     while step > 0.15 * cell:
         tried = []
         for de, dn, dr in product((-step, 0.0, step), repeat=3):
             other = (circle[0] + de, circle[1] + dn, max(circle[2] + dr, 0.5 * cell))
-            tried.append((_gain(response, other), other))
+            tried.append((gain_of(other), other))
         gain, other = max(tried)
         if gain > best:
             best, circle = gain, other

@@ -1,4 +1,4 @@
-"""Which effects the logs speak for: forward, exchange and backward selection with every other effect refitted.
+"""Which effects the logs speak for: forward and backward selection with every other effect refitted, and challenges.
 
 An effect enters when it takes more away than chance does: the threshold is the largest gain of any candidate over
 what is left of these very data after the signs of its blocks of ten seconds were drawn at random. It must also help in
@@ -8,14 +8,14 @@ within the tolerance `finest` of each effect: an effect within its tolerance is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
-
-import numpy as np
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
 
 from vehicle.effects import CATALOGUE, effect
+from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
-from vehicle.measured.causes.evidence import helps, is_nameable
+from vehicle.measured.causes.evidence import helps
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_unnamed, without
 from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
@@ -29,6 +29,7 @@ from vehicle.measured.thresholds import (
     LEAST_GAIN,
     LEAST_STRENGTH,
     MATERIAL,
+    MOST_CHANGES,
     MOST_PARTS,
     MOST_UNNAMED,
     PATCH_HANDICAP,
@@ -40,12 +41,14 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What entered: the fit of all effects and unnamed terms together, and the unnamed terms."""
+    """What entered: the fit of effects and unnamed terms, those terms, what is as good by name and what was refused."""
 
     bench: Bench
     fit: Fit
     unnamed: tuple[Dependence, ...]
     threshold: float
+    alike: Mapping[str, Alike] = field(default_factory=dict)
+    refused: frozenset[str] = frozenset()
 
     @property
     def ids(self) -> frozenset[str]:
@@ -84,11 +87,35 @@ def _rank(one: Tried) -> float:
 
 
 def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> Selection:
-    """Forward selection, then exchanges, then backward."""
-    fit = restarted(bench, (), None)
-    unnamed: tuple[Dependence, ...] = ()
+    """Forward and backward selection, then every cause challenged; where one gives way, all over from there."""
+    chosen = Selection(bench, restarted(bench, (), None), (), LEAST_STRENGTH)
     refused: set[str] = set()
-    threshold = LEAST_STRENGTH
+    for _ in range(MOST_CHANGES):
+        chosen = _settled(_forward(chosen, tractor, refused, progress))
+        outcome = challenged(chosen.bench, chosen.fit, chosen.unnamed, tractor)
+        if outcome.better is None:
+            return replace(chosen, alike=outcome.alike, refused=frozenset(refused))
+        better = retuned(chosen.bench, outcome.better)
+        fit = restarted(better, outcome.better.parts, outcome.unnamed)
+        chosen = replace(chosen, bench=better, fit=fit, unnamed=outcome.unnamed)
+    return replace(_settled(chosen), refused=frozenset(refused))
+
+
+def _settled(chosen: Selection) -> Selection:
+    """Without what has become superfluous."""
+    bench, fit, unnamed = chosen.bench, pruned(chosen.bench, chosen.fit), chosen.unnamed
+    for one in unnamed:
+        others = tuple(other for other in unnamed if other is not one)
+        smaller = with_unnamed(bench, fit, others)
+        freedoms = fit.slope.shape[1] - smaller.slope.shape[1]
+        if not _beyond_chance(bench, smaller.loss - fit.loss, freedoms, chosen.threshold):
+            return _settled(replace(chosen, fit=smaller, unnamed=others))
+    return replace(chosen, fit=fit)
+
+
+def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: Progress | None) -> Selection:
+    """Forward selection from what was chosen; `refused` collects effects that helped no run held out."""
+    bench, fit, unnamed, threshold = chosen.bench, chosen.fit, chosen.unnamed, chosen.threshold
     candidates: list[Tried] | None = None
     rival: Score | None = None
     while len(fit.parts) < MOST_PARTS:
@@ -108,9 +135,7 @@ def select(bench: Bench, tractor: Tractor, progress: Progress | None = None) -> 
             continue
         bench, candidates = retuned(bench, larger), None
         fit = restarted(bench, larger.parts, unnamed)
-    if not unnamed:
-        fit = exchanged(bench, fit, tractor)
-    return Selection(bench, pruned(bench, fit), unnamed, threshold)
+    return replace(chosen, bench=bench, fit=fit, unnamed=unnamed, threshold=threshold)
 
 
 def _clear(bench: Bench, fit: Fit, candidates: list[Tried]) -> tuple[Tried | None, float]:
@@ -134,27 +159,19 @@ def _rival(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Score | N
 
 def _is_unnamed(bench: Bench, rival: Score, best: Tried | None, threshold: float) -> bool:
     """Whether an unnamed term explains clearly more than chance and than the best effect."""
-    chance = rival.freedoms + CHANCE_SIGMAS * np.sqrt(2.0 * rival.freedoms)
-    gain = rival.gain - chance
-    material = MATERIAL * 3.0 * bench.course.rows
-    if gain < max(threshold, material):
+    if not _beyond_chance(bench, rival.gain, rival.freedoms, threshold):
         return False
-    return best is None or gain > CLEARLY * best.gain + LEAST_GAIN
+    return best is None or rival.gain - _by_chance(rival.freedoms) > CLEARLY * best.gain + LEAST_GAIN
 
 
-def exchanged(bench: Bench, fit: Fit, tractor: Tractor) -> Fit:
-    """Replace a part where another effect in its place explains clearly more: one cause that stood in for two."""
-    if len(fit.parts) < 2:
-        return fit
-    searched = {entry.id for entry in CATALOGUE if entry.kind.searched}
-    for knobs, _ in fit.parts:
-        if not is_nameable(bench, fit, tractor, knobs.id):
-            continue
-        rest = without(bench, fit, knobs.id)
-        candidates = scan(bench, rest, tractor, {knobs.id, *searched})
-        if candidates and candidates[0].gain > rest.loss - fit.loss + LEAST_GAIN:
-            return refined(bench, enlarged(bench, rest, candidates[0]))
-    return fit
+def _beyond_chance(bench: Bench, gain: float, freedoms: int, threshold: float) -> bool:
+    """Whether unnamed terms take away more than chance does, and more than simulators differ by."""
+    return gain - _by_chance(freedoms) >= max(threshold, MATERIAL * 3.0 * bench.course.rows)
+
+
+def _by_chance(freedoms: int) -> float:
+    """Loss that as many free amounts take away by chance."""
+    return freedoms + CHANCE_SIGMAS * math.sqrt(2.0 * freedoms)
 
 
 def pruned(bench: Bench, fit: Fit) -> Fit:

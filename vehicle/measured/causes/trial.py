@@ -10,6 +10,7 @@ import numpy as np
 
 from vehicle.measured.fit.fitting import Fit, linear_extra
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
+from vehicle.measured.fit.products import crossed, without
 from vehicle.measured.fit.solver import Point, Rule, descend
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
@@ -39,16 +40,15 @@ class Projector:
         self.basis: Array | None = None
         if slope.size:
             scaled = slope / np.maximum(np.linalg.norm(slope, axis=0), 1e-12)
-            size, turn = np.linalg.eigh(scaled.T @ scaled)
+            size, turn = np.linalg.eigh(crossed(scaled, scaled))
             known = size > LEAST_PART * size[-1]
-            self.basis = scaled @ (turn[:, known] / np.sqrt(size[known]))
+            self.basis = np.einsum("ni,ij->nj", scaled, turn[:, known] / np.sqrt(size[known]))
 
     def __call__(self, vector: Array) -> Array:
         """The part of a vector (n,) that no column explains."""
         if self.basis is None:
             return vector
-        out: Array = vector - self.basis @ (self.basis.T @ vector)
-        return out
+        return without(vector, self.basis, crossed(self.basis, vector))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class _OneMore:
     @cached_property
     def _bare(self) -> Array:
         fit = self.fit
-        return fit.surprise if fit.extra is None else fit.surprise - fit.extra.columns @ fit.extra.amounts
+        return fit.surprise if fit.extra is None else without(fit.surprise, fit.extra.columns, fit.extra.amounts)
 
     def at(self, at: Array) -> Point:
         settings = settings_of([*self.fit.parts, (self.knobs, at)])
@@ -118,8 +118,8 @@ def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, iterati
 def _promise(point: Point) -> float:
     """Loss that a straight line takes away."""
     slope, left = point.slope, point.left
-    side = slope.T @ left
-    square = slope.T @ slope
+    side = crossed(slope, left)
+    square = crossed(slope, slope)
     scale = np.maximum(np.diag(square), 1e-12)
     return float(side @ np.linalg.solve(square + 1e-9 * np.diag(scale), side))
 
@@ -135,11 +135,12 @@ def strengths(bench: Bench, candidates: Sequence[Tried], left: Array) -> tuple[l
     signs = rng.choice([-1.0, 1.0], size=(NULL_DRAWS, count))
     largest, strength = np.zeros(NULL_DRAWS), []
     for one in candidates:
-        square = one.columns.T @ one.columns
+        square = crossed(one.columns, one.columns)
         if not np.all(np.diag(square) > 1e-9):
             strength.append(0.0)
             continue
-        moved = left - one.columns @ np.linalg.solve(square, one.columns.T @ left)
+        amounts: Array = np.linalg.solve(square, crossed(one.columns, left)).astype(np.float64)
+        moved = without(left, one.columns, amounts)
         sides = np.stack([np.bincount(bench.blocks, column * moved, count) for column in one.columns.T], axis=1)
         spread = sides.T @ sides
         scatter = square * max(1.0, float(np.trace(np.linalg.solve(square, spread))) / len(square))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
+from vehicle.measured.fit.products import squared, without
 from vehicle.measured.fit.solver import LATER_STEP, Point, Rule, descend, slope_of, with_own_slope
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
@@ -46,7 +47,7 @@ class Fit:
     @property
     def loss(self) -> float:
         """Sum of squares."""
-        return float(self.surprise @ self.surprise)
+        return squared(self.surprise)
 
     @property
     def settings(self) -> dict[str, dict[str, float]]:
@@ -71,7 +72,7 @@ def empty_fit(bench: Bench) -> Fit:
 
 def linear_extra(surprise: Array, extra: Extra | None) -> Array:
     """Surprises with the linear terms taken off."""
-    return surprise if extra is None else surprise + extra.columns @ extra.amounts
+    return surprise if extra is None else without(surprise, extra.columns, -extra.amounts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,7 @@ class _Parts:
     def _bare(self, point: Point) -> Array:
         """What is left without the linear terms."""
         extra = self._extra(point.at)
-        return point.left if extra is None else point.left - extra.columns @ extra.amounts
+        return point.left if extra is None else without(point.left, extra.columns, extra.amounts)
 
     def _parts(self, at: Array) -> tuple[Part, ...]:
         parts, first = [], 0

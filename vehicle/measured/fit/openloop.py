@@ -1,23 +1,26 @@
 """The open-loop error as one vector: what a model drives wrong from the commands, anchored again and again.
 
 Unlike the surprises of a bench it does not ask what instruments and soil explain. It is what is left to lower when no
-cause is known: every horizon and every kind of error counts the same, each as a share of what it was before.
+cause is known, at the speed that was measured where one was: every horizon and every kind of error counts the same,
+each as a share of what it was before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.effects import REST_KEY
+from vehicle.effects import BY_ID, REST_KEY, SPEED
+from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.fit.fitting import add_products, flat
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.knobs import Knobs
+from vehicle.measured.fit.products import squared
 from vehicle.measured.fit.solver import (
     FIRST_STEP,
     LATER_STEP,
@@ -30,6 +33,7 @@ from vehicle.measured.fit.solver import (
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
+from vehicle.measured.replay.replaying import FORWARD, replay
 from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
@@ -73,9 +77,13 @@ def settings_in(terms: Sequence[Term], run: int) -> Settings:
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
-    """The errors of a bench under terms, as a vector in units of what they were without any (n,)."""
+    """The errors of a bench under terms, as a vector in units of what they were without any (n,).
+
+    Errors along the way are judged beside what is `tolerated`: effects of the speed that no term has to take away.
+    """
 
     bench: Bench
+    tolerated: Settings = field(default_factory=dict)
 
     def errors(self, terms: Sequence[Term]) -> Array:
         """The whole vector: the sum of its squares is 1 without terms."""
@@ -84,9 +92,39 @@ class OpenLoop:
         return out
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
-        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings)
-        parts = [anchored_pieces(stretch, antenna, heading, pieces(stretch.time, h)) for h in HORIZONS_S]
+        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings, by_speed=True)
+        behind = self._behind(stretch, settings)
+        parts = []
+        for horizon in HORIZONS_S:
+            cut = pieces(stretch.time, horizon)
+            errors = anchored_pieces(stretch, antenna, heading, cut)
+            if behind is not None:
+                for rows in cut:
+                    errors[rows, 1] += behind[rows] - behind[rows].mean()
+            parts.append(errors)
         return np.nan_to_num(np.concatenate(parts).ravel())
+
+    def _behind(self, stretch: Stretch, settings: Settings) -> Array | None:
+        """How far the measured speed has come beyond the commanded one, per row (m); None where one was not logged.
+
+        The path is driven at the measured speed, so that no fault of the speed bends it; what the speed itself gets
+        wrong is added along the way. Only effects of the speed change it.
+        """
+        if stretch.target is None or not stretch.speed_seen:
+            return None
+        own = dict(self.tolerated)
+        own |= {name: values for name, values in settings.items() if name in BY_ID and BY_ID[name].block == SPEED}
+        key = (stretch.run, stretch.start_s, str(own))
+        if key not in self._ways:
+            states = replay(self.bench.rig, stretch, own, from_sensor=True, from_speed=False)
+            gained = np.cumsum(stretch.grids["speed"] - states[:, FORWARD]) * DT_S
+            self._ways[key] = np.interp(stretch.time, np.arange(len(gained)) * DT_S, gained)
+        return self._ways[key]
+
+    @cached_property
+    def _ways(self) -> dict[tuple[int, float, str], Array]:
+        """Ways already driven, by stretch and settings of the speed."""
+        return {}
 
     @cached_property
     def _units(self) -> Array:
@@ -151,7 +189,7 @@ class Model:
     @property
     def loss(self) -> float:
         """What is left of the squared error; 1 without terms."""
-        return float(self.errors @ self.errors)
+        return squared(self.errors)
 
     @property
     def ids(self) -> frozenset[str]:

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from vehicle.measured.fit.products import crossed, squared
 from vehicle.measured.logs.record import Array
 
 FIRST_STEP, LATER_STEP = 0.3, 0.1  # of a typical size: chosen, wide enough to cross a dead band, then finer
@@ -32,7 +33,7 @@ class Point:
     @property
     def loss(self) -> float:
         """Sum of squares."""
-        return float(self.left @ self.left)
+        return squared(self.left)
 
 
 class Problem(Protocol):
@@ -100,10 +101,10 @@ def aside(problem: Problem, at: Array, axis: int, share: float) -> Array:
 
 def solve(slope: Array, left: Array) -> Array:
     """Change of the coordinates (m,) that lowers the loss most, for a slope (n, m) and what is left (n,)."""
-    square = slope.T @ slope
+    square = crossed(slope, slope)
     scale = np.diag(square).copy()
     scale[scale <= 0.0] = 1.0
-    return np.asarray(np.linalg.solve(square + RIDGE * np.diag(scale), -slope.T @ left))
+    return np.asarray(np.linalg.solve(square + RIDGE * np.diag(scale), -crossed(slope, left)))
 
 
 def downhill(problem: Problem, start: Point, least_gain: float = 0.0) -> Point | None:

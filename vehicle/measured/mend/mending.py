@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Model, OpenLoop, Term, Terms, fitted, held_out_loss
 from vehicle.measured.mend.proposals import Step, best_pair, entry_of, proposals, simulated
@@ -28,9 +29,12 @@ class Mended:
     model: Model
 
 
-def mend(bench: Bench, tractor: Tractor, start: Terms, step: Step) -> Mended:
-    """Terms that lower the open-loop error of runs held out, the most telling first; `start` stays in."""
-    loop = OpenLoop(bench)
+def mend(bench: Bench, tractor: Tractor, start: Terms, step: Step, tolerated: Settings | None = None) -> Mended:
+    """Terms that lower the open-loop error of runs held out, the most telling first; `start` stays in.
+
+    `tolerated` is that of OpenLoop.
+    """
+    loop = OpenLoop(bench, tolerated or {})
     model = fitted(loop, start)
     best = held_out_loss(loop, model)
     while len(model.terms) < MOST_TERMS:
@@ -69,7 +73,7 @@ def _accepted(loop: OpenLoop, model: Model, best: float, terms: Terms) -> tuple[
     new = larger.terms[len(model.terms) :]
     if not all(beyond_tolerance(loop, term) for term in new if term.runs is None):
         return None
-    return (larger, loss) if loss < _worth(larger, model) * best and not _at_a_limit(new) else None
+    return (larger, loss) if loss < _worth(larger, model) * best and not at_a_limit(new) else None
 
 
 def beyond_tolerance(loop: OpenLoop, term: Term, times: float = 1.0) -> bool:
@@ -81,7 +85,7 @@ def beyond_tolerance(loop: OpenLoop, term: Term, times: float = 1.0) -> bool:
     return term.knobs.deviation(term.at) > times * finest_of(tractor, name, bench.row_s)
 
 
-def _at_a_limit(terms: Terms) -> bool:
+def at_a_limit(terms: Terms) -> bool:
     """Whether a coordinate ran as far as a tractor can have it: such a fit stands for something else."""
     return any(
         np.any((term.at <= np.array(term.knobs.low)) & (np.array(term.knobs.low) < np.array(term.knobs.neutral)))

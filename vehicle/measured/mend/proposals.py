@@ -12,6 +12,7 @@ import numpy.typing as npt
 from vehicle.effects import CATALOGUE, Effect
 from vehicle.measured.fit.knobs import knobs_for, rest_knobs
 from vehicle.measured.fit.openloop import Model, OpenLoop, Term, Terms, moved, slope_of_new
+from vehicle.measured.fit.products import crossed, squared, without
 from vehicle.measured.fit.solver import solve
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.levels import two_levels
@@ -79,15 +80,15 @@ def _promising(loop: OpenLoop, model: Model, new: Terms, errors: Array) -> Propo
     columns = slope_of_new(loop, (*model.terms, *new), errors, len(new))
     slope = np.concatenate([model.slope, columns], axis=1)
     change = solve(slope, errors)
-    left = errors + slope @ change
-    return Proposal(new, errors, columns, change, float(left @ left))
+    left = without(errors, slope, -change)
+    return Proposal(new, errors, columns, change, squared(left))
 
 
 def best_pair(loop: OpenLoop, model: Model, proposed: Sequence[Proposal]) -> list[tuple[Terms, float]]:
     """The two proposals that promise most together, simulated: causes that mask each other show only so."""
     base = [one for one in proposed if one.smooth]
     columns = np.concatenate([model.slope, *[one.columns for one in base]], axis=1)
-    square, side = columns.T @ columns, columns.T @ model.errors
+    square, side = crossed(columns, columns), crossed(columns, model.errors)
     shared, last = model.slope.shape[1], np.cumsum([one.columns.shape[1] for one in base])
     places = [np.arange(end - one.columns.shape[1], end) + shared for one, end in zip(base, last, strict=True)]
 
@@ -105,7 +106,7 @@ def best_pair(loop: OpenLoop, model: Model, proposed: Sequence[Proposal]) -> lis
     new = (*base[best[0]].new, *base[best[1]].new)
     terms = moved((*model.terms, *new), solve(columns[:, chosen(best)], model.errors))
     errors = loop.errors(terms)
-    return [(terms, float(errors @ errors))]
+    return [(terms, squared(errors))]
 
 
 def simulated(loop: OpenLoop, model: Model, proposed: Sequence[Proposal]) -> list[tuple[Terms, float]]:
@@ -114,7 +115,7 @@ def simulated(loop: OpenLoop, model: Model, proposed: Sequence[Proposal]) -> lis
     for one in proposed:
         better = moved((*model.terms, *one.new), one.change)
         after = loop.errors(better)
-        loss, start = float(after @ after), float(one.errors @ one.errors)
+        loss, start = squared(after), squared(one.errors)
         out.append((better, loss) if loss < start else ((*model.terms, *one.new), start))
     return sorted(out, key=lambda each: each[1])
 

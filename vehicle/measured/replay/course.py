@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,6 +42,11 @@ class Stretch:
     target: Array | None
     working: Array
     grids: dict[str, Array]
+
+    @cached_property
+    def direction(self) -> tuple[Array, Array]:
+        """Cosine and sine of the heading on the grid (n,)."""
+        return np.cos(self.grids["heading"]), np.sin(self.grids["heading"])
 
     @property
     def rows(self) -> int:

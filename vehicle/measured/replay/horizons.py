@@ -56,9 +56,13 @@ def pieces(time: Array, horizon: float) -> list[slice]:
     return [slice(int(i), int(j)) for i, j in pairwise(edges) if j - i >= FEWEST_ROWS]
 
 
-def chain(rig: Rig, stretch: Stretch, settings: Settings) -> Seen:
-    """What the instruments would have shown had the commands been driven with these effects."""
-    return seen(rig, stretch, replay(rig, stretch, settings, from_sensor=False, from_speed=False), settings)
+def chain(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool = False) -> Seen:
+    """What the instruments would have shown had the commands been driven with these effects.
+
+    With `by_speed` at the speed that was measured, where it was: so a fault of the speed leaves no trace of its own.
+    """
+    from_speed = by_speed and stretch.speed_seen
+    return seen(rig, stretch, replay(rig, stretch, settings, from_sensor=False, from_speed=from_speed), settings)
 
 
 def squares(stretch: Stretch, antenna: Array, heading: Array, half: int | None = None) -> Squares:
@@ -80,13 +84,18 @@ def no_squares(runs: int) -> list[Squares]:
     return [{horizon: np.zeros(4) for horizon in HORIZONS_S} for _ in range(runs)]
 
 
-def run_squares(course: Course, rig: Rig, settings: Mapping[int, Settings | Halves]) -> list[Squares]:
-    """Sums of squares of every run; `settings` may differ from run to run, and between the halves of a run."""
+def run_squares(
+    course: Course, rig: Rig, settings: Mapping[int, Settings | Halves], by_speed: bool = False
+) -> list[Squares]:
+    """Sums of squares of every run; `settings` may differ from run to run, and between the halves of a run.
+
+    `by_speed` is that of chain.
+    """
     totals = no_squares(len(course.names))
     for stretch in course.stretches:
         mine = settings[stretch.run]
         for half, one in enumerate(mine) if isinstance(mine, tuple) else ((None, mine),):
-            antenna, heading, _, _ = chain(rig, stretch, one)
+            antenna, heading, _, _ = chain(rig, stretch, one, by_speed)
             for horizon, part in squares(stretch, antenna, heading, half).items():
                 totals[stretch.run][horizon] += part
     return totals

@@ -18,7 +18,8 @@ from vehicle.calibration import steering_tables
 from vehicle.chassis import body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
-from vehicle.effects import effect_fields
+from vehicle.effects import PATH, SPEED, effect_fields
+from vehicle.effects import STEERING as STEERS
 from vehicle.ground import ground_index
 from vehicle.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, shown_rows
 from vehicle.jit import compiled
@@ -26,6 +27,7 @@ from vehicle.layout import DT_S, STATE
 from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.keeping import Kept, key_of, of_blocks
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
@@ -34,10 +36,12 @@ X, Y, ANGLE, STEERING, FORWARD = range(5)  # columns of replayed states
 
 @compiled
 def replay_steps(  # type: ignore[no-untyped-def]
-    command, wheel, speed, target, working, east, north, heading, start_s, dt, from_sensor, from_speed, state, model,
-    ground, table, out,
+    command, wheel, speed, target, working, east, north, heading, cosines, sines, start_s, dt, from_sensor, from_speed,
+    state, model, ground, table, out,
 ) -> None:  # fmt: skip
     """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
+
+    `cosines` and `sines` are those of `heading`.
 
     `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
     are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it.
@@ -57,7 +61,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
         else:
             turn_wheels(state, model, dt)
         drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
-        there, across = math.cos(heading[i]), math.sin(heading[i])
+        there, across = cosines[i], sines[i]
         tangent = affected_tangent(
             state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
@@ -71,11 +75,23 @@ def replay_steps(  # type: ignore[no-untyped-def]
         state.clock += 1
 
 
+@compiled
+def steer_steps(command, first, dt, state, model, out) -> None:  # type: ignore[no-untyped-def]
+    """Steer through one command per step from a `first` wheel angle; `out` (n,) gets the wheel angle before each."""
+    state.steering = state.play = state.commands[-1] = first
+    for i in range(len(command)):
+        state.command = command[i]
+        out[i] = state.steering
+        turn_wheels(state, model, dt)
+        state.clock += 1
+
+
 @dataclass(frozen=True, eq=False)
 class Rig:
     """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
 
-    `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none.
+    `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none. `kept` is what
+    was replayed already.
     """
 
     tractor: Tractor
@@ -84,6 +100,7 @@ class Rig:
     table: Array
     origin: tuple[float, float] = (0.0, 0.0)
     ranges: Mapping[str, float] = field(default_factory=dict)
+    kept: Kept = field(default_factory=Kept)
 
     def with_effects(self, settings: Settings) -> Any:
         """The model record with effects; places in the field are moved to the origin of the course."""
@@ -113,21 +130,56 @@ def own_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple
 
 
 def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, from_speed: bool) -> Array:
-    """States (n, 5) on the grid of a stretch. What the log lacks is replaced: a sensor by the command and back."""
+    """States (n, 5) on the grid of a stretch, not to be written to.
+
+    What the log lacks is replaced: a sensor by the command and back.
+    """
+    sensed, timed = from_sensor and stretch.wheel is not None, from_speed or stretch.target is None
+    # A sensor cuts the chain: what lies before it moves nothing, and antenna and clocks move no tractor at all.
+    blocks = {PATH, *(() if sensed else (STEERS,)), *(() if timed else (SPEED,))}
+    acting = of_blocks(settings, frozenset(blocks))
+    key = (stretch, sensed, timed, tuple(rig.ranges.items()), key_of(acting))
+    return rig.kept.get(key, lambda: (_replayed(rig, stretch, acting, sensed, timed),))[0]
+
+
+def _replayed(rig: Rig, stretch: Stretch, settings: Settings, sensed: bool, timed: bool) -> Array:
     grids = stretch.grids
-    command = grids.get("command", grids.get("wheel"))
-    wheel = grids.get("wheel", command)
-    assert command is not None and wheel is not None
-    target = grids.get("target", grids["speed"])
+    command, wheel = _steering(stretch)
     out = np.empty((len(command), 5))
-    state = np.zeros(1, dtype=STATE)
-    state["commands"] = command[0]
     replay_steps(
-        command, wheel, grids["speed"], target, grids["working"], grids["east"], grids["north"], grids["heading"],
-        stretch.start_s, DT_S, from_sensor and stretch.wheel is not None, from_speed or stretch.target is None,
-        state[0], rig.with_effects(settings)[0], rig.ground[0], rig.table, out,
+        command, wheel, grids["speed"], grids.get("target", grids["speed"]), grids["working"], grids["east"],
+        grids["north"], grids["heading"], *stretch.direction, stretch.start_s, DT_S, sensed, timed, _fresh(command)[0],
+        rig.with_effects(settings)[0], rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
+
+
+def wheel_angles(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
+    """Wheel angle (n,) on the grid of a stretch that its commands come to: that of replay, without the drive."""
+    acting = of_blocks(settings, frozenset({STEERS}))
+
+    def steered() -> tuple[Array]:
+        command, wheel = _steering(stretch)
+        out = np.empty(len(command))
+        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.with_effects(acting)[0], out)
+        return (out,)
+
+    return rig.kept.get((stretch, "wheel", key_of(acting)), steered)[0]
+
+
+def _steering(stretch: Stretch) -> tuple[Array, Array]:
+    """Commands and wheel angles on the grid, one standing in for the other."""
+    command = stretch.grids.get("command", stretch.grids.get("wheel"))
+    wheel = stretch.grids.get("wheel", command)
+    assert command is not None and wheel is not None
+    return command, wheel
+
+
+def _fresh(command: Array) -> Any:
+    """The state of a tractor whose wheels have long been where the first command wants them."""
+    state = np.zeros(1, dtype=STATE)
+    state["commands"] = command[0]
+    return state
 
 
 def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
@@ -145,9 +197,7 @@ def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple
     return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING], wheel, speed
 
 
-def shown_poses(
-    rig: Rig, stretch: Stretch, states: Array, settings: Settings, grid: Array, latency_s: float
-) -> Array:
+def shown_poses(rig: Rig, stretch: Stretch, states: Array, settings: Settings, grid: Array, latency_s: float) -> Array:
     """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments."""
     fields = effect_fields(settings)
     out = np.empty((stretch.rows, 6))

@@ -7,6 +7,7 @@ its channel out, and the block behind it is then driven by the commands.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.effects import PATH, POSITION, SPEED, STEERING, effect_fields
+from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.course import Course
-from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, seen
+from vehicle.measured.replay.course import Course, Stretch
+from vehicle.measured.replay.replaying import FORWARD, Rig, antenna_lever, replay, wheel_angles
 from vehicle.measured.replay.windows import half_of
 from vehicle.measured.surprise.noise import first_noise
 from vehicle.measured.surprise.weights import Channel, Filter, channels, filters, huber
@@ -71,16 +73,36 @@ class Bench:
 
     def chain_surprise(self, settings: Settings) -> Parts:
         """Surprises of wheel angle and speed, driven by the commands."""
-        if not any(self.wheel) and not any(self.speed):
-            return {"wheel": np.zeros(self.course.rows), "speed": np.zeros(self.course.rows)}
+        return {"wheel": self.wheel_surprise(settings), "speed": self.speed_surprise(settings)}
+
+    def wheel_surprise(self, settings: Settings) -> Array:
+        """Surprises of the wheel angle that the commands come to."""
         settings = self._with_fixed(settings)
-        wheels, speeds = [], []
-        for index, stretch in enumerate(self.course.stretches):
-            states = replay(self.rig, stretch, settings, from_sensor=False, from_speed=False)
-            _, _, wheel, speed = seen(self.rig, stretch, states, settings)
-            wheels.append(_whitened(stretch.wheel, wheel, self.wheel[index], stretch.rows))
-            speeds.append(_whitened(stretch.speed, speed, self.speed[index], stretch.rows))
-        return {"wheel": np.concatenate(wheels), "speed": np.concatenate(speeds)}
+        return self._compared(self.wheel, "wheel", lambda stretch: wheel_angles(self.rig, stretch, settings))
+
+    def speed_surprise(self, settings: Settings) -> Array:
+        """Surprises of the speed that the commands come to."""
+        settings = self._with_fixed(settings)
+
+        def speeds(stretch: Stretch) -> Array:
+            return np.asarray(replay(self.rig, stretch, settings, from_sensor=False, from_speed=False)[:, FORWARD])
+
+        return self._compared(self.speed, "speed", speeds)
+
+    def _compared(
+        self, weights: tuple[Channel | None, ...], column: str, simulated: Callable[[Stretch], Array]
+    ) -> Array:
+        """Surprises of one column of all stretches, against what is simulated on the grid."""
+        parts = []
+        for stretch, channel in zip(self.course.stretches, weights, strict=True):
+            measured = getattr(stretch, column)
+            if measured is None or channel is None:
+                parts.append(np.zeros(stretch.rows))
+                continue
+            on_grid = simulated(stretch)
+            rows = np.interp(stretch.time, np.arange(len(on_grid), dtype=np.float64) * DT_S, on_grid)
+            parts.append(_whitened(measured, rows, channel))
+        return np.concatenate(parts)
 
     def surprise(self, settings: Settings) -> Array:
         """The whole vector: path, wheel, speed."""
@@ -94,15 +116,21 @@ class Bench:
         path_moves = bool(blocks & {PATH, POSITION}) or (STEERING in blocks and not self.has_wheel)
         if path_moves:
             changed[: 3 * rows] = self.path_surprise(self.path(settings), settings)
-        if blocks & {STEERING, SPEED}:
-            chain = self.chain_surprise(settings)
-            changed[3 * rows : 4 * rows], changed[4 * rows :] = chain["wheel"], chain["speed"]
+        if STEERING in blocks:
+            changed[3 * rows : 4 * rows] = self.wheel_surprise(settings)
+        if SPEED in blocks:
+            changed[4 * rows :] = self.speed_surprise(settings)
         return changed
 
     @cached_property
     def has_wheel(self) -> bool:
         """Whether the wheel angle was measured."""
         return all(stretch.wheel is not None for stretch in self.course.stretches)
+
+    @cached_property
+    def has_speed(self) -> bool:
+        """Whether the speed was measured."""
+        return all(stretch.speed_seen for stretch in self.course.stretches)
 
     @cached_property
     def row_s(self) -> float:
@@ -146,9 +174,7 @@ class Bench:
         return out
 
 
-def _whitened(measured: Array | None, simulated: Array, channel: Channel | None, rows: int) -> Array:
-    if measured is None or channel is None:
-        return np.zeros(rows)
+def _whitened(measured: Array, simulated: Array, channel: Channel) -> Array:
     off = (measured - simulated) / channel.sigma
     keep = channel.memory
     out: Array = np.concatenate([off[:1], (off[1:] - keep * off[:-1]) / np.sqrt(1.0 - keep * keep)])

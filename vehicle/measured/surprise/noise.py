@@ -8,7 +8,8 @@ known before any cause is, and what a cause leaves unexplained does not pass for
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +21,16 @@ from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise, step_times
 from vehicle.measured.thresholds import LEAST_ALONG, LEAST_SOIL, MOST_SOIL
 
 SPANS_S = (1.0, 2.0, 4.0)  # longer than the soil's memory, shorter than any cause that acts evenly
+DROWNED = 0.6  # chosen, of the spread of second differences: what is left of it says little with more of the noise
 SAMPLES = 30  # second differences: the median deviation of fewer is off by a fifth and more
+
+
+@dataclass(frozen=True)
+class Told:
+    """What one span tells of a noise, and the share of the instruments in the spread it is told from."""
+
+    value: float
+    drowned: float
 
 
 def first_noise(course: Course) -> Noise:
@@ -51,17 +61,25 @@ def white_noise(time: Array, values: Array) -> float:
 def tuned(course: Course, rig: Rig, noise: Noise, settings: Settings) -> Noise:
     """Noise with soil and speed scatter as the second differences give them; as it was where nothing can be told.
 
-    The least of three spans counts: what comes and goes at the beat of one span drops out of another.
+    The least of three spans counts: what comes and goes at the beat of one span drops out of another. Only, where the
+    instruments make up most of the spread, what they leave for the soil is the error of their own noise.
     """
     told = [one for span in SPANS_S if (one := _at_span(course, rig, noise, settings, span)) is not None]
     if not told:
         return noise
-    return replace(noise, soil=min(one[0] for one in told), along=min(one[1] for one in told))
+    soils, ways = zip(*told, strict=True)
+    return replace(noise, soil=_least(soils), along=_least(ways))
+
+
+def _least(told: Sequence[Told]) -> float:
+    """The least that spans tell, the longest of them where instruments drown every one."""
+    clear = [one.value for one in told if one.drowned < DROWNED]
+    return min(clear) if clear else told[-1].value
 
 
 def _at_span(
     course: Course, rig: Rig, noise: Noise, settings: Settings, span: float
-) -> tuple[float, float] | None:
+) -> tuple[Told, Told] | None:
     """Soil (rad per metre) and scatter of the way that one span tells; None with too few second differences."""
     turns, ways, speeds = [], [], []
     for stretch in course.stretches:
@@ -103,14 +121,15 @@ def _along(stretch: Stretch, antenna: Array, heading: Array) -> Array:
     return out
 
 
-def _soil(turn: Array, pace: Array, heading_noise: float, span: float) -> float:
+def _soil(turn: Array, pace: Array, heading_noise: float, span: float) -> Told:
     """Soil (rad per metre) whose coloured disturbance spreads the second differences as seen, at the paces driven."""
-    spread = _robust(turn) ** 2 - 6.0 * min(heading_noise, 1.0) ** 2
+    whole, instrument = _robust(turn) ** 2, 6.0 * min(heading_noise, 1.0) ** 2
+    spread = whole - instrument
     one, two = _integrated(span), _integrated(2.0 * span)
     # Var(second difference) = 2 V(T) - 2 C with C = (V(2 T) - 2 V(T)) / 2 the covariance of neighbouring spans.
     unit = 2.0 * one - (two - 2.0 * one)
     soil = math.sqrt(max(spread, 0.0) / (unit * float(np.mean(pace**2)) + 1e-12))
-    return min(max(soil, LEAST_SOIL), MOST_SOIL)
+    return Told(min(max(soil, LEAST_SOIL), MOST_SOIL), instrument / max(whole, 1e-30))
 
 
 def _integrated(span: float) -> float:
@@ -119,9 +138,10 @@ def _integrated(span: float) -> float:
     return 2.0 * memory * memory * (span / memory - 1.0 + math.exp(-span / memory))
 
 
-def _way(way: Array, position_noise: float, span: float) -> float:
-    spread = _robust(way) ** 2 - 6.0 * position_noise**2
-    return max(math.sqrt(max(spread, 0.0) / (2.0 * span)), LEAST_ALONG)
+def _way(way: Array, position_noise: float, span: float) -> Told:
+    whole, instrument = _robust(way) ** 2, 6.0 * position_noise**2
+    scatter = math.sqrt(max(whole - instrument, 0.0) / (2.0 * span))
+    return Told(max(scatter, LEAST_ALONG), instrument / max(whole, 1e-30))
 
 
 def _robust(values: Array) -> float:

@@ -17,12 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.effects import STEP_HZ, effect_fields
+from vehicle.effects import PATH, SPEED, STEERING, STEP_HZ, effect_fields
 from vehicle.instruments import LATE_ANGLE, LATE_X, LATE_Y, lever
 from vehicle.jit import compiled
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.keeping import key_of, of_blocks
 from vehicle.measured.replay.replaying import Rig, replay, shown_poses
 
 SIZE, SEEN = 7, 3  # numbers of the state and of a measurement
@@ -147,6 +148,53 @@ def innovations(  # type: ignore[no-untyped-def]
         state[6] *= slow
 
 
+@compiled
+def turn_responses(  # type: ignore[no-untyped-def]
+    time, reference, ahead, aside, lever_ahead, lever_aside, gains, roots, turned, out
+) -> None:
+    """Change of the innovations for additions to the simulated turns: `out` (k, 3, c) for `turned` (c, k - 1).
+
+    What the filter does with turns does not depend on its state, so each addition is driven through it alone, from the
+    first row that it changes. `out` is zero before; the arguments are those of innovations.
+    """
+    rows = len(time)
+    for column in range(len(turned)):
+        first = 0
+        while first < rows - 1 and turned[column, first] == 0.0:
+            first += 1
+        e = n = h = soil = drift = drift_east = drift_north = 0.0
+        for k in range(first, rows):
+            cosine, sine = math.cos(reference[k]), math.sin(reference[k])
+            if k > first:
+                lever_east, lever_north = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
+                v0 = -(e - lever_north * h + drift_east)
+                v1 = -(n + lever_east * h + drift_north)
+                v2 = -(h + drift)
+                root, gain = roots[k], gains[k]
+                out[k, 0, column] = root[0, 0] * v0
+                out[k, 1, column] = root[1, 0] * v0 + root[1, 1] * v1
+                out[k, 2, column] = root[2, 0] * v0 + root[2, 1] * v1 + root[2, 2] * v2
+                e += gain[0, 0] * v0 + gain[0, 1] * v1 + gain[0, 2] * v2
+                n += gain[1, 0] * v0 + gain[1, 1] * v1 + gain[1, 2] * v2
+                h += gain[2, 0] * v0 + gain[2, 1] * v1 + gain[2, 2] * v2
+                soil += gain[3, 0] * v0 + gain[3, 1] * v1 + gain[3, 2] * v2
+                drift += gain[4, 0] * v0 + gain[4, 1] * v1 + gain[4, 2] * v2
+                drift_east += gain[5, 0] * v0 + gain[5, 1] * v1 + gain[5, 2] * v2
+                drift_north += gain[6, 0] * v0 + gain[6, 1] * v1 + gain[6, 2] * v2
+            if k + 1 == rows:
+                break
+            f, r = ahead[k], aside[k]
+            e += (r * cosine - f * sine) * h
+            n += (f * cosine + r * sine) * h
+            h += turned[column, k] + soil * math.sqrt(f * f + r * r)
+            dt = time[k + 1] - time[k]
+            slow = math.exp(-dt / DRIFT_MEMORY_S)
+            soil *= math.exp(-dt / SOIL_MEMORY_S)
+            drift *= slow
+            drift_east *= slow
+            drift_north *= slow
+
+
 @dataclass(frozen=True, eq=False)
 class Increments:
     """Simulated motion between rows in the tractor's frame: ahead, to the right (m), turned (rad, mathematical)."""
@@ -174,8 +222,14 @@ def step_times(steps: int) -> Array:
 def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Increments:
     """Increments between the rows of a stretch, replayed from measured wheel angle and speed and seen as late as the
     settings say."""
-    states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
-    rows = shown_poses(
-        rig, stretch, states, settings, step_times(len(states)), effect_fields(settings)["latency"] / STEP_HZ
-    )
-    return increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
+    latency = effect_fields(settings)["latency"]
+
+    def moved() -> tuple[Array, Array, Array]:
+        states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
+        rows = shown_poses(rig, stretch, states, settings, step_times(len(states)), latency / STEP_HZ)
+        move = increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
+        return move.ahead, move.aside, move.turned
+
+    acting = of_blocks(settings, frozenset({PATH, STEERING, SPEED}))
+    key = (stretch, "increments", tuple(rig.ranges.items()), latency, key_of(acting))
+    return Increments(*rig.kept.get(key, moved))

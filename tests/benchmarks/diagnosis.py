@@ -1,0 +1,114 @@
+"""How often a diagnosis is right: python -m tests.benchmarks.diagnosis --first 100 --seeds 10 --jobs 2 --out FILE
+
+Every set of tests.diagnosis.sets (80 a seed) is diagnosed; the answers go to FILE, a line of JSON each. Called again
+with the same FILE it does what is left, so it can be stopped at any time. Answers of another state of the code are
+neither counted nor taken for done. A set takes 20 to 30 s of CPU, a seed about 35 minutes of one core. Printed are
+what is asked of a diagnosis beside what it reached, a line per effect, and every set that went wrong, by the key that
+--only repeats.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import multiprocessing
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import vehicle
+from tests.diagnosis.sets import LogSet, record_of, sets_of
+from tests.diagnosis.tally import Record, faults, table, tallied, verdicts
+from tests.truth.effects import CLEAR_SIZES
+
+
+def state_of_code() -> str:
+    """A digest of all that decides an answer: the sources of the room that diagnoses, and of the truth."""
+    digest = hashlib.sha256()
+    here = Path(__file__).parents[1]
+    files = [
+        *Path(str(vehicle.__file__)).parent.rglob("*"),
+        *(here / "truth").glob("*.py"),
+        here / "diagnosis" / "sets.py",
+    ]
+    for file in sorted(file for file in files if file.suffix in (".py", ".toml", ".csv")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def done_in(out: Path, state: str) -> list[Record]:
+    """The answers in a file that belong to this state of the code; a line cut off by a stop is passed over."""
+    records: dict[str, Record] = {}
+    for line in out.read_text(encoding="utf-8").splitlines() if out.exists() else ():
+        try:
+            record = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        if record["state"] == state:
+            records[record["key"]] = record
+    return list(records.values())
+
+
+def answers(sets: Iterable[LogSet], jobs: int) -> Iterator[Record]:
+    """Answers as they come, from so many processes at once."""
+    if jobs == 1:
+        yield from map(record_of, sets)
+        return
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(record_of, one) for one in sets]):
+            yield future.result()
+
+
+def run(sets: list[LogSet], jobs: int, out: Path, state: str) -> None:
+    """Diagnose what is left of the sets and add the answers to the file."""
+    known = {record["key"] for record in done_in(out, state)}
+    left = [one for one in sets if one.key not in known]
+    cut_off = out.exists() and not out.read_bytes().endswith(b"\n") and out.stat().st_size
+    with out.open("a", encoding="utf-8") as file:
+        file.write("\n" if cut_off else "")
+        for number, record in enumerate(answers(left, jobs), len(sets) - len(left) + 1):
+            file.write(json.dumps({**record, "state": state}) + "\n")
+            file.flush()
+            said = ", ".join(record.get("named", ())) or record.get("error", "no name")
+            print(f"{number:5d} of {len(sets)}  {record['key']:60s} {said}", flush=True)
+
+
+def report(records: list[Record]) -> None:
+    """Print the figures."""
+    tallies = tallied(records, list(CLEAR_SIZES))
+    seeds, cpu_s = {record["seed"] for record in records}, sum(record.get("cpu_s", 0.0) for record in records)
+    print(f"\n{len(records)} sets of {len(seeds)} seeds, {cpu_s / max(len(records), 1):.1f} s of CPU each")
+    for words, figure, holds in verdicts(records, tallies):
+        print(f"  {words:55s} {figure:>18s}  {'none' if holds is None else 'holds' if holds else 'MISSED'}")
+    print("\n" + "\n".join(table(tallies)))
+    print("\n" + "\n".join(faults(records)))
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--first", type=int, default=100, help="first seed")
+    parser.add_argument("--seeds", type=int, default=10, help="how many seeds")
+    parser.add_argument("--jobs", type=int, default=1, help="processes at once")
+    parser.add_argument("--out", type=Path, required=True, help="file of the answers; added to, never overwritten")
+    parser.add_argument("--only", default="", help="only sets with this in their key")
+    parser.add_argument("--most", type=int, default=None, help="stop after so many sets of each seed")
+    parser.add_argument("--report", action="store_true", help="only print what the file has")
+    arguments = parser.parse_args()
+    if arguments.jobs < 1 or arguments.seeds < 1 or arguments.first < 0:
+        parser.error("--jobs and --seeds are whole numbers from 1 on, --first from 0 on.")
+    state = state_of_code()
+    sets = [
+        one
+        for seed in range(arguments.first, arguments.first + arguments.seeds)
+        for one in [one for one in sets_of(seed) if arguments.only in one.key][: arguments.most]
+    ]
+    if not arguments.report:
+        run(sets, arguments.jobs, arguments.out, state)
+    wanted = {one.key for one in sets}
+    report([record for record in done_in(arguments.out, state) if record["key"] in wanted])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""Challenges: a cause that stands in for another gives way, one that does not stays."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.measured.benches import bench_of, eg105, knobs
+from vehicle.effects import PATH, POSITION, SPEED, STEERING
+from vehicle.measured.causes.challenge import beside, challenged, with_more_starts
+from vehicle.measured.causes.refit import restarted
+from vehicle.measured.causes.selection import _by_chance, select
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import CHANCE_SIGMAS
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    return bench_of("circles", {"steering_offset": {"angle_deg": 1.0}})
+
+
+@pytest.mark.parametrize("wheel", [True, False])
+@pytest.mark.parametrize("speed", [True, False])
+def test_sensors_cut_the_chain(wheel: bool, speed: bool) -> None:
+    """What a sensor cuts off cannot stand in for what lies behind it; path and antenna are never cut apart."""
+    seen: Any = SimpleNamespace(has_wheel=wheel, has_speed=speed)
+    joined = {PATH, POSITION} | (set() if wheel else {STEERING}) | (set() if speed else {SPEED})
+    assert beside(seen, PATH) == beside(seen, POSITION) == joined
+    assert beside(seen, STEERING) == ({STEERING} if wheel else joined)
+    assert beside(seen, SPEED) == ({SPEED} if speed else joined)
+
+
+def test_rivals_start_on_both_sides_as_far_as_a_tractor_can_have_it() -> None:
+    assert with_more_starts(knobs("steering_offset")).starts == ((0.0,), (1.0,), (-1.0,))
+    assert with_more_starts(knobs("wheel_slip")).starts == ((0.1,), (0.08,), (-0.08,))
+    assert with_more_starts(knobs("speed_lag")).starts[-1] == (0.0,)  # below nothing there is none
+    assert with_more_starts(knobs("cross_slope_drift")) == knobs("cross_slope_drift")
+
+
+def test_a_stand_in_gives_way_to_what_explains_more(bench: Bench) -> None:
+    """On one circle to each side, less grip to the left and more to the right looks somewhat like an offset."""
+    wrong = restarted(bench, ((knobs("steering_asymmetry"), np.array([0.9])),), None)
+    outcome = challenged(bench, wrong, (), eg105())
+    assert outcome.better is not None and set(outcome.better.settings) == {"steering_offset"}
+    assert outcome.better.settings["steering_offset"]["angle_deg"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_true_cause_stands(bench: Bench) -> None:
+    true = restarted(bench, ((knobs("steering_offset"), np.array([1.0])),), None)
+    outcome = challenged(bench, true, (), eg105())
+    assert outcome.better is None and outcome.alike == {"steering_offset": {}}
+    assert select(bench, eg105()).alike == outcome.alike
+
+
+def test_chance_grows_with_what_is_free() -> None:
+    assert _by_chance(0) == 0.0 and _by_chance(2) == pytest.approx(2.0 + 2.0 * CHANCE_SIGMAS)

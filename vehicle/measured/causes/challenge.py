@@ -1,0 +1,125 @@
+"""Every cause challenged once more when the model is settled, by each effect of its block and of those beside it.
+
+An effect enters while others are missing, so the first to enter may stand in for the one that acts. When nothing more
+enters, each part gives up its place in turn, and every rival is fitted there from several starts. One that explains
+more, in all runs and in runs held out, takes the place; one that explains as much is told with the drive that decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from vehicle.effects import CATALOGUE, PATH, POSITION, SPEED, STEERING, effect
+from vehicle.measured.causes.dependence import Dependence
+from vehicle.measured.causes.evidence import held_out_losses, is_nameable
+from vehicle.measured.causes.refit import enlarged, with_unnamed, without
+from vehicle.measured.causes.trial import Projector, Tried, tried
+from vehicle.measured.fit.fitting import Fit, refined
+from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for
+from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import LEAST_GAIN, LOOK_ALIKE, LOOK_ALIKE_SHARE, REFITTED
+from vehicle.tractor import Tractor
+
+Alike = Mapping[str, dict[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a challenge came to: the fit that is better, if any, or by name the rivals as good and their values."""
+
+    better: Fit | None = None
+    unnamed: tuple[Dependence, ...] = ()
+    alike: Mapping[str, Alike] = field(default_factory=dict)
+
+
+def beside(bench: Bench, block: str) -> frozenset[str]:
+    """The blocks whose effects could stand in for one of a block: sensors cut the chain, what lies between does not."""
+    joined = {PATH, POSITION}
+    joined |= set() if bench.has_wheel else {STEERING}
+    joined |= set() if bench.has_speed else {SPEED}
+    return frozenset(joined) if block in joined else frozenset({block})
+
+
+def challenged(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...], tractor: Tractor) -> Outcome:
+    """Challenge every part that may carry a name, and the unnamed terms."""
+    if unnamed:
+        plain = _without_terms(bench, fit, tractor)
+        if plain is not None:
+            return Outcome(plain)
+    alike: dict[str, Alike] = {}
+    for knobs, _ in fit.parts:
+        if not is_nameable(bench, fit, tractor, knobs.id):
+            continue
+        better, alike[knobs.id] = _rivals(bench, fit, knobs.id)
+        if better is not None:
+            return Outcome(better, unnamed)
+    return Outcome(alike=alike)
+
+
+def look_alikes(bench: Bench, fit: Fit, name: str) -> Alike:
+    """Effects that explain as much in the place of a named one, with the values they would need."""
+    return _rivals(bench, fit, name)[1]
+
+
+def _rivals(bench: Bench, fit: Fit, name: str) -> tuple[Fit | None, Alike]:
+    """The fit in which a rival is clearly better in the place of an effect, if any; and those that are as good."""
+    tractor = bench.rig.tractor
+    rest = without(bench, fit, name)
+    gain = rest.loss - fit.loss
+    slack = LOOK_ALIKE + LOOK_ALIKE_SHARE * gain
+    held_out = float(held_out_losses(bench, fit).sum())
+    better, alike = fit, {}
+    for other in _in_place(bench, rest, (*fit.settings,), effect(name).block)[:REFITTED]:
+        if other.gain < gain - slack or other.knobs.deviation(other.at) <= finest_of(tractor, other.knobs.id):
+            continue
+        full = refined(bench, enlarged(bench, rest, other))
+        worse = float(held_out_losses(bench, full).sum()) - held_out
+        if full.loss < better.loss - LEAST_GAIN and worse < 0.0:
+            better = full
+        elif full.loss < fit.loss + slack and worse < slack:
+            alike[other.knobs.id] = full.settings[other.knobs.id]
+    return (None, alike) if better is fit else (better, {})
+
+
+def _in_place(bench: Bench, rest: Fit, skip: Iterable[str], block: str) -> list[Tried]:
+    """Every effect beside a block on top of what is left, each from several starts, the best first."""
+    project, blocks = Projector(rest.slope), beside(bench, block)
+    found = [
+        tried(bench.change, rest, with_more_starts(knobs_for(bench.rig.tractor, entry.id)), project)
+        for entry in CATALOGUE
+        if entry.block in blocks and entry.id not in skip and not entry.kind.searched
+    ]
+    return sorted(found, key=lambda one: -one.gain)
+
+
+def with_more_starts(knobs: Knobs) -> Knobs:
+    """The same with a usual size to either side among its starts, as far as a tractor can have it."""
+    if knobs.count > 1:
+        return knobs
+    usual = np.array(knobs.typical)
+    sides = [(float(at),) for side in (usual, -usual) for at in knobs.inside(np.array(knobs.neutral) + side)]
+    return replace(knobs, starts=tuple(dict.fromkeys((*knobs.starts, *sides))))
+
+
+def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
+    """A fit of effects alone that leaves no more than this one does with its unnamed terms, if one effect makes it so.
+
+    The effect comes in the place of one that may carry a name, or beside them all.
+    """
+    plain = with_unnamed(bench, fit, ())
+    names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, plain, tractor, knobs.id)]
+    best: Fit | None = None
+    for name in (None, *names):
+        rest = plain if name is None else without(bench, plain, name)
+        blocks = {PATH} if name is None else {effect(name).block}
+        for block in blocks:
+            for other in _in_place(bench, rest, (*plain.settings,), block)[:2]:
+                if rest.loss - other.gain > fit.loss + LOOK_ALIKE_SHARE * (rest.loss - fit.loss) + LEAST_GAIN:
+                    continue
+                full = refined(bench, enlarged(bench, rest, other))
+                if full.loss < fit.loss + LEAST_GAIN and (best is None or full.loss < best.loss):
+                    best = full
+    return best

@@ -1,0 +1,48 @@
+"""What was replayed once, kept: the same stretch with the same effects is never driven twice while there is room."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping
+
+from vehicle.effects import REST_KEY, effect
+from vehicle.learnt import Settings
+from vehicle.measured.logs.record import Array
+
+MOST_BYTES = 200_000_000  # chosen: the states of ninety drives through a quarter of an hour, a tenth of 2 GB
+Effects = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
+
+
+class Kept:
+    """Arrays by what they were made of; those that nobody has asked for longest go first."""
+
+    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
+        """An empty store for so many bytes."""
+        self._most, self._bytes = most_bytes, 0
+        self._found: OrderedDict[Hashable, tuple[Array, ...]] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
+        """The arrays of a key, made where they are not kept. They are shared: nobody may write to them."""
+        found = self._found.get(key)
+        if found is not None:
+            self._found.move_to_end(key)
+            return found
+        made = make()
+        for one in made:
+            one.flags.writeable = False
+        self._found[key] = made
+        self._bytes += sum(one.nbytes for one in made)
+        while self._bytes > self._most:
+            _, gone = self._found.popitem(last=False)
+            self._bytes -= sum(one.nbytes for one in gone)
+        return made
+
+
+def of_blocks(settings: Settings, blocks: frozenset[str]) -> Settings:
+    """The effects that sit in some blocks of the chain, and the rest."""
+    return {name: values for name, values in settings.items() if name == REST_KEY or effect(name).block in blocks}
+
+
+def key_of(settings: Mapping[str, Mapping[str, float]]) -> Effects:
+    """Settings as a key, in the order of their names."""
+    return tuple((name, tuple(sorted(settings[name].items()))) for name in sorted(settings))
