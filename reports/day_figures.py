@@ -60,8 +60,8 @@ def gantt_figure(result: DayResult) -> Figure:
 def map_figure(result: DayResult, *, titled: bool = True) -> Figure | None:
     """Fields, yard and the roads that are driven, north up, in metres; None where fewer than two places are known.
 
-    `titled` writes above what it shows. Roads are straight lines with their kilometres; every machine has its colour, an
-    arrow its direction.
+    `titled` writes above what it shows. Roads are straight lines with their kilometres; every machine has its colour,
+    an arrow its direction.
     """
     if len(result.places) < 2:
         return None
