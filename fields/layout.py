@@ -173,9 +173,10 @@ def _room(field: Field, width_m: float) -> shapely.Geometry:
     region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
     if region.is_empty:
         kept = "" if field.outline is None else "What obstacles and the margin to them leave of "
+        helps = "check the obstacles, or use a smaller margin or" if kept else "use"
         raise FieldError(
             f"{kept}{'f' if kept else 'F'}ield '{field.name}' is nowhere wider than the working width {width_m:g} m; "
-            "use a narrower implement.",
+            f"{helps} a narrower implement.",
             parameter="width_m",
         )
     span_m = math.dist(region.bounds[:2], region.bounds[2:])

@@ -15,7 +15,7 @@ from reports.wording import number, percent, price
 def day_page(result: DayResult) -> str:
     """The page as HTML text."""
     words = {fleet.name: fleet.words for fleet in result.fleets}
-    drawn = map_figure(result)
+    drawn = map_figure(result, titled=False)
     content: dict[str, Any] = {
         "title": f"A day of {len(result.fields)} fields",
         "advice": result.advice,

@@ -23,6 +23,7 @@ from reports.landmarks import (
 from reports.leg_list import heading, metres
 from reports.palette import TRACTORS
 from reports.paths import (
+    REFILLING_STATUS,
     REVERSING,
     STATES,
     WORKING,
@@ -111,6 +112,7 @@ def map_picture(drives: Mapping[str, Drive]) -> dict[str, Any]:
         "plans": plans,
         "reversing": REVERSING in driven,
         "waiting": STATES["waiting"] in driven,
+        "refilling": REFILLING_STATUS in driven,
         "missed": any(drive.missed for drive in drives.values()),
     }
 
@@ -162,16 +164,20 @@ def _plan(
                 "numbers": [[one["x"], one["y"], one["text"]] for one in _texts(leg_numbers(marks[number]), frame)],
                 "legs": _legs(drive, number) if listed else [],
                 "heading": heading(number + 1, drive.steps[number]) if drive.steps and listed else "",
-                "waits": [
-                    [*frame.of(np.array([(x, y)]))[0], duration(seconds)]
-                    for x, y, seconds in waits(drive.xy[number], drive.status[number], drive.step_s)
-                ],
+                "waits": _stops(drive, number, frame, STATES["waiting"]),
+                "refills": _stops(drive, number, frame, REFILLING_STATUS),
             }
             for number, path in enumerate(paths)
         ],
         "seconds": [[round(_seconds(drive, state, number), 1) for state in states] for number in range(len(paths))],
         "missed": _missed(drive, frame, box),
     }
+
+
+def _stops(drive: Drive, number: int, frame: Viewport, status: int) -> list[list[Any]]:
+    """Where on paper a tractor stood in a status, and for how long in words."""
+    stood = waits(drive.xy[number], drive.status[number], drive.step_s, status)
+    return [[*frame.of(np.array([(x, y)]))[0], duration(seconds)] for x, y, seconds in stood]
 
 
 def _missed(drive: Drive, frame: Viewport, box: Extent) -> dict[str, Any]:

@@ -191,13 +191,17 @@ def _title_lines(drive: Drive, field_name: str, width: float) -> list[str]:
 
 
 def _lists(drive: Drive, most: int) -> list[str]:
-    """The lists of legs as columns of text of at most so many rows; short ones stand below each other."""
+    """The lists of legs as columns of text of at most so many rows; short ones stand below each other.
+
+    A longer one is parted evenly.
+    """
     columns: list[list[str]] = []
     for number, steps in enumerate(drive.steps, start=1):
         rows = text_rows(steps)
-        for first in range(0, len(rows), max(most - 1, 1)):
+        share = math.ceil(len(rows) / max(math.ceil(len(rows) / max(most - 1, 1)), 1))
+        for first in range(0, len(rows), max(share, 1)):
             title = heading(number, steps) if not first else f"Tractor {number}, on"
-            block = [title, *rows[first : first + max(most - 1, 1)]]
+            block = [title, *rows[first : first + share]]
             if columns and len(columns[-1]) + 1 + len(block) <= most:
                 columns[-1] += ["", *block]
             else:

@@ -23,6 +23,7 @@ _ROUND_AT, _ROUND_STEP, _ROUND_PLACES = 0.25, 0.07, 4  # likewise of the longest
 _ROUND_EDGES = 8  # of a round, that are tried
 # A letter and a line of the smallest text, and what stays free round it, in hundredths of the larger side of a map.
 _LETTER, _TALL, _ROUND_IT, _LARGE = 0.95, 1.5, 0.3, 1.35  # names of cells are larger
+_LINE, _MARK = 2.5, 1.3  # by what a text gives way to the mark of a start or an entrance, and how far these reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,16 @@ def missed_label(drive: Drive, box: Extent) -> Label | None:
         return None
     half = min(_HALF_TOLD * box.size / 100, 0.5 * box.width)
     x = min(max(piece.x_m, box.west + half), box.east - half)
-    return Label(f"{area(piece.m2)} left", np.array([x, piece.y_m]))
+    places = (np.array([x, piece.y_m + lines * _LINE * box.size / 100]) for lines in (0, 1, -1))
+    labels = [Label(f"{area(piece.m2)} left", place) for place in places]
+    return next((one for one in labels if _off_marks(drive, one, box.size)), labels[0])
+
+
+def _off_marks(drive: Drive, label: Label, size: float) -> bool:
+    """Whether a large text keeps clear of the marks of the entrance and of where tractors start."""
+    marks = np.array([*([drive.entrance] if drive.entrance else []), *(xy[0] for xy in drive.xy)]).reshape(-1, 2)
+    low, high = _box(label, size, _LARGE) + np.array([[-1.0], [1.0]]) * _MARK * size / 100
+    return not ((low < marks) & (marks < high)).all(axis=1).any()
 
 
 def cut_off_labels(drive: Drive) -> list[Label]:

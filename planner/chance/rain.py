@@ -141,8 +141,8 @@ def _member(value: str, at: str, start_s: int | None) -> float:
         moment = time(int(match[1]), int(match[2])) if match else datetime.fromisoformat(value)
     except ValueError:
         raise ScenarioError(
-            f"{named('rain')} has the time {brief(value)} in {at}; write hh:mm or 2025-05-01T17:00, or nothing for a "
-            "dry one."
+            f"{named('rain')} has the time {brief(value)} in {at}; write hh:mm or 2025-05-01T17:00, or dry for "
+            "a member without rain."
         ) from None
     return _after(f"{moment.hour:02d}:{moment.minute:02d}", start_s)
 

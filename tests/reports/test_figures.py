@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from reports.figures import map_figure, png_bytes, to_svg
+from reports.figures import _lists, map_figure, png_bytes, to_svg
+from reports.leg_list import text_rows
 from reports.results import Drive
 from reports.trial_figures import panel_figure
 from vehicle.trials.sheets.sheet import Line, Panel
@@ -222,3 +223,14 @@ def test_a_map_wastes_no_paper(drive: Drive) -> None:
     south = figure.axes[0].transData.transform((0.0, -1.0 - 0.1 * 273.0))[1]
     legend = figure.legends[0].get_window_extent()
     assert 0.0 <= south - legend.y1 < 0.3 * figure.dpi and legend.y0 < 0.5 * figure.dpi
+
+
+def test_a_list_too_long_for_a_column_is_parted_evenly(listed_drive: Drive) -> None:
+    own = listed_drive.steps[0]
+    steps = tuple((own * (70 // len(own) + 1))[:70] for _ in range(1))
+    columns = [text.splitlines() for text in _lists(replace(listed_drive, steps=steps), 60)]
+    assert [column[0].split(":")[0] for column in columns] == ["Tractor 1", "Tractor 1, on"]
+    assert abs(len(columns[0]) - len(columns[1])) <= 1
+    assert max(map(len, columns)) <= 60
+    rows = [row for column in columns for row in column[1:]]
+    assert rows == text_rows(steps[0])

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from reports.figures import map_figure
-from reports.landmarks import cut_off_labels, leg_numbers, round_labels, track_labels, work_marks
+from reports.landmarks import cut_off_labels, leg_numbers, missed_label, round_labels, track_labels, work_marks
 from reports.page import plan_page
+from reports.paths import Extent
 from reports.results import CellOutline, Drive, MissedPiece, Ranking, RoundLine
 
 HEIGHT, LETTER = 1.5, 0.9  # of the largest of these texts, in hundredths of the larger side of a map
@@ -59,3 +60,14 @@ def test_ground_that_is_cut_off_is_named_where_it_lies(drive: Drive, ranking: Ra
     page = plan_page(replace(ranking, cut_off_m2=1703.0), cut)
     assert ">0.17 ha cut off</text>" in page
     assert "Obstacles cut off 0.17 ha of the field" in page.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_what_is_told_of_missed_ground_keeps_off_the_entrance(drive: Drive) -> None:
+    piece = MissedPiece(120.0, 50.0, 40.0)
+    far = replace(drive, largest_missed=piece, entrance=(10.0, 10.0))
+    box = Extent(0.0, 0.0, 100.0, 100.0)
+    label = missed_label(far, box)
+    assert label is not None and label.place.tolist() == [50.0, 40.0]
+    moved = missed_label(replace(far, entrance=(51.0, 40.5)), box)
+    assert moved is not None and moved.text == label.text == "120 m2 left"
+    assert moved.place[0] == 50.0 and abs(moved.place[1] - 40.5) >= 2.0

@@ -17,7 +17,7 @@ from reports.front import front_picture
 from reports.page import plan_page
 from reports.results import Drive, Points, Ranking
 from reports.timed import FINEST_M
-from reports.wording import NO_BREAK
+from reports.wording import NO_BREAK, duration
 
 VOID = {"meta", "input", "br", "wbr", "link", "img"}
 
@@ -411,3 +411,14 @@ def test_plans_beyond_what_a_page_holds_have_no_lists(
 def test_headings_may_be_broken_on_narrow_paper(ranking: Ranking, drive: Drive) -> None:
     text = plan_page(ranking, drive)
     assert "Colli\N{SOFT HYPHEN}sions" in text and "Rever\N{SOFT HYPHEN}sals" in text
+
+
+def test_refills_are_marked_where_they_are_done(ranking: Ranking, drive: Drive) -> None:
+    stood = np.array(drive.status[0])
+    stood[100:160] = 5
+    seconds = {**drive.seconds, "refilling": (60 * drive.step_s, 0.0, 0.0)}
+    text = plan_page(ranking, replace(drive, status=(stood, *drive.status[1:]), seconds=seconds))
+    lanes = told(text)[0]["lanes"]
+    assert [len(lane["refills"]) for lane in lanes] == [1, 0, 0]
+    assert lanes[0]["refills"][0][2] == duration(60 * drive.step_s)
+    assert ">refill</li>" in text and ">refill</li>" not in plan_page(ranking, drive)
