@@ -142,6 +142,8 @@ def test_a_shapefile_without_prj_is_read_as_is_said_of_it(client: TestClient, to
     content = shapefile(HERE_M)
     refused = upload(client, "fields", token, "north.zip", content)
     assert (refused.status_code, refused.json()["parameter"]) == (422, "crs")
+    wrong = upload(client, "fields", token, "north.zip", content, crs="EPSG:banana")
+    assert (wrong.status_code, wrong.json()["parameter"]) == (422, "crs") and "EPSG:banana" in wrong.json()["error"]
     kept = upload(client, "fields", token, "north.zip", content, crs="EPSG:25832")
     assert kept.status_code == 201 and kept.json()["options"] == {"crs": "EPSG:25832"}
     found = client.get("/api/v1/fields/north/summary").json()["field"]
