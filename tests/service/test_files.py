@@ -3,6 +3,7 @@
 import io
 import json
 import tempfile
+import warnings
 import zipfile
 from importlib import resources
 from pathlib import Path
@@ -193,7 +194,8 @@ def test_tables_of_rain_and_of_gnss_errors(client: TestClient, token: dict[str, 
 def shapefile(ring: list[tuple[float, float]]) -> bytes:
     """A zip with a Shapefile of one polygon and no .prj."""
     made = io.BytesIO()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that no system is given, which is what is wanted here
         shape = np.array([shapely.to_wkb(shapely.Polygon(ring))], dtype=object)
         pyogrio.raw.write(
             f"{folder}/field.shp", geometry=shape, field_data=[], fields=[], geometry_type="Polygon",
