@@ -63,7 +63,7 @@ def test_one_that_was_towed_away_goes_on_only_from_its_leg() -> None:
     fleet.centre.fail("anna", 0, fleet.now)
     led(fleet, 8.0, 5.0, leg_m=4.0)
     fleet.centre.repaired("anna", 0, fleet.now)
-    with pytest.raises(CentreError, match="8.0 m off its leg"):
+    with pytest.raises(CentreError, match=r"8\.0 m off its leg"):
         fleet.centre.resume("anna", 0, fleet.now)
 
 
@@ -135,7 +135,7 @@ def test_no_plan_is_made_or_accepted_of_who_was_led_off_its_leg() -> None:
     rest = rest_of(centre, [1], fleet.now)
     centre.lease("anna", 0, False, fleet.now)
     led(fleet, 6.0, 5.0, leg_m=4.0)
-    with pytest.raises(CentreError, match="Tractor 1 stands 6.0 m off its leg"):
+    with pytest.raises(CentreError, match=r"Tractor 1 stands 6\.0 m off its leg"):
         check_still(rest, centre)
     with pytest.raises(CentreError, match="plan without it"):
         rest_of(centre, [1], fleet.now)
