@@ -39,7 +39,11 @@ def _check(document: Document, crs: str, label: str) -> None:
         raise FieldError(
             f"{named('crs')} is empty; name a system such as EPSG:25832, or leave it out.", parameter="crs"
         )
-    degrees = is_longitude_latitude(crs)
+    try:
+        degrees = is_longitude_latitude(crs)
+    except FieldError as refusal:
+        refusal.parameter = "crs"
+        raise
     said = "local metres" if document.frame == LOCAL else "longitude and latitude" if document.frame else document.crs
     if said not in (UNKNOWN, None, crs):
         raise FieldError(f"{label} says that it is in {_short(said)}; leave out {named('crs')} {crs}.", parameter="crs")

@@ -38,7 +38,7 @@ class Made:
         }
         self.options: dict[str, dict[str, Any]] = {}
         self.polls = 0
-        self.diagnosed = False
+        self.diagnosed = self.deaf = False
         self.holder: str | None = None
         self.acknowledged: str | None = None
 
@@ -152,6 +152,11 @@ def _jobs(app: FastAPI, made: Made) -> None:
             )
         return made_field.maps() if result == "maps.json" else made_field.result()
 
+    @app.get("/api/v1/{kind}/{name}/results/{result}/export")
+    def export(kind: str, name: str, result: str, to: str, tractor: int | None = None) -> Response:
+        made.requests.append((f"{kind}/{name}/results/{result}/export", {"to": to, "tractor": tractor}))
+        return Response(b"PK", headers={"content-disposition": f"attachment; filename*=UTF-8''plan-{to}.zip"})
+
     @app.post("/api/v1/{kind}/{name}/results/{result}/view")
     def view(kind: str, name: str, result: str) -> dict[str, str]:
         return {"path": f"{kind}/{name}/results/{result}"}
@@ -198,6 +203,7 @@ def _fleet() -> dict[str, Any]:
         "name": "North field, till",
         "created": "2026-11-20T08:00:00Z",
         "error": None,
+        "recorded": True,
         "fleet": {"state": "running"},
         "tractors": [{}, {}, {}],
     }
@@ -207,6 +213,11 @@ def _fleets(app: FastAPI, made: Made) -> None:
     @app.get("/api/v1/fleets/{fleet}/recording")
     def recording(fleet: str) -> Response:
         return Response(made_field.recording(), media_type="application/zip")
+
+    @app.post("/api/v1/fleets/{fleet}/stop")
+    def stop(fleet: str) -> dict[str, Any]:
+        made.requests.append((f"fleets/{fleet}/stop", None))
+        return _fleet()
 
     @app.get("/api/v1/twins/{fleet}/{tractor}")
     def twin(fleet: str, tractor: int) -> dict[str, Any]:
@@ -339,6 +350,9 @@ async def _listen(socket: WebSocket, made: Made) -> None:
             await socket.send_json(
                 {"kind": "lease", "tractor": frame["tractor"], "holder": "office" if mine else "the yard", "mine": mine}
             )
+        elif frame["kind"] == "stop_all" and not made.deaf:
+            event = {"kind": "event", "time": "2026-11-20T09:11:00Z", "who": "office", "what": "stop_all", "data": {}}
+            await socket.send_json(event)
         elif frame["kind"] == "acknowledge":
             made.acknowledged = "office"
         elif frame["kind"] == "replan":

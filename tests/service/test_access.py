@@ -137,6 +137,18 @@ def test_the_rate_is_limited_for_each_address(tmp_path: Path) -> None:
         assert elsewhere(app).get("/api/v1/health").status_code == 200
 
 
+def test_an_order_to_stop_is_never_too_often(tmp_path: Path) -> None:
+    app = create_app(Settings(data=tmp_path, workers=0, rate_per_minute=2), inline=True)
+    stop = "/api/v1/fleets/none/stop"
+    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+        token = bearer(app, "control")
+        assert [client.get("/api/v1/health").status_code for _ in range(3)] == [200, 200, 429]
+        assert [client.post(stop, headers=token).status_code for _ in range(4)] == [404] * 4
+        assert client.post(stop).status_code == 429, "without a token nobody may ask so often"
+        assert client.post("/api/v1/fleets/none/resume", headers=token).status_code == 429
+        assert client.get(stop, headers=token).status_code == 429
+
+
 def test_a_bucket_fills_again() -> None:
     now = [0.0]
     buckets = Buckets(60, lambda: now[0])

@@ -9,8 +9,9 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
+from planner.errors import HeadlandError
 from planner.parameters import word_of
-from planner.service.jobs.asking import asked_of
+from planner.service.jobs.asking import asked_of, check_diagnosis
 from planner.service.jobs.worker import do_job
 from tests.service.conftest import SMALL, Shared
 
@@ -32,6 +33,8 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"operation": "plough"}, "operation"),
     ({"margin": 1000}, "margin"),
     ({"width": 1e-9}, "width"),
+    ({"along": "north line"}, "along"),
+    ({"refill": "headland"}, "refill"),
 ]
 OF_SERVICE: list[tuple[dict[str, Any], str]] = [
     ({"field": "../../etc/passwd"}, "field"),
@@ -111,6 +114,7 @@ def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], p
         ("diagnoses", {"demo": True, "hide": "nothing"}),
         ("diagnoses", {"demo": True, "tractor": "../x.toml"}),
         ("diagnoses", {"logs": ["x"], "seed": 3}),
+        ("diagnoses", {"demo": True, "ground": "ice"}),
     ],
 )
 def test_days_and_diagnoses_that_cannot_be_asked(shared: Shared, path: str, body: dict[str, Any]) -> None:
@@ -207,3 +211,11 @@ def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
     assert end.value.code in (None, 0)
     assert json.loads(capsys.readouterr().out) == results["result.json"].json()
     assert (tmp_path / "plan.json").read_bytes() == results["plan.json"].content
+
+
+def test_what_a_diagnosis_cannot_use_is_refused_when_it_is_asked_for() -> None:
+    for values, parameter in (({"fix": ["speed-mph"]}, "fixes"), ({"ground": "ice"}, "ground")):
+        with pytest.raises(HeadlandError) as refused:
+            check_diagnosis({"tractor": "eg105"} | values)
+        assert refused.value.parameter == parameter
+    check_diagnosis({"tractor": "eg105", "fix": ["speed-kmh"], "ground": "asphalt"})

@@ -3,6 +3,7 @@
 import io
 import json
 import tempfile
+import warnings
 import zipfile
 from importlib import resources
 from pathlib import Path
@@ -142,6 +143,8 @@ def test_a_shapefile_without_prj_is_read_as_is_said_of_it(client: TestClient, to
     content = shapefile(HERE_M)
     refused = upload(client, "fields", token, "north.zip", content)
     assert (refused.status_code, refused.json()["parameter"]) == (422, "crs")
+    wrong = upload(client, "fields", token, "north.zip", content, crs="EPSG:banana")
+    assert (wrong.status_code, wrong.json()["parameter"]) == (422, "crs") and "EPSG:banana" in wrong.json()["error"]
     kept = upload(client, "fields", token, "north.zip", content, crs="EPSG:25832")
     assert kept.status_code == 201 and kept.json()["options"] == {"crs": "EPSG:25832"}
     found = client.get("/api/v1/fields/north/summary").json()["field"]
@@ -191,7 +194,8 @@ def test_tables_of_rain_and_of_gnss_errors(client: TestClient, token: dict[str, 
 def shapefile(ring: list[tuple[float, float]]) -> bytes:
     """A zip with a Shapefile of one polygon and no .prj."""
     made = io.BytesIO()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that no system is given, which is what is wanted here
         shape = np.array([shapely.to_wkb(shapely.Polygon(ring))], dtype=object)
         pyogrio.raw.write(
             f"{folder}/field.shp", geometry=shape, field_data=[], fields=[], geometry_type="Polygon",

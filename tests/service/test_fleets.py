@@ -105,6 +105,24 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     assert store.fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
 
 
+def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
+    store: Store = client.app.state.store  # type: ignore[attr-defined]
+    job = store.add_job("plan", "mine", {})
+    store.claim_job("test")
+    made = [("map.png", b"\x89PNG\xff", "image/png"), json_of("result.json", json.dumps({"best": None, "plans": []}))]
+    store.finish_job(job.number, "test", made)
+    answer = new(client, plan=job.id, result="map.png")
+    assert answer.status_code == 422 and "JSON" in answer.json()["error"]
+
+
+def test_only_a_fleet_that_reported_has_something_to_replay(client: TestClient) -> None:
+    id = new(client).json()["id"]
+    live: LiveFleet = client.app.state.hub.fleet(id)  # type: ignore[attr-defined]
+    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is False
+    live.recorder.seen[1] = 0
+    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is True
+
+
 def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) -> None:
     store = Store(Settings(data=tmp_path))
     old = store.blobs.put(b"as it was")

@@ -40,7 +40,7 @@ PAGES = {
 EMPTY = {
     "/": "text=No fleet is out yet",
     "/diagnose": "text=No logs yet",
-    "/replay": "text=No fleet was out yet",
+    "/replay": "text=Nothing was recorded yet",
 }
 """The same of a service that is new."""
 
@@ -475,3 +475,57 @@ def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: Watched) -> N
     found = page.eval_on_selector_all(".rest .tile", "all => all.map((one) => one.getAttribute('href'))")
     page.unroute("**/api/v1/fleets")
     assert found == ["#/fleet/f2", "#/fleet/f1", "#/fleet/f3"]
+
+
+def test_stop_all_goes_another_way_where_the_link_does_not_answer(watched: Watched, service: tuple[str, Made]) -> None:
+    page, made = watched.open("/fleet/f1"), service[1]
+    page.wait_for_selector("text=waits for tractor 1")
+    for deaf, wanted in ((False, []), (True, [("fleets/f1/stop", None)])):
+        made.deaf = deaf
+        made.frames.clear()
+        made.requests.clear()
+        page.click("text=STOP ALL")
+        page.wait_for_timeout(800)
+        assert made.requests == wanted and made.frames == [{"kind": "stop_all"}]
+    made.deaf = False
+    watched.well()
+
+
+def test_a_plan_is_saved_for_a_terminal(watched: Watched, service: tuple[str, Made]) -> None:
+    page, made = watched.open("/plan/old"), service[1]
+    page.click("summary:has-text('Guidance for terminals')")
+    page.select_option("select[name=form]", "agopengps")
+    page.select_option("select[name=of]", "2")
+    made.requests.clear()
+    with page.expect_download() as saved:
+        page.click("text=Save for the terminal")
+    assert saved.value.suggested_filename.endswith("-tractor-2-plan-agopengps.zip")
+    assert made.requests == [("plans/old/results/plan.json/export", {"to": "agopengps", "tractor": 2})]
+    watched.well()
+
+
+def test_names_of_a_chart_never_run_into_its_title(watched: Watched) -> None:
+    page = watched.open("/fleet/f1/tractor/2")
+    page.wait_for_selector("text=larger than noise")
+    drawn = """async (width) => {
+      const { StripChart } = await import("./static/js/charts.js");
+      const series = [{ name: "ahead", colour: "t2" }, { name: "right", colour: "t3" }];
+      const chart = new StripChart("Corrections", { unit: "cm", series }), place = chart.node;
+      place.style.cssText = `display:block;width:${width}px;height:120px`;
+      document.body.append(place);
+      const seen = [], draw = CanvasRenderingContext2D.prototype.fillText;
+      CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
+        const wide = this.measureText(words).width, left = this.textAlign === "right" ? x - wide : x;
+        seen.push([words, left, left + wide, y]);
+      };
+      chart.set([[0, -12.3, 10.4]]);
+      CanvasRenderingContext2D.prototype.fillText = draw;
+      chart.close();
+      place.remove();
+      return seen.filter(([, , , y]) => y < 30); }"""
+    for width in (600, 220, 190):
+        words = page.evaluate(drawn, width)
+        assert len(words) == 3 and all(left >= 0.0 for _, left, _, _ in words)
+        for one, left, right, y in words:
+            assert not any(o != one and abs(h - y) < 10 and a < right and b > left for o, a, b, h in words), words
+    watched.well()

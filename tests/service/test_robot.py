@@ -162,6 +162,9 @@ class Counter:
     def heard(self, frame: dict[str, Any], now: float) -> None:
         self.kinds.append(frame["kind"])
 
+    def warm(self) -> None:
+        pass
+
     def dated(self, clock_s: float, now: float) -> None:
         pass
 
@@ -279,3 +282,30 @@ def test_one_that_starts_again_goes_on_where_it_was_and_one_that_is_linked_again
     before = float(str(driver.step(10.0)["leg_m"]))
     driver.heard(welcome, 10.0)
     assert float(str(driver.step(10.1)["leg_m"])) >= before
+
+
+def test_a_robot_has_compiled_what_drives_before_it_is_linked(monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(Driver, "warm", lambda self: done.append("warm"))
+
+    async def linked(self: Robot) -> None:
+        done.append("linked")
+
+    monkeypatch.setattr(Robot, "_stay_linked", linked)
+    plan = fleet_plan()
+    driver = Driver(plan.plan.missions[0], EG105, BAR, (0.0, 0.0), name="robot 1")
+    asyncio.run(Robot(driver, "http://127.0.0.1:9", "f", 1, None).run())
+    assert done == ["warm", "linked"]
+
+
+def test_warming_up_leaves_the_tractor_where_it_is() -> None:
+    plan = fleet_plan()
+    driver, other = (
+        Driver(plan.plan.missions[0], EG105, BAR, (0.0, 0.0), name="r", noise_m=0.02, seed=3) for _ in "ab"
+    )
+    driver.warm()
+    for one in (driver, other):
+        one.dated(1000.0, 0.0)
+    keep = {"time"}
+    first, second = ({k: v for k, v in one.step(0.0).items() if k not in keep} for one in (driver, other))
+    assert first == second

@@ -154,6 +154,7 @@ class Centre(Operated):
         if now - self._watched_s >= WATCH_S / self.rules.times:
             self._watched_s = now
             self._watch(now)
+            self._look_again()
         self._settle()
         for number in range(self.plan.tractors):
             self._insist(number, now)
@@ -196,7 +197,7 @@ class Centre(Operated):
 
     def _release(self) -> None:
         for number, state in enumerate(self.states):
-            if state.failed or state.done:
+            if state.out or state.done:
                 continue
             base = base_end(number, self.courses, self.states, self.blocked[number], self.rules)
             limit = self._limit(number)
@@ -286,7 +287,7 @@ class Centre(Operated):
                   for n, s in enumerate(self.states)]  # fmt: skip
         places = [self._place(number) for number in range(self.plan.tractors)]
         self.finish_in_s = [s / self.rules.times for s in finish_in_s(self.courses, self.states, halted, places)]
-        if self.state == RUNNING and all(s.done or s.failed for s in self.states) and any(s.done for s in self.states):
+        if self.state == RUNNING and all(s.done or s.out for s in self.states) and any(s.done for s in self.states):
             self.state = DONE
             self.note(CENTRE, "fleet done")
 

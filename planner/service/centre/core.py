@@ -17,7 +17,7 @@ from planner.service.centre.orders import Event, Order
 from planner.service.centre.painting import Painting
 from planner.service.centre.releasing import waits_for
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import OBSTACLE, REMOTE, TractorState
+from planner.service.centre.tractors import DRIVEN, OBSTACLE, REMOTE, TractorState
 
 READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
 CENTRE = "centre"
@@ -109,7 +109,7 @@ class Core:
         for number, (state, course) in enumerate(zip(self.states, self.courses, strict=True)):
             legs = self.obstacles.blocked(course)
             self.blocked[number] = {leg: name for leg, name in legs.items() if leg >= state.released}
-            if self.obstacles.ahead(course, state.leg, state.leg_m, state.released) and not state.done:
+            if self._obstructed(number):
                 if OBSTACLE not in state.holds:
                     state.holds.add(OBSTACLE)
                     self._stand(number, OBSTACLE)
@@ -119,6 +119,23 @@ class Core:
             if self._harm(number, speed, steering):
                 self._stand(number, OBSTACLE)
         self._settle()
+
+    def _obstructed(self, number: int) -> bool:
+        """Whether an obstacle is on what a tractor may drive, from where it would go on."""
+        state, course = self.states[number], self.courses[number]
+        if state.done:
+            return False
+        at_m = state.leg_m
+        if DRIVEN in state.holds and state.report is not None:  # led past it, it goes on from where it stands
+            place = state.report.x_m, state.report.y_m
+            at_m = max(at_m, course.nearest_m(state.leg, place, self.rules.rejoin_m))
+        return self.obstacles.ahead(course, state.leg, at_m, state.released) is not None
+
+    def _look_again(self) -> None:
+        """Who stands at an obstacle and was led past it does not stand for it any more."""
+        for number, state in enumerate(self.states):
+            if OBSTACLE in state.holds and not self._obstructed(number):
+                state.holds.discard(OBSTACLE)
 
     def _harm(self, number: int, speed_mps: float, steering_rad: float) -> str | None:
         """Why a remote command would do harm; None when it does not."""

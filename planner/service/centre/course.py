@@ -106,6 +106,18 @@ class Course:
         """How far a place is from a leg."""
         return float(self._apart_m(leg, place).min())
 
+    def nearest_m(self, leg: int, place: tuple[float, float], within_m: float) -> float:
+        """Metres along a leg to where it is nearest to a place; 0 where it is farther away than `within_m`."""
+        apart = self._apart_m(leg, place)
+        points = self.legs[min(leg, len(self.legs) - 1)].points
+        segment = int(apart.argmin())
+        if apart[segment] > within_m:
+            return 0.0
+        steps = np.diff(points, axis=0)
+        lengths = np.hypot(*steps.T)
+        ahead = float(((place - points[segment]) * steps[segment]).sum() / max(lengths[segment], 1e-6))
+        return float(lengths[:segment].sum()) + min(max(ahead, 0.0), float(lengths[segment]))
+
     def off_rad(self, leg: int, place: tuple[float, float], heading_rad: float) -> float:
         """Angle in [0, pi] between a heading and that of a tractor on a leg, where the leg is nearest to a place."""
         driven = self.legs[min(leg, len(self.legs) - 1)]

@@ -13,7 +13,7 @@ from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.guard import MOVING_MPS, Guard
 from planner.service.centre.obstacles import Block, Ring
 from planner.service.centre.releasing import passed
-from planner.service.centre.tractors import DRIVEN, FAILED, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE, TractorState
+from planner.service.centre.tractors import DRIVEN, FAILED, GIVEN, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE, TractorState
 
 SEEN_S = 1.0  # in which a stop is shown to all who watch, and seen
 REJOIN_RAD = math.radians(45.0)  # between the heading of a tractor that goes on by itself and that of its leg
@@ -71,6 +71,9 @@ class Operated(Core):
         held = self.leases.holder(number) is not None
         if alone and held:
             raise CentreError(f"Tractor {number + 1} is driven by {self.leases.holder(number)}; they must leave first.")
+        if alone and GIVEN in state.holds:
+            raise CentreError(f"The tracks of tractor {number + 1} were given to others; it can be driven by remote "
+                              "control alone.", parameter="tractor")  # fmt: skip
         if alone and off_m > self.rules.rejoin_m:
             raise CentreError(
                 f"Tractor {number + 1} stands {off_m:.1f} m off its leg; drive it back to within "
@@ -84,6 +87,7 @@ class Operated(Core):
         state.holds -= {PAUSED, HALTED}
         state.doubtful = False
         self.alarms.ended("stood", number)
+        self.alarms.ended("unknown obstacle", number)
         if not held and off_m <= self.rules.rejoin_m and off_rad <= REJOIN_RAD:
             state.holds.discard(DRIVEN)
 
@@ -161,20 +165,34 @@ class Operated(Core):
             return "nobody knows where it is now"
         return self._harm(number, speed_mps, steering_rad)
 
-    def obstacle(self, who: str, ring: Ring, name: str, now: float) -> Block:
+    def obstacle(self, who: str, ring: Ring, name: str, now: float, seen_by: int | None = None) -> Block:
         """Something stands there: legs that it touches are released no more, who is driving at it stands.
 
-        What the same one has told of already is no new one.
+        What the same one has told of already is no new one. Raises CentreError for what cannot be kept; the tractor
+        that it is `seen_by` then stands, as nobody knows where it may drive.
         """
         known = self.obstacles.known(ring, who)
         if known is not None:
             return known
-        block = self.obstacles.add(ring, name, who)
+        try:
+            block = self.obstacles.add(ring, name, who)
+        except CentreError:
+            self._cannot_know(seen_by, now)
+            raise
         self._reblock()
         touched = sum(len(blocked) for blocked in self.blocked)
         self._alarm(f"obstacle {block.id}", None, WARNING, f"Obstacle {name!r} blocks {touched} legs.", now)
         self.note(who, "obstacle", obstacle=block.id, name=name, legs=touched)
         return block
+
+    def _cannot_know(self, number: int | None, now: float) -> None:
+        """A tractor has told of an obstacle that is not kept."""
+        if number is None or PAUSED in self.states[number].holds:
+            return
+        self.states[number].holds.add(PAUSED)
+        told = f"Tractor {number + 1} sees an obstacle that could not be taken: it is paused. Look what is there."
+        self._alarm("unknown obstacle", number, CRITICAL, told, now)
+        self._stand(number, PAUSED)
 
     def clear(self, who: str, number: int, now: float) -> None:
         """An obstacle is gone."""
@@ -199,6 +217,24 @@ class Operated(Core):
         self.note(who, "fail", tractor=number + 1)
         self._settle()
 
+    def repaired(self, who: str, number: int, now: float) -> None:
+        """A tractor that has failed can drive again: it stands until it is resumed.
+
+        Where its tracks were given to others it can be driven by remote control alone. Raises CentreError for one that
+        has not failed.
+        """
+        self.check_number(number)
+        state = self.states[number]
+        if not state.failed:
+            raise CentreError(f"Tractor {number + 1} has not failed; nothing is to be taken back.", parameter="tractor")
+        state.failed = False
+        state.holds.discard(FAILED)
+        state.holds.add(DRIVEN)  # it may have been moved meanwhile: it goes on only where it stands on its leg
+        self._stand(number, DRIVEN)
+        self.alarms.ended("failed", number)
+        self.note(who, "repaired", tractor=number + 1)
+        self._settle()
+
     def acknowledge(self, who: str, alarm: int, now: float) -> None:
         """Somebody has seen an alarm."""
         self.alarms.acknowledge(alarm, who)
@@ -212,19 +248,20 @@ class Operated(Core):
         for number, (state, old, new) in enumerate(zip(self.states, self.courses, plan.courses, strict=True)):
             if number in without:
                 continue
-            if not state.failed and not _same_base(old, new, state.released):
+            if not state.out and not _same_base(old, new, state.released):
                 raise CentreError(
                     f"Tractor {number + 1} has gone on since the plan was made; plan the rest anew.",
                     parameter="proposal",
                 )
-            if not state.failed and any(_newly_closed(old, new, leg, self.states) for leg in range(state.released)):
+            if not state.out and any(_newly_closed(old, new, leg, self.states) for leg in range(state.released)):
                 raise CentreError(
                     f"Tractor {number + 1} drives already where it would have to wait now; plan the rest anew.",
                     parameter="proposal",
                 )
         for number in without:
-            if not self.states[number].failed:
+            if not self.states[number].out:
                 self.fail(who, number, now)
+            self.states[number].holds.add(GIVEN)
         self.plan = plan
         self.version += 1
         self.guard = Guard(plan, self.rules, self.twins)

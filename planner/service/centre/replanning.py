@@ -23,7 +23,7 @@ from planner.service.centre.fleet_plan import FleetPlan, timed
 from planner.service.centre.foresight import braking_m
 from planner.service.centre.handing_over import Hand, Piece, hand_over, pieces_left, pose_at
 from planner.service.centre.releasing import passed
-from planner.service.centre.tractors import TractorState
+from planner.service.centre.tractors import DRIVEN, MANUAL, REMOTE, TractorState
 from planner.site import Site, prepare
 from planner.yielding.deconflict import without_conflicts
 from planner.yielding.giving_way import Rules as WayRules
@@ -77,7 +77,7 @@ class Proposal:
 
 def rest_of(centre: Core, without: Sequence[int], now: float) -> Rest:
     """What is left of a fleet without these tractors and those that have failed. Raises CentreError."""
-    gone = tuple(sorted({*without, *(n for n, state in enumerate(centre.states) if state.failed)}))
+    gone = tuple(sorted({*without, *(n for n, state in enumerate(centre.states) if state.out)}))
     if not gone and not centre.obstacles.items:
         raise CentreError("No tractor has failed and nothing stands in the way; say without whom to plan.",
                           parameter="without")  # fmt: skip
@@ -88,10 +88,26 @@ def rest_of(centre: Core, without: Sequence[int], now: float) -> Rest:
                           parameter="field")  # fmt: skip
     if any(leg.stand_s for course in centre.courses for leg in course.legs):
         raise CentreError("Tractors of this plan refill; the rest of such a plan cannot be worked out yet.")
+    _check_on_legs(centre, gone)
     states = tuple(copy.copy(state) for state in centre.states)
     driven_s = 0.0 if centre.started_s is None else (now - centre.started_s) * centre.rules.times
     shapes = tuple(block.shape for block in centre.obstacles.items.values())
     return Rest(centre.plan, states, gone, shapes, driven_s, centre.rules.times)
+
+
+def _check_on_legs(centre: Core, gone: Sequence[int]) -> None:
+    """Raise CentreError for a tractor that is to drive on and was led off its leg: a plan would begin on the leg."""
+    for number, (state, course) in enumerate(zip(centre.states, centre.courses, strict=True)):
+        report = state.report
+        led = DRIVEN in state.holds or state.mode in (REMOTE, MANUAL)
+        if number in gone or state.done or report is None or not led:
+            continue
+        off_m = course.off_m(state.leg, (report.x_m, report.y_m))
+        if off_m > centre.rules.rejoin_m:
+            raise CentreError(
+                f"Tractor {number + 1} stands {off_m:.1f} m off its leg; drive it back to within "
+                f"{centre.rules.rejoin_m:g} m, or plan without it.", parameter="without",
+            )  # fmt: skip
 
 
 def check_still(rest: Rest, centre: Core) -> None:
@@ -112,6 +128,7 @@ def check_still(rest: Rest, centre: Core) -> None:
                 f"Tractor {number + 1} has moved {_moved_m(before, state):.1f} m since the plan was made without it; "
                 "stop it and plan the rest anew.", parameter="proposal",
             )  # fmt: skip
+    _check_on_legs(centre, rest.without)
 
 
 def _moved_m(before: TractorState, state: TractorState) -> float:

@@ -9,11 +9,11 @@ AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
 MODES = (AUTOMATIC, REMOTE, MANUAL, STOPPED)
 ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
 # What keeps a tractor from driving its legs; while any holds, it stands.
-PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY = (
+PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY, GIVEN = (
     "paused", "stopped by stop-all", "too near another", "outside the fence", "obstacle on its way", "failed",
-    "remote control", "not where it can be",
+    "remote control", "not where it can be", "its tracks were given to others",
 )  # fmt: skip
-SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY})
+SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY, GIVEN})
 """Holds under which an operator may still drive by remote control; away from danger only, which the guard sees to."""
 
 
@@ -85,6 +85,11 @@ class TractorState:
     def mode(self) -> str:
         """How it is driven, as it said last."""
         return self.report.mode if self.report else STOPPED
+
+    @property
+    def out(self) -> bool:
+        """Whether it drives no more legs: it has failed, or its tracks were given to others."""
+        return self.failed or GIVEN in self.holds
 
     def connection(self, now: float, silence_s: float) -> str:
         """One of online, offline (never there or gone with a goodbye) and broken."""

@@ -41,12 +41,15 @@ def asked_of(values: Mapping[str, Any]) -> Asked:
 def check_plan(values: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a plan request that cannot be asked: all it names is read, the width held against it."""
     from fields.errors import about
+    from fields.guidance import bearing_along
     from fields.layout import check_width
     from fields.read import read_field
     from planner.outlook import stakes_of
+    from planner.refill import supplied
     from planner.site import gnss_errors
 
-    scenario = asked_of(values).scenario
+    wanted = asked_of(values)
+    scenario = wanted.scenario
     with about("rain"):
         stakes_of(scenario)
     with about("gnss_table"):
@@ -54,6 +57,10 @@ def check_plan(values: Mapping[str, Any]) -> None:
     with about("field"):
         field = read_field(scenario.field, local=scenario.local, crs=scenario.crs, swap=scenario.swap)
         check_width(field, scenario.width_m)
+        if scenario.along is not None:
+            bearing_along(field.lines, scenario.along, f"'{field.name}'")
+    with about("refill"):
+        supplied(scenario, field, wanted.supply)
 
 
 def check_day(values: Mapping[str, Any]) -> None:
@@ -66,12 +73,21 @@ def check_day(values: Mapping[str, Any]) -> None:
 
 
 def check_diagnosis(values: Mapping[str, Any]) -> None:
-    """Raise HeadlandError for a tractor or an effect that is none; the logs are read when the job is done."""
+    """Raise HeadlandError for a tractor, a ground, a conversion or an effect that is none.
+
+    The logs are read when the job is done.
+    """
     from fields.errors import about
+    from vehicle.ground import ground_index
     from vehicle.measured.answer.demo import draw_hidden
+    from vehicle.measured.logs.reading import fix_set
     from vehicle.tractor import as_tractor
 
     machine = as_tractor(values["tractor"])
+    with about("ground"):
+        ground_index(values.get("ground", "soil"))
+    with about("fixes"):
+        fix_set(values.get("fix", ()))
     with about("hide"):
         draw_hidden(1, machine, values.get("hide"))
 

@@ -67,12 +67,16 @@ class AcceptRequest(BaseModel):
 
 
 class FleetAnswer(Answer):
-    """A fleet; `fleet` and `tractors` are as in the last tick, empty for one that could not be taken up again."""
+    """A fleet; `fleet` and `tractors` are as in the last tick, empty for one that could not be taken up again.
+
+    `recorded` is whether its tractors have reported something that can be replayed.
+    """
 
     id: str
     name: str
     created: str
     error: str | None = None
+    recorded: bool = False
     fleet: dict[str, Any] = Field(default_factory=dict)
     tractors: list[dict[str, Any]] = Field(default_factory=list)
 
@@ -105,6 +109,7 @@ def _answer(hub: Hub, row: Any) -> FleetAnswer:
     if live is None:
         return answer
     now = time.monotonic()
+    answer.recorded = max(live.recorder.seen) >= 0
     answer.fleet = fleet_told(live.centre, live.deadline_s(), live.chances)
     answer.tractors = [tractor_told(live.centre, number, now, None) for number in range(live.tractor_count)]
     return answer
@@ -137,7 +142,7 @@ def _plan(store: Store, wanted: FleetRequest) -> tuple[str, Chances | None]:
     if wanted.plan.lstrip().startswith("{"):
         return wanted.plan, None
     result = store.result(wanted.plan, wanted.result, "plan")
-    text = store.blobs.get(result.sha256).decode("utf-8")
+    text = store.blobs.get(result.sha256).decode("utf-8", "replace")
     ranking = json.loads(store.blobs.get(store.result(wanted.plan, RANKING, "plan").sha256))
     return text, chances_of(ranking, wanted.result)
 

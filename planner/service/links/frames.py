@@ -177,6 +177,13 @@ class Fail(_Order):
     tractor: Number
 
 
+class Repaired(_Order):
+    """A tractor that has failed can drive again; it stands until it is resumed."""
+
+    kind: Literal["repaired"]
+    tractor: Number
+
+
 class Replan(_Order):
     """Plan the rest of the tracks of these tractors for the others."""
 
@@ -192,8 +199,8 @@ class Accept(_Order):
 
 
 Orders = (
-    TakeLease | Leave | Drive | StopAll | Begin | Pause | GoOn | ObstacleSeen | Clear | Acknowledge | Fail | Replan
-    | Accept
+    TakeLease | Leave | Drive | StopAll | Begin | Pause | GoOn | ObstacleSeen | Clear | Acknowledge | Fail | Repaired
+    | Replan | Accept
 )  # fmt: skip
 FromTractor = State | ObstacleSeen | Goodbye
 FromControl = Orders | Goodbye

@@ -20,6 +20,7 @@ from planner.service.centre.orders import Event, Order
 from planner.service.centre.progress import progress_of
 from planner.service.centre.replanning import check_still
 from planner.service.centre.rules import Rules
+from planner.service.centre.tractors import ONLINE
 from planner.service.links import frames, telling
 from planner.service.links.clients import CONTROL, TRACTOR, Client, packed
 from planner.service.links.converting import metres_of, mission_told, place_told, report_of
@@ -155,6 +156,7 @@ class LiveFleet:
         if state.sequence <= self.recorder.seen[number]:
             self.again.add(number)
             return
+        self.recorder.check(number, state)
         age_s = time.time() - state.time.timestamp()
         self.centre.reported(number, report_of(state, self.centre.plan), now, age_s if age_s > OLDEST_S else 0.0)
         self.recorder.add(number, row_of(state, self.begin_s, self.centre.rules.times))
@@ -174,6 +176,7 @@ class LiveFleet:
             frames.Clear: lambda c, f, t: self.centre.clear(c.who, f.obstacle, t),
             frames.Acknowledge: lambda c, f, t: self.centre.acknowledge(c.who, f.alarm, t),
             frames.Fail: lambda c, f, t: self.centre.fail(c.who, f.tractor - 1, t),
+            frames.Repaired: lambda c, f, t: self.centre.repaired(c.who, f.tractor - 1, t),
             frames.Replan: lambda c, f, t: self.replan(c.who, [n - 1 for n in f.without]),
             frames.Accept: lambda c, f, t: self.accept(c.who, f.proposal, t),
         }  # fmt: skip
@@ -216,7 +219,7 @@ class LiveFleet:
 
     def _obstacle(self, client: Client, frame: frames.ObstacleSeen, now: float) -> None:
         ring = metres_of(self.centre.plan.saved, frame.polygon_m)
-        self.centre.obstacle(client.who, ring, frame.name, now)
+        self.centre.obstacle(client.who, ring, frame.name, now, client.tractor if client.role == TRACTOR else None)
 
     def replan(self, who: str, without: list[int]) -> int:
         """Ask for the rest of the work planned for the others; the number of the proposal. Raises CentreError."""
@@ -370,7 +373,7 @@ class LiveFleet:
     def _tick(self, numbers: Any, now: float) -> str:
         tractors = [telling.tractor_told(self.centre, number, now, self._times[number]) for number in numbers]
         for told in tractors:
-            told |= self.twins.told(told["tractor"] - 1)
+            told |= self.twins.told(told["tractor"] - 1, told["connection"] == ONLINE)
         fleet = telling.fleet_told(self.centre, self.deadline_s(), self.chances)
         return packed({"kind": "tick", "time": utc_now(), "tractors": tractors, "fleet": fleet})
 

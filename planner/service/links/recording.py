@@ -51,6 +51,9 @@ def row_of(state: State, begin_s: float, times: float) -> Row:
     ]  # fmt: skip
 
 
+MOST_AHEAD = 10_000_000  # sequences that one may be ahead of the last: eleven days of states at 10 Hz
+
+
 class Recorder:
     """Rows that wait to be kept, and the sequence up to which they are kept, by tractor."""
 
@@ -64,6 +67,15 @@ class Recorder:
         """A row of a tractor, whose sequence is higher than all before."""
         self.waiting[number].append(row)
         self.seen[number] = row[0]
+
+    def check(self, number: int, state: State) -> None:
+        """Raise ServiceError for a sequence so far ahead that it is a fault: none below it would be heard again."""
+        last = self.seen[number]
+        if state.sequence > last + MOST_AHEAD:
+            raise ServiceError(
+                f"The sequence {state.sequence} is too far ahead of the last, {last}; go on from the last_sequence of "
+                f"the welcome, at most {MOST_AHEAD} ahead.", parameter="sequence",
+            )  # fmt: skip
 
     def take(self) -> list[tuple[int, list[Row]]]:
         """What waits, to be given to `keep`."""

@@ -78,7 +78,7 @@ def tractor_told(centre: Centre, number: int, now: float, time: str | None) -> d
 def fleet_told(centre: Centre, deadline_s: float | None, chances: Chances | None) -> dict[str, Any]:
     """The fleet in a tick; the deadline in seconds from now, with the probability of keeping it where it is known."""
     done, worked = centre.done_m(), centre.plan.worked_m
-    finish = max((s for s, state in zip(centre.finish_in_s, centre.states, strict=True) if not state.failed),
+    finish = max((s for s, state in zip(centre.finish_in_s, centre.states, strict=True) if not state.out),
                  default=math.inf)  # fmt: skip
     probability = None
     if chances is not None and deadline_s is not None:

@@ -98,21 +98,24 @@ class Twins:
             self._fixed_s = [-math.inf] * len(self.items)
         self._advanced_s, self._apart_s = now, apart_s
 
-    def told(self, number: int) -> dict[str, Any]:
-        """The entries of a twin in a tick; none for a tractor that was never heard of."""
+    def told(self, number: int, known: bool = True) -> dict[str, Any]:
+        """The entries of a twin in a tick; none for a tractor that was never heard of.
+
+        Without `known` it is left out where the twin is: nobody has told it for a while how its tractor is driven.
+        """
         twin = self.items[number]
         if twin is None:
             return {}
         state = twin.state
         east, north = self.plan.saved.origin_m
         metres, degrees = self.error(number)
-        return {
+        place = {
             "twin": {
                 "easting_m": round(state.x_m + east, 3), "northing_m": round(state.y_m + north, 3),
                 "heading_deg": round(heading_deg(state.heading_rad), 2), "speed_mps": round(state.speed_mps, 3),
-            },
-            "error_m": metres, "error_deg": degrees,
+            }
         }  # fmt: skip
+        return (place if known else {}) | {"error_m": metres, "error_deg": degrees}
 
     def error(self, number: int) -> tuple[float | None, float | None]:
         """How far off the last correction found a twin: metres and degrees."""

@@ -39,6 +39,7 @@ class Robot:
 
     async def run(self, seconds: float | None = None) -> None:
         """Drive until cancelled, done or for so long. Raises ServiceError when the service does not let it in."""
+        self.driver.warm()
         linking = asyncio.create_task(self._stay_linked())
         driving = asyncio.create_task(self._drive(seconds))
         try:

@@ -18,6 +18,7 @@ SILENCE_S = 1.0
 UNLIKE = 1e-3
 SET_S = 0.5  # by which a clock differs from one that only goes on where somebody has set it
 STANDING_MPS = 0.02
+WARM_S = 0.1
 
 
 class Driver:
@@ -37,6 +38,7 @@ class Driver:
     ) -> None:  # fmt: skip
         self.stepper = Stepper(mission, tractor, implement, hidden=hidden, noise_m=noise_m, seed=seed)
         self.stepper.halt()
+        self.implement = implement
         self.origin_m, self.name, self.times = origin_m, name, times
         self.update = 0
         self.sequence = -1
@@ -49,6 +51,11 @@ class Driver:
         self._quickest_s, self._quickest_at_s = math.inf, 0.0
         self._silent = False
         self._told_to_go = self._stopped_by_silence = False
+
+    def warm(self) -> None:
+        """Load, or the first time compile, what drives: while that lasts nobody is heard and nothing is reported."""
+        stepper = self.stepper
+        Stepper(stepper.mission, stepper.tractor, self.implement).advance(WARM_S)
 
     def heard(self, frame: dict[str, Any], now: float) -> None:
         """The centre says something; a frame of a kind that is not for tractors changes nothing."""

@@ -63,7 +63,7 @@ def read_logs(
     Positions in degrees share one origin: the first position of the first file. Raises LogError as read_log does, and
     when a pattern matches no file.
     """
-    wanted = _fix_set(fixes)
+    wanted = fix_set(fixes)
     logs: list[Log] = []
     reference = None
     files = log_files([paths] if isinstance(paths, str | Path) else paths)
@@ -88,7 +88,7 @@ def log_from_frame(
     check: bool = True,
 ) -> Log:
     """One run from a table; as read_log. Without `check`, only constant columns and rows are judged."""
-    given = _fix_set(fixes)
+    given = fix_set(fixes)
     raw, others = columns_of(frame, name)
     columns = apply_fixes(raw, given, reference)
     rules = gate_rows(columns)
@@ -107,7 +107,8 @@ def _without_negative_noise(columns: Columns) -> Columns:
     return columns | speeds
 
 
-def _fix_set(fixes: Iterable[Fix | str]) -> frozenset[Fix]:
+def fix_set(fixes: Iterable[Fix | str]) -> frozenset[Fix]:
+    """Conversions by their names; raises LogError for one that is none, and for two that contradict each other."""
     try:
         given = frozenset(Fix(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
     except ValueError as error:

@@ -70,8 +70,16 @@ export async function items(path) {
 export const part = (text) => encodeURIComponent(text);
 
 /** Save a result under a name: fetched with the token, so a plain link will not do. */
-export async function save(path, name) {
-  const url = URL.createObjectURL(await bytes(path));
+export const save = async (path, name) => keep(await bytes(path), name);
+
+/** Save what the service makes under the name that it gives it, with something before that. */
+export async function saveNamed(path, before) {
+  const answer = await ask("GET", path), named = /filename\*=UTF-8''([^;]+)/.exec(answer.headers.get("content-disposition") ?? "");
+  keep(await answer.blob(), `${before}-${decodeURIComponent(named?.[1] ?? "file")}`);
+}
+
+function keep(blob, name) {
+  const url = URL.createObjectURL(blob);
   const link = document.createElement("a");
   link.href = url;
   link.download = name;

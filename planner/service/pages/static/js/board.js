@@ -90,7 +90,7 @@ function alarmTile(live, alarm, fleetName) {
 
 /** Stop-all: one press, nothing asked. It needs a token that may control, and says so where there is none. */
 export function stopAll(lives) {
-  const press = () => lives().forEach((live) => live.send({ kind: "stop_all" }));
+  const press = () => lives().forEach((live) => live.stopAll());
   const knob = button("STOP ALL", press, "stop", { "aria-label": "Stop all tractors at once" });
   const why = el("a", { class: "small why", href: "#/access", hidden: true }, "Looking only: enter a token to control");
   const node = el("div", { class: "stopbar" }, why, knob);

@@ -2,7 +2,7 @@
 import { el } from "./dom.js";
 import { colours, onColours } from "./palette.js";
 
-const LEFT = 46, RIGHT = 8, TOP = 30, BOTTOM = 22;
+const LEFT = 46, RIGHT = 8, TOP = 32, BOTTOM = 22, GAP = 14;
 
 /** A round value not below one: 1, 2, 5, 10, ... */
 export function roundUp(value) {
@@ -61,16 +61,21 @@ export class StripChart {
     ctx.font = "600 12px system-ui, sans-serif";
     ctx.fillStyle = colours.ink;
     ctx.fillText(`${this.title}, ${this.unit}`, 2, 12);
+    const left = 2 + ctx.measureText(`${this.title}, ${this.unit}`).width, all = this.series.map((one, k) => this.wordsOf(one, k));
+    const room = width - RIGHT - left - all.reduce((sum, words) => sum + ctx.measureText(words).width + GAP, 0);
     let at = width - RIGHT;
     ctx.textAlign = "right";
     for (const [k, one] of [...this.series.entries()].reverse()) {
-      const value = this.rows.at(-1)?.[k + 1];
-      const words = `${one.name} ${Number.isFinite(value) ? value.toFixed(this.decimals) : "\u2013"}`;
       ctx.fillStyle = colours[one.colour];
-      ctx.fillText(words, at, 12);
-      at -= ctx.measureText(words).width + 14;
+      ctx.fillText(all[k], at, room < 0 ? 26 : 12); // under the title where there is no room beside it
+      at -= ctx.measureText(all[k]).width + GAP;
     }
     ctx.textAlign = "left";
+  }
+
+  wordsOf(one, k) {
+    const value = this.rows.at(-1)?.[k + 1];
+    return `${one.name} ${Number.isFinite(value) ? value.toFixed(this.decimals) : "\u2013"}`;
   }
 
   lineOf(ctx, x, y, column, one) {

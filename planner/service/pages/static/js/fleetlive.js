@@ -1,10 +1,10 @@
 // A fleet as it is now: what its link has told, merged, and where its tractors are between two fixes.
 import { Link } from "./link.js";
 import { Coverage } from "./coverage.js";
-import { token } from "./api.js";
+import { part, post, token } from "./api.js";
 import { ServiceClock, Stamp } from "./control.js";
 
-const LONGEST_AHEAD_S = 1.0, TRAIL = 1500, RAD = Math.PI / 180;
+const STOPPED_MS = 300, LONGEST_AHEAD_S = 1.0, TRAIL = 1500, RAD = Math.PI / 180;
 
 export class FleetLive {
   constructor(id, name = id) {
@@ -93,7 +93,7 @@ export class FleetLive {
   on_proposal(frame) { if (!this.proposal || frame.id >= this.proposal.id) this.proposal = frame; }
   on_lease(frame) { this.leases.set(frame.tractor, frame); }
   on_refused(frame) { this.said = frame.sentence; }
-  on_event(frame) { this.events = [frame, ...this.events].slice(0, 60); }
+  on_event(frame) { if (frame.what === "stop_all") this.stops = (this.stops ?? 0) + 1; this.events = [frame, ...this.events].slice(0, 60); }
 
   /** Where a tractor is now: its last fix driven on for at most a second, in metres and degrees; null without one. */
   pose(number) {
@@ -133,6 +133,20 @@ export class FleetLive {
     if (!sent) { this.said = "There is no link to the service; nothing was sent."; this.tell("refused"); }
     return sent;
   }
+  /** Everybody stands: over the link, and by another way where the service does not say at once that it was heard. */
+  stopAll() {
+    const heard = this.stops ?? 0;
+    if (!this.connection.send({ kind: "stop_all" })) return this.stopBesides();
+    setTimeout(() => { if ((this.stops ?? 0) === heard) this.stopBesides(); }, STOPPED_MS);
+  }
+
+  async stopBesides() {
+    try { await post(`fleets/${part(this.id)}/stop`); } catch (error) {
+      this.said = `The order to stop did not reach ${this.name}: ${error.message}`;
+      this.tell("refused");
+    }
+  }
+
   close() { this.connection.close(); this.watchers.clear(); }
 }
 

@@ -27,6 +27,7 @@ export async function open(main, shell, [id]) {
     const tractor = Number(which.value);
     if (live.send({ kind: "fail", tractor })) live.send({ kind: "replan", without: [tractor] });
   }, "danger");
+  const repaired = button("It drives again", () => live.send({ kind: "repaired", tractor: Number(which.value) }));
   const proposed = () => put(proposal, live.proposal && proposalNote(live));
   const inWay = el("ul", { class: "cards" });
   const obstacles = () => put(inWay, live.scene.marked.map((one) => el("li", { class: "tile" }, el("span", { class: "grow" }, one.name),
@@ -46,7 +47,7 @@ export async function open(main, shell, [id]) {
         el("section", {}, el("h2", {}, "Tractors"), tiles.node),
         el("details", { class: "panel" }, el("summary", {}, "Failures, obstacles, removal"),
           el("p", { class: "small soft" }, "The rest of its tracks is planned for the others; you see the time before you accept."),
-          el("div", { class: "row" }, el("div", { class: "grow" }, which), fail), inWay, el("div", { class: "row" }, away)),
+          el("div", { class: "row" }, el("div", { class: "grow" }, which), fail, repaired), inWay, el("div", { class: "row" }, away)),
         el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
   main.classList.add("has-stop");
   const tell = () => {
@@ -57,7 +58,7 @@ export async function open(main, shell, [id]) {
     pause.hidden = now !== "running";
     away.hidden = now === "running";
     resume.hidden = now !== "stopped" && !(now === "running" && held);
-    for (const knob of [start, pause, resume, fail, away, drawer.knob]) knob.disabled = !live.mayControl;
+    for (const knob of [start, pause, resume, fail, repaired, away, drawer.knob]) knob.disabled = !live.mayControl;
     put(figures, facts(fleetFacts(live)));
     put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
     tiles.told(); alarms.told(); stop.told();

@@ -1,6 +1,6 @@
 // A plan that was asked for: how far it is, then the ranked table, any plan of it on the map, played, and sent out.
-import { el, put, button, heading, note, labelled, facts, sorry } from "../dom.js";
-import { get, post, part } from "../api.js";
+import { el, put, button, heading, note, labelled, option, facts, sorry } from "../dom.js";
+import { get, post, part, saveNamed } from "../api.js";
 import { followJob, results, reportFrame } from "../jobs.js";
 import { PlanMap } from "../planmap.js";
 import { sheet } from "../table.js";
@@ -36,7 +36,8 @@ async function shown(job, node, closing) {
     map.node.hidden = !found;
     if (found) map.show(found);
     put(figures, facts(figuresOf(plan)));
-    put(send, sendOut(job, plan, plan.strategy === best.strategy && plan.tractors === best.tractors));
+    const first = plan.strategy === best.strategy && plan.tractors === best.tractors;
+    put(send, el("div", { class: "stack" }, sendOut(job, plan, first), terminals(job, plan, first)));
     table.draw();
     if (scroll) map.node.scrollIntoView({ block: "start" });
   };
@@ -71,13 +72,33 @@ function columnsOf(plans, knob) {
 const refusedTable = (rows) => rows.length > 0 && el("details", { class: "panel" }, el("summary", {}, `${plural(rows.length, "plan")} not possible, with the reason`),
   sheet("Plans that are not possible", [{ head: "Tractors", text: (row) => String(row.tractors) }, { head: "Strategy", text: (row) => row.strategy, words: true }, { head: "Reason", text: (row) => row.reason ?? "", words: true, wrap: true }], rows).node);
 
+const fileOf = (plan, best) => (best ? "plan.json" : `plan-${plan.strategy}-${plan.tractors}.json`);
+
+// The chosen plan as lines for the terminals of tractors, and for maps.
+const FORMS = [["isoxml4", "ISOXML 4 (TASKDATA)"], ["isoxml3", "ISOXML 3 (TASKDATA)"], ["agopengps", "AgOpenGPS"], ["shapefile", "Shapefile"],
+  ["geojson", "GeoJSON"], ["kml", "KML"], ["gpx", "GPX"]];
+
+function terminals(job, plan, best) {
+  const form = el("select", { name: "form" }, FORMS.map(([value, words]) => option(value, words))), trouble = el("div");
+  const which = el("select", { name: "of" }, option("", "all tractors"), Array.from({ length: plan.tractors }, (_, k) => option(String(k + 1), `tractor ${k + 1}`)));
+  const go = button("Save for the terminal", async () => {
+    const query = `to=${form.value}${which.value && `&tractor=${which.value}`}`, before = `${job.name || "plan"}${which.value && `-tractor-${which.value}`}`;
+    go.disabled = true;
+    put(trouble);
+    try { await saveNamed(`plans/${part(job.id)}/results/${part(fileOf(plan, best))}/export?${query}`, before); } catch (error) { put(trouble, sorry(error)); }
+    go.disabled = false;
+  });
+  return el("details", { class: "panel" }, el("summary", {}, "Guidance for terminals"), el("p", { class: "small soft" }, "Boundary, headland and the lines of this plan in driving order."),
+    el("div", { class: "row" }, el("div", { class: "grow" }, labelled("Form", form)), el("div", { class: "grow" }, labelled("Lines of", which)), go), trouble);
+}
+
 // The chosen plan becomes a fleet.
 function sendOut(job, plan, best) {
   const name = el("input", { value: `${job.name || job.request?.field || "fleet"}`.slice(0, 60), maxlength: "60" }), trouble = el("div");
   const go = button("Send out", async () => {
     go.disabled = true;
     try {
-      const fleet = await post("fleets", { name: name.value, plan: job.id, result: best ? "plan.json" : `plan-${plan.strategy}-${plan.tractors}.json` });
+      const fleet = await post("fleets", { name: name.value, plan: job.id, result: fileOf(plan, best) });
       location.hash = `#/fleet/${part(fleet.id)}`;
     } catch (error) {
       put(trouble, sorry(error));

@@ -22,11 +22,11 @@ export async function open(main, shell, [id = null]) {
   const attempt = async (how) => { put(trouble); try { show(await how()); } catch (error) { put(trouble, sorry(error)); } };
   const file = el("input", { type: "file", accept: ".csv,.zip", multiple: true });
   file.addEventListener("change", () => attempt(async () => (await Promise.all([...file.files].map(runsOf))).flat()));
-  const fleets = await items("fleets");
+  const fleets = (await items("fleets")).filter((fleet) => fleet.recorded || fleet.id === id);
   put(main, heading("Replay", "A recorded run, or measured logs, as they were driven."), trouble, stage,
     el("div", { class: "two even" },
       el("section", { class: "panel stack" }, el("h2", {}, "Recorded fleets"), fleets.length ? el("div", { class: "cards" }, fleets.map((fleet) =>
-        el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: "badge" }, capital(fleet.fleet?.state ?? fleet.state ?? "kept"))))) : el("p", { class: "soft" }, "No fleet was out yet.")),
+        el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: "badge" }, capital(fleet.fleet?.state ?? fleet.state ?? "kept"))))) : el("p", { class: "soft" }, "Nothing was recorded yet.")),
       el("section", { class: "panel stack" }, el("h2", {}, "Files of this machine"), labelled("Logs or a recording", file, "CSV files or a saved .zip; they are read here and sent nowhere."))));
   if (id) await attempt(async () => (await textsOf(await bytes(`fleets/${part(id)}/recording`))).map(runOf));
   return () => closing.forEach((close) => close());
