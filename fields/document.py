@@ -40,7 +40,7 @@ class RawObstacle:
 
 @dataclass(frozen=True)
 class RawLine:
-    """A guidance line, or the edge of a headland, as read: its positions, unchecked, and the names it can be asked for by."""
+    """A guidance line or headland edge as read: its positions, unchecked, and the names it can be asked for by."""
 
     coordinates: Any
     keys: tuple[str, ...]

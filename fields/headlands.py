@@ -1,4 +1,4 @@
-"""Headlands that came with a field: the inner edges of the ground for turning, and how far from the boundary they run."""
+"""Headlands that came with a field: inner edges of the ground for turning, and how far from the boundary they run."""
 
 from __future__ import annotations
 

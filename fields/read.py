@@ -47,10 +47,9 @@ def read_field(
     are filled or emptied; polygons whose properties have a ``ground`` are ground zones. Features with ``role:
     obstacle`` are obstacles: a Point with its ``radius_m``, a LineString with its ``width_m``, a Polygon; a ``kind``
     such as ``pole`` or ``ditch`` may stand for the size. A line or Polygon
-    with ``role: headland`` has the inner edge of a headland. The boundary may have ``edge: fence`` all round; a LineString
-    along it with ``edge: fence`` or ``edge: open`` tells of
-    one side, and one with ``role: guidance``, or with a name alone, is a line that tracks can be laid along. Heights
-    are dropped and open rings closed.
+    with ``role: headland`` has the inner edge of a headland. The boundary may have ``edge: fence`` all round; a
+    LineString along it with ``edge: fence`` or ``edge: open`` tells of one side, and one with ``role: guidance``, or
+    with a name alone, is a line that tracks can be laid along. Heights are dropped and open rings closed.
 
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.

@@ -27,7 +27,8 @@ MOST_ENDS = 60
 def describe(site: Site) -> dict[str, Any]:
     """Facts in the order a person would ask for them, units in the keys.
 
-    Lists hold mappings with the same keys: ``obstacles``, ``lines``, ``headlands``, ``cells``, ``rounds`` and ``not_worked``.
+    Lists hold mappings with the same keys: ``obstacles``, ``lines``, ``headlands``, ``cells``, ``rounds`` and
+    ``not_worked``.
     """
     layout, field, manner = site.layout, site.layout.field, site.manner
     lengths = [track.length for track in layout.tracks]

@@ -24,8 +24,7 @@ def straight_alone(guidance: Guidance) -> Guidance:
     Stretches have the order of their curve, and its name with a letter behind the number: ``T1 03b round 1 side 2``.
     """
     tractors = tuple(
-        replace(each, lines=tuple(one for line in each.lines for one in _stretches(line)))
-        for each in guidance.tractors
+        replace(each, lines=tuple(one for line in each.lines for one in _stretches(line))) for each in guidance.tractors
     )
     return replace(guidance, tractors=tractors)
 

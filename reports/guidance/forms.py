@@ -18,7 +18,7 @@ FORMS: tuple[Form, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """Files of a guidance in a form; `lines` are those in them, `left` the curves that are not, `cut` those in pieces."""
+    """Files of a guidance in a form; `lines` are those in them, `left` the curves that are not, `cut` those cut up."""
 
     form: Form
     files: Files

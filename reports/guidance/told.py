@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -50,10 +49,11 @@ def remarks(guidance: Guidance, written: Written) -> list[str]:
             "The plan was saved without the outline of its field, so there is no boundary; plan and save again."
         )
     if written.cut:
-        stretches = Counter(line.place for line in written.lines)
+        places = {line.place for line in written.cut}
+        stretches = sum(line.place in places for line in written.lines)
         found.append(
-            f"{len(written.cut)} curve{'' if len(written.cut) == 1 else 's'} cut into {sum(stretches[line.place] for line in written.cut)} straight "
-            f"lines, no farther off than {OFF_M * 100:.0f} cm (letters behind their numbers); --curves writes them whole."
+            f"Curves cut into straight lines: {len(places)}, into {stretches} lines no farther off than "
+            f"{OFF_M * 100:.0f} cm (letters behind their numbers); --curves writes them whole."
         )
     if written.curves and not written.form.curves:
         found.append(CURVES_WARNING)

@@ -10,7 +10,7 @@ import pytest
 from fields.field import Field
 from fields.read import list_fields, read_field
 from fields.write import write_field
-from tests.fields.farm_files import agopengps, partfield, place, polygon, points, taskdata, write_taskdata
+from tests.fields.farm_files import agopengps, partfield, place, points, polygon, taskdata, write_taskdata
 
 FIELD_M = ((0, 0), (300, 0), (300, 200), (0, 200))
 EDGE_M = ((12, 12), (288, 12), (288, 188), (12, 188))

@@ -292,7 +292,7 @@ def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
     for line, ends in zip(made.lines[:3], (corners[:2], corners[1:3], corners[2:]), strict=True):
         assert np.abs(in_metres(one, line.points) - ends).max() < CLOSE_M
         assert line.length_m == pytest.approx(float(np.hypot(*(ends[1] - ends[0]))), rel=1e-3)
-    assert "1 curve cut into 3 straight lines" in remarks(guidance, made)[0]
+    assert "Curves cut into straight lines: 1, into 3 lines" in remarks(guidance, made)[0]
     assert written(guidance, form, curves=True).cut == ()
 
 
