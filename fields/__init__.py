@@ -13,7 +13,9 @@ entrances           where tractors come in
 free                where the guided point may be, and what of that lies beside the tracks
 read, write         field files, in and out
 guidance            lines of a file that tracks can be laid along
+headlands           inner edges of headlands of a file, and their widths
 telling             what a person says of a file that it does not say itself
+whereabouts         whether longitude and latitude seem to be exchanged
 source, samples_index   what a name stands for: a sample or a file
 document            what a file holds, whatever its form, before its numbers are believed
 formats             the forms that are read, one module each, and their registry

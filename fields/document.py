@@ -40,7 +40,7 @@ class RawObstacle:
 
 @dataclass(frozen=True)
 class RawLine:
-    """A guidance line as read: its positions, unchecked, and the names it can be asked for by."""
+    """A guidance line or headland edge as read: its positions, unchecked, and the names it can be asked for by."""
 
     coordinates: Any
     keys: tuple[str, ...]
@@ -58,6 +58,7 @@ class Document:
         refills: places where tanks are filled or emptied.
         unused: what no part of a field is read from: kind of feature in words, and how many.
         lines: guidance lines that tracks can be laid along.
+        headlands: inner edges of headlands.
         notes: sentences on what the reader of the form left out or mended.
     """
 
@@ -73,6 +74,7 @@ class Document:
     edges: tuple[RawObstacle, ...] = ()
     refills: tuple[Any, ...] = ()
     lines: tuple[RawLine, ...] = ()
+    headlands: tuple[RawLine, ...] = ()
     notes: tuple[str, ...] = ()
 
 

@@ -15,6 +15,7 @@ from shapely.geometry.polygon import orient
 from fields.errors import FieldError, named
 from fields.fences import check_way_in
 from fields.guidance import GuidanceLine
+from fields.headlands import HeadlandEdge
 from fields.obstacles import Ground, Obstacle, ground_left
 from fields.outline import SMALLEST_M2
 from fields.projection import project
@@ -68,6 +69,7 @@ class Field:
         cut_off: pieces that obstacles and the margin to them part from the boundary.
         default_ground: ground wherever no zone lies.
         lines: guidance lines that came with it.
+        headlands: inner edges of headlands that came with it; plans have headlands of their own.
         refill: place where tanks are filled or emptied, metres, or None.
         source: where the boundary comes from, in words.
         remarks: sentences on what was read otherwise than a person might expect; equal fields may differ in them.
@@ -95,6 +97,7 @@ class Field:
     beyond: shapely.Polygon | None = None
     refill: tuple[float, float] | None = None
     lines: tuple[GuidanceLine, ...] = ()
+    headlands: tuple[HeadlandEdge, ...] = ()
     cut_off: tuple[shapely.Polygon, ...] = ()
 
     def __post_init__(self) -> None:

@@ -15,6 +15,7 @@ from fields.fences import NEAR_M, read_fences
 from fields.field import Field, GroundZone
 from fields.frame import Frame, frame_of
 from fields.guidance import guidance_lines
+from fields.headlands import headland_edges
 from fields.obstacles import Obstacle
 from fields.obstacles_read import on_field, polygons_inside, read_obstacle
 from fields.outline import check_area, polygon, position, rings
@@ -45,10 +46,10 @@ def read_field(
     A Point whose properties have ``role: entrance`` is the entrance, one with ``role: refill`` the place where tanks
     are filled or emptied; polygons whose properties have a ``ground`` are ground zones. Features with ``role:
     obstacle`` are obstacles: a Point with its ``radius_m``, a LineString with its ``width_m``, a Polygon; a ``kind``
-    such as ``pole`` or ``ditch`` may stand for the size. The boundary may have ``edge: fence`` all round; a LineString
-    along it with ``edge: fence`` or ``edge: open`` tells of
-    one side, and one with ``role: guidance``, or with a name alone, is a line that tracks can be laid along. Heights
-    are dropped and open rings closed.
+    such as ``pole`` or ``ditch`` may stand for the size. A line or Polygon
+    with ``role: headland`` has the inner edge of a headland. The boundary may have ``edge: fence`` all round; a
+    LineString along it with ``edge: fence`` or ``edge: open`` tells of one side, and one with ``role: guidance``, or
+    with a name alone, is a line that tracks can be laid along. Heights are dropped and open rings closed.
 
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.
@@ -78,6 +79,7 @@ def read_field(
         obstacles=(*obstacles, *inside),
         fences=fences,
         lines=guidance_lines(document, frame, shape, several),
+        headlands=headland_edges(document, frame, shape),
     )
 
 

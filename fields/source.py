@@ -12,6 +12,7 @@ from fields.document import Document
 from fields.errors import FieldError
 from fields.formats import FOREIGN, FORMATS, format_of, geojson, isoxml, shapefile
 from fields.formats.archive import Members, is_archive
+from fields.formats.lone import read_lone
 from fields.reading import shown
 from fields.samples_index import sample_names, sample_text
 
@@ -47,9 +48,13 @@ class Source:
         if not os.path.exists(self.place) and self.place:
             raise FieldError(_missing(self.place))
         form = format_of(self.place)
-        if form is None:
+        if form is not None:
+            return form.read(self.place, label)
+        whole = os.path.isdir(self.place) or is_archive(self.place)
+        found = read_lone(self.place, label) if whole else None
+        if found is None:
             raise FieldError(_foreign(self.place))
-        return form.read(self.place, label)
+        return found
 
 
 def source_of(where: str) -> Source:
@@ -92,8 +97,8 @@ def _foreign(place: str) -> str:
     if os.path.isdir(place) or is_archive(place):
         kind = "a folder" if os.path.isdir(place) else "an archive"
         return (
-            f"{shown(place)} is {kind} without a TASKDATA.XML, a Field.txt or a .shp in it; {names} are read, so name "
-            "one that holds such, or a file itself."
+            f"{shown(place)} is {kind} without a field file in it, such as a TASKDATA.XML, a Field.txt or a .shp; "
+            f"{names} are read, so name one that holds such, or a file itself."
         )
     foreign = FOREIGN.get(Path(place).suffix.lower(), "of no known form")
     return (

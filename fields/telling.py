@@ -9,10 +9,13 @@ from typing import Any
 from fields.document import LOCAL, UNKNOWN, Document
 from fields.errors import FieldError, named
 from fields.projection import is_longitude_latitude
+from fields.whereabouts import exchanged
 
 
 def told(document: Document, local: bool, crs: str | None, swap: bool, label: str) -> Document:
     """The document with the coordinate system that was named, and with x and y exchanged where that was asked for.
+
+    A note is added where they seem to be exchanged as they then are.
 
     With `local` its numbers are metres, and no system is asked for.
 
@@ -30,7 +33,8 @@ def told(document: Document, local: bool, crs: str | None, swap: bool, label: st
             f"it, or name it with {named('crs')}, such as EPSG:25832 or EPSG:4326.",
             parameter="crs",
         )
-    return _swapped(document) if swap else document
+    turned = _swapped(document) if swap else document
+    return replace(turned, notes=(*turned.notes, *exchanged(turned, swap)))
 
 
 def _check(document: Document, crs: str, label: str) -> None:
@@ -78,6 +82,7 @@ def _swapped(document: Document) -> Document:
         obstacles=tuple(replace(one, coordinates=_turned(one.coordinates)) for one in document.obstacles),
         edges=tuple(replace(one, coordinates=_turned(one.coordinates)) for one in document.edges),
         lines=tuple(replace(one, coordinates=_turned(one.coordinates)) for one in document.lines),
+        headlands=tuple(replace(one, coordinates=_turned(one.coordinates)) for one in document.headlands),
         entrances=tuple(_turned(one) for one in document.entrances),
         refills=tuple(_turned(one) for one in document.refills),
     )

@@ -43,6 +43,11 @@ def field_geojson(field: Field) -> str:
         features.append(_obstacle_feature(field, obstacle))
     for fence in field.fences:
         features.append(_feature(LINE, _given(field, shapely.get_coordinates(fence)), {"edge": FENCE}))
+    for line in field.lines:
+        points = _given(field, shapely.get_coordinates(line.line))
+        features.append(_feature(LINE, points, {"role": "guidance", "name": line.name}))
+    for edge in field.headlands:
+        features.append(_feature(LINE, _given(field, shapely.get_coordinates(edge.line)), {"role": "headland"}))
     for role, place in (("entrance", field.entrance), ("refill", field.refill)):
         if place is not None:
             features.append(_feature("Point", _given(field, np.array([place]))[0], {"role": role}))

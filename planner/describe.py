@@ -9,6 +9,7 @@ from typing import Any
 import shapely
 
 from fields.guidance import GuidanceLine
+from fields.headlands import HeadlandEdge
 from fields.layout import Layout
 from fields.obstacles import LINE, POINT, Obstacle
 from planner.drive import besides_cut_off, rings_of, still
@@ -26,7 +27,8 @@ MOST_ENDS = 60
 def describe(site: Site) -> dict[str, Any]:
     """Facts in the order a person would ask for them, units in the keys.
 
-    Lists hold mappings with the same keys: ``obstacles``, ``lines``, ``cells``, ``rounds`` and ``not_worked``.
+    Lists hold mappings with the same keys: ``obstacles``, ``lines``, ``headlands``, ``cells``, ``rounds`` and
+    ``not_worked``.
     """
     layout, field, manner = site.layout, site.layout.field, site.manner
     lengths = [track.length for track in layout.tracks]
@@ -40,6 +42,7 @@ def describe(site: Site) -> dict[str, Any]:
         "cut_off_m2": round(field.cut_off_m2, 1),
         "fence_m": round(sum(fence.length for fence in field.fences), 1),
         "lines": [_line(one) for one in field.lines],
+        "headlands": [_headland(one) for one in field.headlands],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
         "cells": cells(layout),
@@ -74,6 +77,16 @@ def cells(layout: Layout) -> list[dict[str, float]]:
 def _line(one: GuidanceLine) -> dict[str, Any]:
     """A guidance line that came with the field."""
     return {"name": one.name, "bearing_deg": round(one.bearing_deg, 2), "length_m": round(float(one.line.length), 1)}
+
+
+def _headland(one: HeadlandEdge) -> dict[str, Any]:
+    """A headland that came with the field: how far its inner edge is from the boundary, and how long it is."""
+    return {
+        "usual_width_m": round(one.usual_m, 2),
+        "least_width_m": round(one.least_m, 2),
+        "most_width_m": round(one.most_m, 2),
+        "edge_m": round(float(one.line.length), 1),
+    }
 
 
 def _obstacle(one: Obstacle, site: Site) -> dict[str, Any]:

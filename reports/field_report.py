@@ -16,6 +16,7 @@ _HEADINGS = {
     "not_worked": "Not worked by tracks and rounds as they lie",
     "rounds": "Rounds of the headland",
     "lines": "Guidance lines of the file (for --along)",
+    "headlands": "Headlands of the file (for --headland)",
 }
 _DEGREES, _METRES = {"lon", "lat"}, {"x_m", "y_m"}
 _FITS, _TAKES, _ESTIMATED = (

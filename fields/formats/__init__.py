@@ -1,4 +1,7 @@
-"""The forms of field files that are read: one module each with the record FORMAT, and the line here that names it."""
+"""The forms of field files that are read: one module each with the record FORMAT, and the line here that names it.
+
+`lone` reads a folder or archive that has one field file in it.
+"""
 
 from __future__ import annotations
 
@@ -30,6 +33,8 @@ def format_of(path: str) -> Format | None:
     if names:
         return next((form for form in FORMATS if form.holds(names)), None) or _only(names, path)
     ending = Path(path).suffix.lower()
+    if Path(path).name.lower() == agopengps.FIELD:
+        return agopengps.FORMAT
     known = next((form for form in FORMATS if ending in form.endings), None)
     return known or (None if ending in FOREIGN or (path and Path(path).is_dir()) else FORMATS[0])
 

@@ -8,29 +8,32 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 import re
 from collections.abc import Iterator
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from fields.document import Document, Format
 from fields.errors import FieldError
-from fields.formats.archive import Members
+from fields.formats.archive import Members, is_archive
 from fields.formats.features import Feature, document_of
 from fields.formats.vector import WGS84
 from fields.plane import Plane
 from fields.reading import some
 
-FIELD, BOUNDARY = "field.txt", "boundary.txt"
+FIELD, BOUNDARY, HEADLAND = "field.txt", "boundary.txt", "headland.txt"
 TRACKS = ("tracklines.txt", "curvelines.txt", "ablines.txt")
 AB_MODE, CURVE_MODE = 2, 4
 AB_LENGTH_M = 100.0
 UNNAMED = ("FieldNew", "XML Derived", "KML Derived")
 """What the program writes for a name where it has none; the folder is called by it."""
+Track = tuple[str, list[tuple[float, float]]]
+"""Name and points in metres of a line of guidance."""
 _SPACES = re.compile(r"\s+")
 
 
 def _read(path: str, label: str) -> Document:
-    members = Members(path)
+    members = Members(path) if os.path.isdir(path) or is_archive(path) else Members(Path(path).parent, 0)
     notes: list[str] = []
     features: list[Feature] = []
     for name in [one for one in members if one.lower().split("/")[-1] == FIELD]:
@@ -56,12 +59,22 @@ def _field(members: Members, main: str, label: str, notes: list[str]) -> list[Fe
     features = [_feature("Polygon", coordinates, {"name": name, "role": "boundary"})]
     for file in TRACKS:
         content = members.beside(main, file)
-        found = [] if content is None else _tracks(_lines(content), file)
+        left: list[int] = []
+        found = [] if content is None else list(_tracks(_lines(content), file, left))
+        if left:
+            notes.append(f"Left out of '{name}': {some(sum(left), 'line')} of {file} that cannot be read.")
         features += [
             _feature("LineString", [plane.degrees(*point) for point in points], {"name": title, "role": "guidance"})
             for title, points in found
         ]
-    return features
+    return [*features, *_headlands(members.beside(main, HEADLAND), plane)]
+
+
+def _headlands(content: bytes | None, plane: Plane) -> list[Feature]:
+    """Inner edges of headlands: rings as those of the boundary, of no points where a ring has none."""
+    rings = [] if content is None else _rings(_lines(content), "", [])
+    edges = [[plane.degrees(*point) for point in (*ring, ring[0])] for ring in rings]
+    return [_feature("LineString", edge, {"role": "headland"}) for edge in edges]
 
 
 def _plane(lines: list[str], label: str) -> Plane:
@@ -97,34 +110,47 @@ def _rings(lines: list[str], name: str, notes: list[str]) -> list[list[tuple[flo
     return rings
 
 
-def _tracks(lines: list[str], file: str) -> Iterator[tuple[str, list[tuple[float, float]]]]:
-    """Names and points of the lines of a file: TrackLines.txt of today, or the two files that came before it."""
+def _tracks(lines: list[str], file: str, left: list[int]) -> Iterator[Track]:
+    """Names and points of the lines of a file: TrackLines.txt of today, or the two files that came before it.
+
+    How many lines of guidance could not be read is put into `left`.
+    """
+    lines = lines[1:] if lines and lines[0].startswith("$") else lines
     if file == "ablines.txt":
-        yield from _old_ab(lines)
+        yield from _old_ab(lines, left)
     elif file == "curvelines.txt":
-        yield from _old_curves(lines)
+        yield from _old_curves(lines, left)
     else:
-        yield from _track_lines(lines)
+        yield from _track_lines(lines, left)
 
 
-def _track_lines(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
-    """Name, heading in radians, A, B, nudge, mode, visible, count and points, one after the other."""
-    place = 1 if lines and lines[0].startswith("$") else 0
-    while place + 7 < len(lines):
-        name, ends = lines[place], [_numbers(line, 2) for line in lines[place + 2 : place + 4]]
-        mode, count = _count(lines[place + 5]), _count(lines[place + 7])
-        if count is None or mode is None or None in ends:
-            return
+def _track_lines(lines: list[str], left: list[int]) -> Iterator[Track]:
+    """Name, heading in radians, A, B, nudge, mode, visible, count and points, one after the other.
+
+    After one that is garbled the next is looked for line by line.
+    """
+    place, garbled = 0, False
+    while place < len(lines):
+        head = lines[place : place + 8]
+        ends = [_numbers(line, 2) for line in head[2:4]]
+        mode, count = (_count(head[5]), _count(head[7])) if len(head) == 8 else (None, None)
+        if count is None or mode is None or None in ends or head[6].lower() not in ("true", "false"):
+            left += [] if garbled else [1]
+            garbled, place = True, place + 1
+            continue
+        garbled, name = False, head[0]
         points = [_numbers(line, 2) for line in lines[place + 8 : place + 8 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
         if mode == CURVE_MODE and len(curve) > 1:
             yield name, curve
         elif mode == AB_MODE:
             yield name, [(one[0], one[1]) for one in ends if one is not None]
+        else:
+            left.append(1)
         place += 8 + count
 
 
-def _old_ab(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
+def _old_ab(lines: list[str], left: list[int]) -> Iterator[Track]:
     """ABLines.txt: name, heading in degrees, easting and northing of a point, all in one line."""
     for line in lines:
         name, _, rest = line.partition(",")
@@ -132,16 +158,24 @@ def _old_ab(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]
         if numbers is not None:
             turn, east, north = math.radians(numbers[0]), numbers[1], numbers[2]
             yield name, [(east, north), (east + AB_LENGTH_M * math.sin(turn), north + AB_LENGTH_M * math.cos(turn))]
+        else:
+            left.append(1)
 
 
-def _old_curves(lines: list[str]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
-    """CurveLines.txt: name, heading in radians, count, points."""
-    place = 1 if lines and lines[0].startswith("$") else 0
-    while place + 2 < len(lines) and (count := _count(lines[place + 2])) is not None:
+def _old_curves(lines: list[str], left: list[int]) -> Iterator[Track]:
+    """CurveLines.txt: name, heading in radians, count, points; what follows a garbled one is not looked for."""
+    place = 0
+    while place < len(lines):
+        count = _count(lines[place + 2]) if place + 2 < len(lines) else None
+        if count is None:
+            left.append(1)
+            return
         points = [_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
         if len(curve) > 1:
             yield lines[place], curve
+        else:
+            left.append(1)
         place += 3 + count
 
 

@@ -10,7 +10,7 @@ from fields.errors import FieldError
 
 Feature = dict[str, Any]
 BOUNDARY, ZONE, ENTRANCE, OBSTACLE, EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
-REFILL, GUIDANCE = "refill", "guidance"
+REFILL, GUIDANCE, HEADLAND = "refill", "guidance", "headland"
 NO_BOUNDARY = (OBSTACLE, ENTRANCE, REFILL, GUIDANCE)
 """Roles of polygons that are certainly no field."""
 LINES = ("LineString", "MultiLineString")
@@ -51,6 +51,7 @@ def document_of(
         obstacles=_parts_of(features, OBSTACLE, label),
         edges=_parts_of(features, EDGE, label),
         lines=tuple(RawLine(one.coordinates, one.keys) for one in _parts_of(features, GUIDANCE, label)),
+        headlands=_edges(features, label),
         notes=notes,
     )
 
@@ -100,6 +101,15 @@ def _parts_of(features: list[dict[str, Any]], wanted: str, label: str) -> tuple[
     return tuple(obstacles)
 
 
+def _edges(features: list[dict[str, Any]], label: str) -> tuple[RawLine, ...]:
+    """Edges of headlands: lines, and all rings of polygons."""
+    found = []
+    for one in _parts_of(features, HEADLAND, label):
+        rings = one.coordinates if one.form == "Polygon" else [one.coordinates]
+        found += [RawLine(ring, one.keys) for ring in (rings if isinstance(rings, list) else ())]
+    return tuple(found)
+
+
 def _use(feature: dict[str, Any]) -> str:
     """What a feature is read as, "" for nothing. A polygon with a role of something else is no boundary."""
     kind, properties = member(feature, "geometry").get("type"), member(feature, "properties")
@@ -110,6 +120,8 @@ def _use(feature: dict[str, Any]) -> str:
         return OBSTACLE
     if kind in LINES and properties.get("edge") is not None:
         return EDGE
+    if role == HEADLAND and kind in (*LINES, "Polygon", "MultiPolygon"):
+        return HEADLAND
     if kind in LINES and (role == GUIDANCE or (not role and text(properties.get("name")))):
         return GUIDANCE
     if kind not in ("Polygon", "MultiPolygon") or role in NO_BOUNDARY:

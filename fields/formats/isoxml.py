@@ -27,6 +27,7 @@ from fields.reading import read_bytes, some
 
 TASKDATA = "taskdata.xml"
 BOUNDARY, MAINFIELD, OBSTACLES = "1", "9", {"3": "water", "4": "building", "5": "road", "6": "area"}
+HEADLAND = "10"
 OUTER, INNER, GUIDANCE = "1", "2", "5"
 ENTRANCE, OBSTACLE_POINT = "3", "5"
 PATTERNS = {"1": "AB", "2": "A+", "3": "curve", "4": "pivot", "5": "spiral"}
@@ -118,6 +119,9 @@ def _partfield(element: Element, notes: list[str]) -> list[Feature]:
             rings = _rings(polygon, (OUTER, INNER), name, notes)
             what = {"role": "obstacle", "kind": OBSTACLES[kind], "name": (polygon.get("B") or "").strip()}
             features += [_feature("Polygon", rings, what)] if rings else []
+        elif kind == HEADLAND:
+            edges = _rings(polygon, (INNER,), name, notes) or _rings(polygon, (OUTER,), name, notes)
+            features += [_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges]
     boundaries = [one for one in features if one["properties"].get("role") == "boundary"]
     if not boundaries:
         return []

@@ -143,4 +143,4 @@ def _moved(feature: Feature, crs: str) -> Feature:
 def _first(error: Exception, path: str | Path) -> str:
     """The first sentence of what GDAL says, without the path."""
     words = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return words.split(";")[0].replace(str(path), "it").replace("'", "")[:120]
+    return words.split(";")[0].replace(f"'{path}' ", "").replace(str(path), "it").replace("'", "").rstrip(".")[:120]

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 ZIP, TASKDATA = ".zip", "TASKDATA"
 TO = "isoxml4, isoxml3, agopengps, kml, shapefile, geojson or gpx."
 OUT = "File or folder to write (that of a stick, too), or a .zip; by default named after the plan."
-CURVES = "Write curves, or straight lines alone. By default curves are left out of ISOXML: some terminals refuse them."
+CURVES = (
+    "Write curves, or straight lines alone, as some terminals refuse curves: those of few straight stretches are cut "
+    "into these, others left out. By default ISOXML has straight lines alone, and all else curves."
+)
 
 
 def export(

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
 from fields.plane import Plane
 from reports.guidance.form import Files, Form
@@ -71,13 +72,18 @@ def _headland(plane: Plane, guidance: Guidance) -> list[str]:
     """
     if guidance.boundary is None or not guidance.inside_headland:
         return []
-    edges = guidance.inside_headland[0].rings
+    edges = max(guidance.inside_headland, key=lambda one: _area(plane, one.rings[0])).rings
     holes = [*guidance.boundary.rings[1:], *(one.rings[0] for one in guidance.obstacles)]
     found = [_ring(plane, edges[0])]
     for hole in holes:
         round_it = next((edge for edge in edges[1:] if _within(hole[0], edge)), None)
         found.append(["0"] if round_it is None else _ring(plane, round_it))
     return [row for rows in found for row in rows]
+
+
+def _area(plane: Plane, ring: Degrees) -> float:
+    """Square metres within a ring."""
+    return float(shapely.Polygon(_metres(plane, ring)).area)
 
 
 def _within(point: Degrees, ring: Degrees) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from fields.errors import named
 from reports.errors import ReportError
 from reports.guidance import agopengps, geojson, gpx, isoxml, kml, shapefile
+from reports.guidance.cutting import straight_alone
 from reports.guidance.form import Files, Form
 from reports.guidance.lines import Guidance, Line
 
@@ -17,12 +18,13 @@ FORMS: tuple[Form, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """Files of a guidance in a form; `lines` are those in them, `left` the curves that are not."""
+    """Files of a guidance in a form; `lines` are those in them, `left` the curves that are not, `cut` those cut up."""
 
     form: Form
     files: Files
     lines: tuple[Line, ...]
     left: tuple[Line, ...]
+    cut: tuple[Line, ...] = ()
 
     @property
     def curves(self) -> int:
@@ -46,13 +48,14 @@ def written(guidance: Guidance, form: Form, curves: bool | None = None) -> Writt
     Raises:
         ReportError: nothing is left to be written.
     """
-    told = guidance if (form.curves if curves is None else curves) else guidance.straight_alone()
+    told = guidance if (form.curves if curves is None else curves) else straight_alone(guidance)
     if not told.lines:
         why = f"all of them are curves; add {named('curves')}" if guidance.lines else "the plan has none"
         raise ReportError(f"There is no line to write as {form.words}: {why}.")
-    kept = {line.name for line in told.lines}
-    left = tuple(line for line in guidance.lines if line.name not in kept)
-    return Written(form, _files(told, form), told.lines, left)
+    kept, whole = {line.place for line in told.lines}, {line.place for line in told.lines if not line.straight}
+    left = tuple(line for line in guidance.lines if line.place not in kept)
+    cut = tuple(line for line in guidance.lines if not line.straight and line.place in kept - whole)
+    return Written(form, _files(told, form), told.lines, left, cut)
 
 
 def _files(guidance: Guidance, form: Form) -> Files:

@@ -31,6 +31,11 @@ class Line:
     bearing_deg: float
 
     @property
+    def place(self) -> tuple[int, int]:
+        """Tractor and order; the stretches of a curve that was cut share theirs."""
+        return self.tractor, self.order
+
+    @property
     def straight(self) -> bool:
         """Whether it is a line from A to B."""
         return len(self.points) == 2
@@ -80,8 +85,3 @@ class Guidance:
     def alone(self) -> tuple[Guidance, ...]:
         """The guidance of every tractor by itself."""
         return tuple(replace(self, tractors=(each,)) for each in self.tractors)
-
-    def straight_alone(self) -> Guidance:
-        """The same without its curves; the lines keep their names."""
-        kept = tuple(replace(each, lines=tuple(line for line in each.lines if line.straight)) for each in self.tractors)
-        return replace(self, tractors=kept)

@@ -9,11 +9,15 @@ from typing import Any
 from rich.console import Group, RenderableType
 
 from reports.fitting import Column, FittedTable, sentence
+from reports.guidance.cutting import MOST_STRETCHES, OFF_M
 from reports.guidance.forms import Written
 from reports.guidance.lines import Guidance, Line
 from reports.guidance.names import DESIGNATOR_BYTES, plain
 
 WHY = "nothing that a terminal steers by; headland show lists it"
+CURVES_WHY = (
+    f"some terminals refuse them, and these have more than {MOST_STRETCHES} straight stretches; --curves writes them"
+)
 CURVES_WARNING = "Curves are written as asked; some terminals refuse a file that has any, so keep one without at hand."
 
 
@@ -23,7 +27,7 @@ def left_out(guidance: Guidance, written: Written) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     if written.left:
         found.append({
-            "what": "curves", "count": len(written.left), "why": "some terminals refuse them; --curves writes them",
+            "what": "curves", "count": len(written.left), "why": CURVES_WHY,
         })  # fmt: skip
     parts = {
         "headland": len(guidance.inside_headland),
@@ -43,6 +47,13 @@ def remarks(guidance: Guidance, written: Written) -> list[str]:
     if guidance.boundary is None:
         found.append(
             "The plan was saved without the outline of its field, so there is no boundary; plan and save again."
+        )
+    if written.cut:
+        places = {line.place for line in written.cut}
+        stretches = sum(line.place in places for line in written.lines)
+        found.append(
+            f"Curves cut into straight lines: {len(places)}, into {stretches} lines no farther off than "
+            f"{OFF_M * 100:.0f} cm (letters behind their numbers); --curves writes them whole."
         )
     if written.curves and not written.form.curves:
         found.append(CURVES_WARNING)
@@ -77,13 +88,13 @@ def _listed(files: Sequence[str]) -> str:
 def export_json(guidance: Guidance, written: Written, files: Sequence[str]) -> str:
     """``format``, ``field``, ``area_ha``, ``files``, ``lines`` in driving order (tractor after tractor, those that were
     left out too, ``written`` false) and ``left_out`` (``what``, ``count``, ``why``) as JSON text."""
-    kept = {line.name for line in written.lines}
+    kept = {line.place for line in written.lines}
     content = {
         "format": written.form.name,
         "field": guidance.field,
         "area_ha": None if guidance.boundary is None else round(guidance.area_m2 / 1e4, 6),
         "files": list(files),
-        "lines": [_entry(line, line.name in kept) for line in guidance.lines],
+        "lines": [_entry(line, line.place in kept) for line in guidance.lines],
         "left_out": left_out(guidance, written),
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

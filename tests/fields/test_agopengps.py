@@ -89,3 +89,19 @@ def test_a_count_of_many_digits(tmp_path: Path) -> None:
     (folder / "Boundary.txt").write_text("$Boundary\nFalse\n" + "9" * 5000 + "\n0,0,0\n")
     with pytest.raises(FieldError, match="no field with a boundary"):
         read_field(folder)
+
+
+def test_lines_that_cannot_be_read_are_counted_and_those_behind_them_kept(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    whole = (folder / "TrackLines.txt").read_text().removeprefix("$TrackLines\n")
+    odd = "Odd\n0\nhere,there\n6.0,9.0\n0\n2\nTrue\n0\n"
+    pivot = "Pivot\n0\n1.0,1.0\n2.0,2.0\n0\n64\nTrue\n0\n"
+    (folder / "TrackLines.txt").write_text("$TrackLines\n" + odd + pivot + whole)
+    field = read_field(folder)
+    assert [one.name for one in field.lines] == ["AB north", "Bend"]
+    assert "Left out of 'Back forty': 2 lines of tracklines.txt that cannot be read." in field.remarks
+
+
+def test_field_txt_stands_for_its_folder(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    assert read_field(folder / "Field.txt").boundary.equals(read_field(folder).boundary)

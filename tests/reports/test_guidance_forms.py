@@ -273,3 +273,34 @@ def test_names_that_terminals_take() -> None:
     assert designator("x" * 40, "Field") == "x" * 32 and designator("畑", "Field") == "Field"
     assert folder_name("a/b: c.", "Field") == "a b c" and folder_name("CON", "Field") == "Field CON"
     assert folder_name("..", "Field") == "Field"
+
+
+def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
+    """By hand: legs of 30, 40 and 20 m with corners; the lines lie on the curve and stand in its order."""
+    corners = np.array([[3.0, 3.0], [33.0, 3.0], [73.0, 6.0], [93.0, 6.0]])
+    one = saved()
+    first, *rest = one.plan.missions[0].legs
+    mission = replace(one.plan.missions[0], legs=(replace(first, points=corners), *rest))
+    one = replace(one, plan=replace(one.plan, missions=(mission, one.plan.missions[1])))
+    form = form_named("isoxml4")
+    assert form is not None
+    guidance = guidance_of(one)
+    made = written(guidance, form)
+    names = [line.name for line in made.lines]
+    assert names[:3] == [f"T1 01{letter} round 1 side 1" for letter in "abc"] and len(set(names)) == len(names)
+    assert made.left == () and [line.name for line in made.cut] == ["T1 01 round 1 side 1"]
+    for line, ends in zip(made.lines[:3], (corners[:2], corners[1:3], corners[2:]), strict=True):
+        assert np.abs(in_metres(one, line.points) - ends).max() < CLOSE_M
+        assert line.length_m == pytest.approx(float(np.hypot(*(ends[1] - ends[0]))), rel=1e-3)
+    assert "Curves cut into straight lines: 1, into 3 lines" in remarks(guidance, made)[0]
+    assert written(guidance, form, curves=True).cut == ()
+
+
+def test_agopengps_has_the_headland_of_the_largest_part() -> None:
+    form, guidance = form_named("agopengps"), guidance_of(saved(), 1)
+    assert form is not None
+    (large,) = guidance.inside_headland
+    small = replace(large, rings=(large.rings[0][:1] + 0.1 * (large.rings[0] - large.rings[0][:1]),))
+    path = "Sondre Mark T1/Headland.txt"
+    parted = written(replace(guidance, inside_headland=(small, large)), form).files[path]
+    assert parted == written(guidance, form).files[path]
