@@ -32,8 +32,14 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """ " (did you mean ...?)" when a known name is a slip of the fingers away or longer or shorter, else nothing."""
     spelt = {one.lower(): one for one in known}
     close = difflib.get_close_matches(name.lower(), list(spelt), n=3, cutoff=_ALIKE)
-    found = [one for one in close if _same(name, one) or difflib.get_close_matches(name.lower(), [one], cutoff=_SLIP)]
+    found = [one for one in close if _same(name, one) or _slipped(name.lower(), one)]
     return f" (did you mean {spelt[found[0]]!r}?)" if found else ""
+
+
+def _slipped(name: str, other: str) -> bool:
+    """Whether most letters are the same, or all but one of a short word."""
+    one_off = len(name) == len(other) >= _BEGINNING and sum(a != b for a, b in zip(name, other, strict=True)) == 1
+    return one_off or bool(difflib.get_close_matches(name, [other], cutoff=_SLIP))
 
 
 def _same(name: str, other: str) -> bool:

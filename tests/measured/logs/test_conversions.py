@@ -22,6 +22,7 @@ BY_HAND = {
     Fix.HEADING_REVERSED: ("heading_deg", 270.0, 90.0),
     Fix.STEERING_RADIANS: ("steering_deg", 0.1, math.degrees(0.1)),
     Fix.STEERING_LEFT: ("steering_command_deg", 7.0, -7.0),
+    Fix.IMPLEMENT_REVERSED: ("implement", 1.0, 0.0),
 }
 
 

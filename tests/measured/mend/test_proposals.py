@@ -103,7 +103,7 @@ def test_terms_enter_while_they_are_worth_it_and_stay_no_longer() -> None:
 
 def mended(loop: LinearLoop, start: tuple[Term, ...]) -> Mended:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vehicle.measured.mend.mending.OpenLoop", lambda bench: loop)
+        patch.setattr("vehicle.measured.mend.mending.OpenLoop", lambda *given: loop)
         return mend(loop.bench, eg105(), start, nothing)
 
 
