@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.document import LOCAL, WGS84, Document
-from fields.errors import FieldError, named
+from fields.errors import FieldError
 from fields.outline import position
 from fields.projection import is_longitude_latitude
 
@@ -39,7 +39,7 @@ def exchanged(document: Document, swap: bool) -> tuple[str, ...]:
     called = ", ".join(f"'{names[place]}'" for place in odd[:MOST_NAMED])
     more = f" and {len(odd) - MOST_NAMED} more" if len(odd) > MOST_NAMED else ""
     why = "beyond all farmland" if _beyond(fields[odd[0]]) else "far from all else in the file"
-    fix = f"leave out {named('swap')}" if swap else f"try {named('swap')}"
+    fix = "leave out swap" if swap else "try swap"
     return (
         f"{called}{more}: at latitude {y:.2f}, longitude {x:.2f}, {why}; with the two exchanged it would be right, so "
         f"{fix}.",

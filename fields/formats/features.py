@@ -148,7 +148,7 @@ def _unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
 def _nothing(features: list[dict[str, Any]], zones: tuple[RawPolygon, ...], label: str) -> str:
     """Why a file without a boundary was refused."""
     kinds = Counter(str(member(feature, "geometry").get("type") or "no geometry") for feature in features)
-    found = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+    found = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "nothing"
     if zones:
         found += ", all of its polygons ground zones"
     return f"{label} holds no field boundary (found: {found}); it needs a Polygon or MultiPolygon."

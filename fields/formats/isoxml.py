@@ -143,9 +143,10 @@ def _boundary(polygon: Element, facts: dict[str, str], notes: list[str]) -> list
     """Boundaries of a polygon: of several outer rings each with the inner ones in it; exchanged rings are turned."""
     outer = _rings(polygon, (OUTER,), facts["name"], notes)
     inner = _rings(polygon, (INNER,), facts["name"], notes)
-    if len(outer) == 1 and len(inner) == 1 and Polygon(inner[0]).area > Polygon(outer[0]).area:
+    around = next((ring for ring in inner if outer and _around(ring, [*outer, *inner])), None)
+    if around is not None:
         notes.append(f"The outer and the inner ring of '{facts['name']}' are exchanged; they are read the other way.")
-        outer, inner = inner, outer
+        outer, inner = [around], [ring for ring in (*outer, *inner) if ring is not around]
     if not outer and len(inner) == 1:
         notes.append(f"'{facts['name']}' has an inner ring only; it is read as the boundary.")
         outer, inner = inner, []
@@ -161,6 +162,12 @@ def _boundary(polygon: Element, facts: dict[str, str], notes: list[str]) -> list
             f"Left out of '{facts['name']}': {some(len(inner) - placed, 'inner ring')} in none of its outer rings."
         )
     return parts
+
+
+def _around(ring: list[list[float]], rings: list[list[list[float]]]) -> bool:
+    """Whether a ring has all others inside."""
+    shape = Polygon(ring)
+    return shape.is_valid and all(one is ring or (one != ring and shape.covers(Polygon(one))) for one in rings)
 
 
 def _once(boundaries: list[Feature]) -> list[Feature]:

@@ -11,13 +11,13 @@ from fields.formats.archive import Members, is_archive
 from fields.formats.features import document_of
 from fields.formats.markup import refuse_entities
 from fields.formats.vector import WGS84, named_lines, read_layers
-from fields.reading import read_bytes, shown
+from fields.reading import read_bytes
 
 ROOT = "doc.kml"
 
 
 def _read(path: str, label: str) -> Document:
-    texts = _unpacked(path) if is_archive(path) else [read_bytes(path, "a KML file", FieldError)]
+    texts = _unpacked(path, label) if is_archive(path) else [read_bytes(path, "a KML file", FieldError)]
     features, notes = [], []
     for content in texts:
         refuse_entities(content, label)
@@ -30,12 +30,12 @@ def _read(path: str, label: str) -> Document:
     return document_of(named_lines(features), label, crs=WGS84, source="KML", notes=tuple(notes))
 
 
-def _unpacked(path: str) -> list[bytes]:
+def _unpacked(path: str, label: str) -> list[bytes]:
     """Every document of a KMZ, the one that viewers show first."""
     members = Members(path)
     names = [name for name in members if name.lower().endswith(".kml")]
     if not names:
-        raise FieldError(f"{shown(path)} holds no KML; give a KMZ with a doc.kml in it.")
+        raise FieldError(f"{label} holds no KML; give a KMZ with a doc.kml in it.")
     names.sort(key=lambda name: PurePosixPath(name).name.lower() != ROOT)
     return [members[name] for name in names]
 

@@ -35,6 +35,8 @@ def _of_members(members: Members, names: Sequence[str], label: str) -> Layers:
     systems = set()
     for name in names:
         stem = PurePosixPath(name).stem
+        if members.beside(name, f"{stem}.shx") is None:
+            raise _lacks([f"{stem}.shx"], label)
         with tempfile.TemporaryDirectory() as folder:
             for ending in PARTS:
                 content = members.beside(name, stem + ending)
@@ -54,9 +56,13 @@ def _complete(members: Members, stem: str, label: str) -> None:
     """Refuse a Shapefile without its geometry or its index."""
     missing = [stem + ending for ending in (".shp", ".shx") if not members.named(stem + ending)]
     if missing:
-        raise FieldError(
-            f"{label} lacks {' and '.join(missing)}; a Shapefile is .shp, .shx, .dbf and .prj together in one folder."
-        )
+        raise _lacks(missing, label)
+
+
+def _lacks(missing: list[str], label: str) -> FieldError:
+    return FieldError(
+        f"{label} lacks {' and '.join(missing)}; a Shapefile is .shp, .shx, .dbf and .prj together in one folder."
+    )
 
 
 FORMAT = Format(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fields.reading import read_text, some
+from fields.reading import read_text, shown, some
 from planner.errors import ScenarioError
 from planner.farm.file import FarmFile, farm_from, load_farm
 from planner.farm.machines import FarmImplement
@@ -49,6 +50,10 @@ def learn(
     Values that the file gives already stay, but for those that were learnt before, unless `replace_given`. All other
     text stays byte for byte. Raises LogError, ScenarioError, VehicleError.
     """
+    if not os.path.exists(farm):
+        raise ScenarioError(
+            f"There is no farm file {shown(farm)} to put it in; check its name, or begin one with headland farm new."
+        )
     own = load_farm(farm)
     text = read_text(farm, "a farm file (TOML)", ScenarioError)
     runs = read_runs(paths)

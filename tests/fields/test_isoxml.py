@@ -165,3 +165,12 @@ def test_every_file_that_a_field_is_read_from_is_known(tmp_path: Path) -> None:
     both = (folder / "PFD00000.XML", folder / "TASKDATA.XML")
     assert field_files(str(folder / "TASKDATA.XML")) == both == field_files(str(folder))
     assert field_files("denmark") == ()
+
+
+def test_a_boundary_that_is_said_to_be_the_hole_of_its_holes(tmp_path: Path) -> None:
+    """By hand: 300 by 200 m less two squares of 40 m."""
+    other = tuple((east + 80, north) for east, north in INNER)
+    text = taskdata(partfield(polygon("1", "2", (INNER, OUTER, other)), area_m2=56_800))
+    field = read_field(write_taskdata(tmp_path, text))
+    assert field.boundary.area == pytest.approx(56_800, rel=2e-3) and len(field.boundary.interiors) == 2
+    assert any("exchanged" in one for one in field.remarks)

@@ -139,6 +139,7 @@ def test_names_in_addresses_lead_nowhere_else(shared: Shared, name: str) -> None
         assert b"root:" not in answer.content
 
 
+@pytest.mark.filterwarnings("ignore:'crs' was not provided")
 def test_a_shapefile_without_prj_is_read_as_is_said_of_it(client: TestClient, token: dict[str, str]) -> None:
     content = shapefile(HERE_M)
     refused = upload(client, "fields", token, "north.zip", content)
@@ -156,6 +157,7 @@ def test_a_shapefile_without_prj_is_read_as_is_said_of_it(client: TestClient, to
     assert client.app.state.store.jobs()[0].work["crs"] == "EPSG:25832"  # type: ignore[attr-defined]
 
 
+@pytest.mark.filterwarnings("ignore:'crs' was not provided")
 def test_exchanged_coordinates_are_put_right_when_it_is_said(client: TestClient, token: dict[str, str]) -> None:
     content = shapefile([(north, east) for east, north in HERE_M])
     for said, options in ((("crs",), {}), (("crs", "swap"), {"swap": True})):

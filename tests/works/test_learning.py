@@ -171,6 +171,12 @@ def test_what_cannot_be_learnt_is_told(runs: Path, farm: Path, text: str, words:
     assert words in str(refusal.value)
 
 
+def test_a_farm_file_that_is_not_there_is_not_made(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"no farm file .*none\.toml' to put it in; .*headland farm new"):
+        learn([str(tmp_path)], tmp_path / "none.toml")
+    assert not (tmp_path / "none.toml").exists()
+
+
 def test_values_put_into_text() -> None:
     text = "# top\r\n[a]\r\nx = 1 # one\r\n\r\n# about b\r\n[b]\r\ny = 2\r\n"
     assert with_value(text, "a", None, "x", "3.0", "c") == text.replace("x = 1 # one", "x = 3.0  # c")
