@@ -72,16 +72,27 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
     case = case if kept == case.extension.ids else case_of(selection, of_fit(bench, fit, kept))
     if within_noise(case, case.final):
         return Explained(case, names, None)
-    start = tuple(Term(knobs, at) for knobs, at in fit.parts if knobs.id in names)
-    mended = mend(bench, tractor, start, step, case.tolerated)
-    case = case_of(selection, of_mended(mended))
-    names = [name for name in names if holds(case, name)]
+    names, mended, case = _mended_with(selection, case, names, tractor, step)
     names += [
         name
         for name in irreplaceable(mended, tractor, noise_share(case), step)
         if name not in names and holds(case, name)
     ]
     return _without_doubtful(selection, Explained(case, names, mended))
+
+
+def _mended_with(
+    selection: Selection, case: Case, names: list[str], tractor: Tractor, step: Step
+) -> tuple[list[str], Mended, Case]:
+    """Names that hold beside all that mends, from a mending that began with these alone."""
+    while True:
+        start = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names)
+        mended = mend(selection.bench, tractor, start, step, case.tolerated)
+        beside = case_of(selection, of_mended(mended))
+        kept = [name for name in names if holds(beside, name)]
+        if kept == names:
+            return names, mended, beside
+        names = kept
 
 
 def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
