@@ -3,7 +3,7 @@
 Made logs of the first reference (its programme of sixteen runs, a quarter of an hour, as often as the hours ask for)
 with nothing hidden and with a clear steering offset are diagnosed once the code is compiled. Printed are seconds of CPU
 against minutes of log, the names, and the largest memory of the process. Without arguments the two cases that are asked
-for are run: with a wheel angle at 20 Hz and without one; `--hours 8 --rate 10` is a day, with `--one-run` without a stop.
+are run: with a wheel angle at 20 Hz and without one; `--hours 8 --rate 10` is a day, `--one-run` one without a stop.
 """
 
 from __future__ import annotations

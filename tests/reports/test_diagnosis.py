@@ -271,6 +271,8 @@ class TestWords:
             for text in both(what):
                 assert "The way along is not judged, because not every log has a measured speed." in text
                 assert "cm along (" not in text and "early or late" not in text
+            left = json.loads(diagnosis_json(what))["left"]
+            assert left["late_s"] is None and left["aside_cm"] > 0.0
 
     @pytest.mark.parametrize(
         ("share", "depends", "said"),
