@@ -56,9 +56,15 @@ def _errors(errors: Errors) -> dict[str, dict[str, float]]:
 
 
 def _left(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What all effects together leave: whether that is noise, and what it comes to above the noise."""
+    """What all effects together leave: whether that is noise, and what it comes to above the noise.
+
+    `late_s` is null where the way along is not judged.
+    """
     left = diagnosis.left
-    return {"as_good_as_noise": diagnosis.as_good_as_noise, **({} if left is None else left.__dict__)}
+    told = {} if left is None else dict(left.__dict__)
+    if told and not diagnosis.along_judged:
+        told["late_s"] = None
+    return {"as_good_as_noise": diagnosis.as_good_as_noise, **told}
 
 
 def _effect(one: Finding) -> dict[str, Any]:

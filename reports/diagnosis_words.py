@@ -28,7 +28,8 @@ LIKELY_MEANS = (
 )
 PLACES = ("first", "second")
 SHOWN_S = 5.0
-LEFT_KINDS = (("cross_cm", "cm across", 1), ("along_cm", "cm along", 1), ("heading_deg", "degrees", 2))
+ALONG = "along_cm"
+LEFT_KINDS = (("cross_cm", "cm across", 1), (ALONG, "cm along", 1), ("heading_deg", "degrees", 2))
 ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
     "Smallest visible: the smallest deviation from the tractor file that these logs would have shown, as a change of "
@@ -163,6 +164,8 @@ def exchange_words(diagnosis: Diagnosis) -> list[str]:
 def left_words(diagnosis: Diagnosis) -> list[str]:
     """What is left, in sentences: how large against the noise, what it changes in a plan, what it depends on."""
     lines = [f"{_against_noise(diagnosis)}{_share_words(diagnosis)}"]
+    if not diagnosis.along_judged:
+        lines.append("The way along is not judged, because not every log has a measured speed.")
     if diagnosis.as_good_as_noise:
         return lines
     depends = "; ".join(diagnosis.depends_on) or "nothing that was looked for"
@@ -177,7 +180,8 @@ def _against_noise(diagnosis: Diagnosis) -> str:
     after, floor = diagnosis.after[over], diagnosis.floor[over]
     parts = [
         f"{number(getattr(after, key), digits)} {unit} (noise {number(getattr(floor, key), digits)})"
-        for key, unit, digits in LEFT_KINDS if math.isfinite(getattr(after, key))
+        for key, unit, digits in LEFT_KINDS
+        if math.isfinite(getattr(after, key)) and (diagnosis.along_judged or key != ALONG)
     ]  # fmt: skip
     return f"What is left over pieces of {over:g} s, {', '.join(parts)},"
 
@@ -199,10 +203,9 @@ def _left_in_plan(diagnosis: Diagnosis) -> list[str]:
         return [f"In the plan below, the rest that was fitted to it comes to {comes}."]
     if left is None:
         return []
-    return [
-        f"In a plan, within {left.over_s:g} s, that is {number(left.late_s, 1)} s early or late and "
-        f"{number(left.aside_cm, 1)} cm aside while nobody steers back."
-    ]
+    late = f"{number(left.late_s, 1)} s early or late and " if diagnosis.along_judged else ""
+    aside = f"{number(left.aside_cm, 1)} cm aside while nobody steers back"
+    return [f"In a plan, within {left.over_s:g} s, that is {late}{aside}."]
 
 
 def saved_words(diagnosis: Diagnosis) -> str:

@@ -89,6 +89,20 @@ def test_columns_that_stand_still_are_not_logged() -> None:
     assert read(frame.assign(speed_mps=0.0)).speed_mps is None
 
 
+def test_a_heading_that_stands_still_on_a_straight_drive_elsewhere_is_not_logged() -> None:
+    frame = log_of(straight(200.0, seconds=30.0))
+    log = read(frame.assign(heading_deg=90.0))
+    assert log.heading_deg is None and "heading_deg is 90 in every row while the path goes towards " in log.doubts[0]
+    assert read(frame.assign(heading_deg=200.0)).heading_deg is not None
+    assert "heading" in refusal(lambda: read(frame.assign(heading_deg=20.0)))  # a direction of it, read backwards
+
+
+def test_a_start_of_a_second_is_no_speed_in_kmh() -> None:
+    few = log_of(drive("start", 30.0, stairs((30.0, 0.0)), 1.4))[:12]
+    assert float(few.speed_command_mps.mean()) > 2.7 * float(few.speed_mps.mean())
+    assert "no stretch reaches 5 s" in remarks(read(few))[-1]
+
+
 def test_steering_that_stands_still_is_refused_only_where_the_path_bends() -> None:
     still = log_of(WEAVE).drop(columns="steering_command_deg").assign(steering_deg=0.0)
     assert "steering_deg is 0 in every row while the path bends" in refusal(lambda: read(still))

@@ -264,6 +264,16 @@ class TestWords:
             assert f"What is left over pieces of 5 s, {said} is as good as the noise." in text
             assert "depends on: a push" not in text
 
+    def test_the_way_along_is_not_called_noise_where_no_speed_was_measured(self) -> None:
+        wrong = {h: Error(h, 90.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+        for share in (0.0, 0.4):
+            what = diagnosis(unexplained_share=share, after=wrong, pace_mps=0.5, along_judged=False)
+            for text in both(what):
+                assert "The way along is not judged, because not every log has a measured speed." in text
+                assert "cm along (" not in text and "early or late" not in text
+            left = json.loads(diagnosis_json(what))["left"]
+            assert left["late_s"] is None and left["aside_cm"] > 0.0
+
     @pytest.mark.parametrize(
         ("share", "depends", "said"),
         [(0.42, ("a push", "a pull"), "depends on: a push; a pull."), (0.3, (), "on: nothing that was looked for.")],

@@ -122,6 +122,9 @@ HARM_PCT = 2.0
 # Chosen: times the noise floor that passes for noise, and how much more per second between rows, in which nothing is
 # known.
 ABOVE_FLOOR, ABOVE_PER_ROW_S = 1.3, 1.0
+# Chosen, standard deviations that chance is granted between the error of a few pieces and a noise floor drawn as often:
+# less than ABOVE_FLOOR beyond five minutes of driving.
+CHANCE_OF_FEW = 2.0
 # Chosen: shares of unexplained error below this are 0 in print.
 WORTH_SAYING = 0.02
 # Chosen: a rest of the tractor file stays unless it is worse than none by more than this.

@@ -22,7 +22,7 @@ from vehicle.measured.mend.extension import Extension, of_fit
 from vehicle.measured.replay.horizons import run_squares
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.floor import floor_squares
-from vehicle.measured.thresholds import ABOVE_FLOOR, ABOVE_PER_ROW_S, HARM_PCT, WORTH_A_NAME_PCT
+from vehicle.measured.thresholds import ABOVE_FLOOR, ABOVE_PER_ROW_S, CHANCE_OF_FEW, HARM_PCT, WORTH_A_NAME_PCT
 
 
 def test_a_gain_is_what_is_gone_of_the_root_mean_square() -> None:
@@ -103,9 +103,10 @@ def test_sizes_and_intervals_to_neutral() -> None:
     assert with_neutral(eg105(), effect("wheel_slip"), (-0.2, 0.1)) == (-0.2, 0.1)
 
 
-def stub(final: float, before: float, floor: float = 1.0, row_s: float = 0.0) -> Any:
+def stub(final: float, before: float, floor: float = 1.0, row_s: float = 0.0, seconds: float = 900.0) -> Any:
     return SimpleNamespace(
-        floor="floor", bench=SimpleNamespace(row_s=row_s, has_wheel=True), number=lambda squares: np.array([floor]),
+        bench=SimpleNamespace(row_s=row_s, has_wheel=True, course=SimpleNamespace(seconds=seconds)),
+        floor="floor", number=lambda squares: np.array([floor]),
         error=lambda settings: np.array([final] if settings == "no rest" else [0.0]),
         extension=SimpleNamespace(
             ids=frozenset({"push_to_east"}), only=lambda names: "with rest" if names else "no rest"
@@ -117,6 +118,14 @@ def test_noise_is_a_share_above_the_floor_and_more_where_rows_are_few() -> None:
     assert within_noise(stub(0, 0), np.array([ABOVE_FLOOR - 0.01]))
     assert not within_noise(stub(0, 0), np.array([ABOVE_FLOOR + 0.01]))
     assert within_noise(stub(0, 0, row_s=0.5), np.array([ABOVE_FLOOR + 0.5 * ABOVE_PER_ROW_S - 0.01]))
+
+
+def test_the_error_of_a_few_pieces_may_be_chance() -> None:
+    """Two pieces of three errors: a ratio of two means of six squares scatters by the root of 4 / 6."""
+    few = 1.0 + CHANCE_OF_FEW * math.sqrt(4.0 / 6.0)
+    assert within_noise(stub(0, 0, seconds=10.0), np.array([few - 0.01]))
+    assert not within_noise(stub(0, 0, seconds=10.0), np.array([few + 0.01]))
+    assert not within_noise(stub(0, 0, seconds=300.0), np.array([ABOVE_FLOOR + 0.01]))
 
 
 @pytest.mark.parametrize("final, before, share", [(1.2, 9.0, 0.0), (5.0, 9.0, 0.5), (9.0, 9.0, 1.0), (9.0, 2.0, 1.0)])
@@ -150,27 +159,34 @@ def test_a_name_holds_when_it_is_worth_it_does_no_harm_and_is_not_neutral(
 
 
 @pytest.mark.parametrize(
-    "at, interval, worth, likely",
-    [(0.2, (0.05, 0.35), 0.0, True), (0.2, (-0.05, 0.45), 0.0, False), (0.17, (0.05, 0.29), 0.0, False)],
-)
-def test_what_is_likely_is_clearly_not_neutral_and_clearly_beyond_tolerance(
-    at: float, interval: tuple[float, float], worth: float, likely: bool
+    "at, interval, gain, likely",
+    [
+        (0.2, (0.05, 0.35), 0.1, True), (0.2, (0.05, 0.35), -0.1, False),
+        (0.2, (-0.05, 0.45), 0.1, False), (0.17, (0.05, 0.29), 0.1, False),
+    ],
+)  # fmt: skip
+def test_what_is_likely_is_clearly_not_neutral_helps_runs_held_out_and_is_clearly_beyond_tolerance(
+    at: float, interval: tuple[float, float], gain: float, likely: bool
 ) -> None:
     """The tolerance of an offset is 0.12 degrees, and half as much again has to be reached."""
     case: Any = SimpleNamespace(
-        bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), worth_of=lambda name: worth,
+        bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), gain_of=lambda name: (gain, (gain, gain)),
         main_terms={"steering_offset": Term(knobs("steering_offset"), np.array([at]))},
         extension=SimpleNamespace(intervals={"steering_offset": {"angle_deg": interval}}),
     )  # fmt: skip
     assert names.is_likely(case, "steering_offset") is likely
 
 
-@pytest.mark.parametrize("at, worth, likely", [(0.12, 10.1, True), (0.12, 9.9, False), (1.2, 99.0, False)])
-def test_what_is_likely_of_the_steering_shows_at_the_wheel_and_is_at_no_limit(
-    at: float, worth: float, likely: bool
+@pytest.mark.parametrize(
+    "at, worth, gain, likely",
+    [(0.12, 10.1, 0.0, True), (0.12, 9.9, 0.0, False), (0.12, 10.1, -HARM_PCT, False), (1.2, 99.0, 9.0, False)],
+)
+def test_what_is_likely_of_the_steering_shows_at_the_wheel_harms_no_path_and_is_at_no_limit(
+    at: float, worth: float, gain: float, likely: bool
 ) -> None:
     case: Any = SimpleNamespace(
         bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), worth_of=lambda name: worth,
+        gain_of=lambda name: (gain, (gain, gain)),
         main_terms={"steering_dead_time": Term(knobs("steering_dead_time"), np.array([at]))},
         extension=SimpleNamespace(intervals={"steering_dead_time": {"time_s": (0.06, 1.2)}}),
     )  # fmt: skip

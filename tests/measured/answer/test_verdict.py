@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.measured.benches import bench_of, eg105, knobs
 from vehicle.effects import BY_ID, CATALOGUE, PATH, SPEED, check, neutral
 from vehicle.measured.answer.demo import PLACE, draw_hidden, programme
-from vehicle.measured.answer.diagnose import _Counter, _guilty, _with_rest
+from vehicle.measured.answer.diagnose import _Counter, _depends_on, _guilty, _with_rest
 from vehicle.measured.answer.nextdrive import _score, next_drive
 from vehicle.measured.answer.notes import _of_file, _of_logs
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, Diagnosis, Finding, finite, listed
@@ -64,6 +64,16 @@ def test_the_guilty_block_is_that_of_the_name_the_set_or_the_dependence() -> Non
     assert _guilty(["steering_offset"], set_of, selection) == PATH
     assert _guilty([], set_of, selection) == SPEED and _guilty([], [], selection) == "x"
     assert _guilty([], [], SimpleNamespace(unnamed=())) is None
+    assert _guilty([], [], None) is None  # nothing is left that a block could be guilty of
+
+
+def test_what_is_left_depends_on_unnamed_terms_or_on_the_rest_that_lowers_it() -> None:
+    extension: Any = SimpleNamespace(ids=frozenset({"wheel_slip", "grip_by_speed", "grip_to_east", "grip_to_north"}))
+    plain: Any = SimpleNamespace(unnamed=())
+    words = ("a change of grip that depends on speed", "a change of grip that depends on the direction of travel")
+    assert sorted(_depends_on(plain, extension)) == sorted(words)
+    assert _depends_on(SimpleNamespace(unnamed=(SimpleNamespace(words="x"),)), extension) == ("x",)
+    assert _depends_on(plain, SimpleNamespace(ids=frozenset({"wheel_slip"}))) == ()
 
 
 def test_a_rest_of_the_file_stays_unless_the_logs_speak_against_it() -> None:

@@ -7,9 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.measured.benches import rig
+from tests.measured.drawn import circle, course
 from vehicle.measured.causes import patches
 from vehicle.measured.causes.dependence import Response
 from vehicle.measured.causes.patches import best_patch
+from vehicle.measured.fit.fitting import empty_fit
+from vehicle.measured.surprise.bench import prepare
 from vehicle.measured.surprise.whitening import Increments
 
 PLACE, RADIUS = (22.0, 31.0), 9.0
@@ -21,22 +25,26 @@ class Plain(Response):
     def __init__(self, bench: Any, fit: Any) -> None:
         self.bench, self.fit = bench, fit
         self.moves = [bench.move]
-        self.places = [slice(0, len(bench.move.turned))]
+        self.places = [slice(0, 3 * bench.course.stretches[0].rows)]
         self.inverse, self.side = np.zeros((0, 0)), np.zeros(0)
 
-    def turned(self, index: int, turns: np.ndarray) -> np.ndarray:
-        return turns.T
+    def turned(self, index: int, turns: np.ndarray, first: int = 0) -> np.ndarray:
+        made = np.zeros((turns.shape[1] + 1, 3, len(turns)))
+        made[:-1, 0] = turns.T
+        return made.reshape(-1, len(turns))
 
 
 def field_of_bends(grip: float) -> tuple[Any, Any]:
     """Bends up and down a field of 60 m; inside the disc the tractor turns by `grip` more than simulated."""
     east, north = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 60.0, 1.0), np.arange(0.0, 60.0, 1.0)))
     turned = 0.05 * np.sin(0.37 * np.arange(len(east) - 1))
-    stretch = SimpleNamespace(east=east, north=north, rows=len(east))
+    stretch = SimpleNamespace(east=east, north=north, rows=len(east), time=0.1 * np.arange(len(east)))
     course = SimpleNamespace(stretches=(stretch,), origin=(1000.0, 2000.0))
     move = Increments(np.ones_like(turned), np.zeros_like(turned), turned)
     inside = np.hypot(east[:-1] - PLACE[0], north[:-1] - PLACE[1]) < RADIUS
-    fit = SimpleNamespace(surprise=grip * turned * inside, slope=np.zeros((len(turned), 0)))
+    surprise = np.zeros((len(east), 3))
+    surprise[:-1, 0] = grip * turned * inside
+    fit = SimpleNamespace(surprise=surprise.ravel(), slope=np.zeros((3 * len(east), 0)))
     return SimpleNamespace(course=course, move=move), fit
 
 
@@ -59,6 +67,27 @@ def test_the_gain_of_the_disc_is_all_that_is_left() -> None:
     assert patches._gain(response, (*PLACE, RADIUS)) == pytest.approx(loss)
     # A disc twice as wide turns four times as much, of which a quarter is wrong.
     assert patches._gain(response, (*PLACE, 2.0 * RADIUS)) == pytest.approx(0.25 * loss, rel=0.1)
+
+
+def test_a_long_stretch_in_pieces_says_what_it_says_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the filter of the paths, which forgets a turn well within what is followed before a piece."""
+    frame = circle(0.05, 400.0).assign(steering_deg=8.0)
+    shaken = frame.assign(northing_m=frame.northing_m + 0.05 * np.sin(0.2 * frame.time_s))
+    bench = prepare(course(shaken), rig(), {})
+    response = Response(bench, empty_fit(bench))
+    stretch = bench.course.stretches[0]
+    place = (float(stretch.east.max()), float(stretch.north.mean()), 8.0)
+    told = []
+    for length in (1e9, 60.0):
+        monkeypatch.setattr(patches, "PIECE_S", length)
+        pieces, cells = list(patches._pieces((stretch,))), patches._Cells(response)
+        assert [piece.begin for piece in pieces[1:]] == [piece.end for piece in pieces[:-1]]
+        assert (pieces[0].begin, pieces[-1].end) == (0, stretch.rows) and len(pieces) == max(round(400.0 / length), 1)
+        told.append((patches._gain(response, place), cells.side, cells.square, cells.turned))
+    whole, cut = told
+    assert cut[0] == pytest.approx(whole[0], rel=0.01) and whole[0] > 1.0
+    for one, other in zip(whole[1:], cut[1:], strict=True):
+        assert np.abs(other - one).max() < 0.01 * np.abs(one).max()
 
 
 def test_the_same_everywhere_is_nowhere_in_particular() -> None:

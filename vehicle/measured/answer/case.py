@@ -24,9 +24,10 @@ from vehicle.measured.replay.horizons import Halves, Squares, chain, run_squares
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.floor import floor_squares
 from vehicle.measured.surprise.noise import first_noise, tuned
-from vehicle.measured.thresholds import ABOVE_FLOOR, ABOVE_PER_ROW_S
+from vehicle.measured.thresholds import ABOVE_FLOOR, ABOVE_PER_ROW_S, CHANCE_OF_FEW
 from vehicle.tractor import Tractor
 
+PIECE_S = 5.0  # that errors are summed over
 DRAWS = 400  # resampled sets of runs: chosen, leaves an interval steady to its last digit printed
 
 
@@ -151,7 +152,17 @@ def with_real_noise(bench: Bench, fit: Fit) -> Bench:
 def within_noise(case: Case, error: Array) -> bool:
     """Whether an error is what noise, and what happens unseen between rows, would leave."""
     floor = float(case.number(case.floor).sum())
-    return float(error.sum()) < (ABOVE_FLOOR + ABOVE_PER_ROW_S * case.bench.row_s) * floor
+    few = 1.0 + chance_of_few(case.bench.course.seconds)
+    return float(error.sum()) < (max(ABOVE_FLOOR, few) + ABOVE_PER_ROW_S * case.bench.row_s) * floor
+
+
+def chance_of_few(seconds: float) -> float:
+    """How far chance parts two mean squares of the pieces that so much driving gives, as a share.
+
+    A mean of n squares has a variance of 2 / n, the noise floor is drawn as often, and a piece has three errors.
+    """
+    pieces = max(seconds / PIECE_S, 1.0)
+    return CHANCE_OF_FEW * math.sqrt(4.0 / (3.0 * pieces))
 
 
 def noise_share(case: Case) -> float:

@@ -26,6 +26,7 @@ from vehicle.measured.fit.fitting import empty_fit
 from vehicle.measured.fit.openloop import settings_in
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.mend.extended import Alike, extended_tractor
+from vehicle.measured.mend.extension import Extension
 from vehicle.measured.mend.levels import clear_levels, driven_seconds
 from vehicle.measured.replay.course import make_course
 from vehicle.measured.replay.drives import usual
@@ -33,6 +34,7 @@ from vehicle.measured.replay.horizons import errors_of, run_squares
 from vehicle.measured.replay.replaying import make_rig, own_rig
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.thresholds import SAME_ERROR
+from vehicle.rest import BY_NAME
 from vehicle.tractor import Tractor
 
 Progress = Callable[[int, int], None]
@@ -102,12 +104,12 @@ def _answer(
         before=errors_of(before),
         after=errors_of(after),
         floor=errors_of(case.floor),
-        guilty_block=_guilty(named, each, selection),
+        guilty_block=_guilty(named, each, selection if share > 0.0 else None),
         block_error=_blocks(with_real_noise(bench, fit), case),
         findings=tuple(each),
         named=tuple(named),
         unexplained_share=share,
-        depends_on=tuple(one.words for one in selection.unnamed) if share > 0.0 else (),
+        depends_on=_depends_on(selection, extension) if share > 0.0 else (),
         next_drive=next_drive(bench, fit, bench.rig.tractor, rivals),
         tractor=_with_rest(
             tractor, extended_tractor(course, tractor, ground, extension, named, alike, unseen),
@@ -120,7 +122,14 @@ def _answer(
         ),
         grounds=_grounds(told),
         pace_mps=usual(course.stretches)[1],
+        along_judged=bench.has_speed,
     )  # fmt: skip
+
+
+def _depends_on(selection: Selection, extension: Extension) -> tuple[str, ...]:
+    """What is left depends on: the unnamed terms of the fit, else those of the rest that lowers the error."""
+    rest = [f"{BY_NAME[name].changes} that depends on {BY_NAME[name].on}" for name in BY_NAME if name in extension.ids]
+    return tuple(one.words for one in selection.unnamed) or tuple(dict.fromkeys(rest))
 
 
 def _with_rest(tractor: Tractor, extended: Tractor, before: Array, after: Array) -> Tractor:
@@ -130,14 +139,14 @@ def _with_rest(tractor: Tractor, extended: Tractor, before: Array, after: Array)
     return extended.model_copy(update={"rest": tractor.rest})
 
 
-def _guilty(named: list[str], each: list[Finding], selection: Selection) -> str | None:
-    """Block of the first name; without one, of the first of a set, or of the first unnamed dependence."""
+def _guilty(named: list[str], each: list[Finding], left: Selection | None) -> str | None:
+    """Block of the first name; without one, of the first of a set, or of the first unnamed term of what is left."""
     if named:
         return effect(named[0]).block
     alike = [one for one in each if one.status == EQUIVALENT]
     if alike:
         return alike[0].block
-    return selection.unnamed[0].block if selection.unnamed else None
+    return left.unnamed[0].block if left is not None and left.unnamed else None
 
 
 def _blocks(bench: Bench, case: Case) -> dict[str, tuple[float, float]]:

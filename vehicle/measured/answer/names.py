@@ -110,16 +110,19 @@ def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
 
 
 def is_likely(case: Case, name: str) -> bool:
-    """Whether an effect is clearly not neutral, and one of the steering takes as much off the wheel as a name must.
+    """Whether an effect is clearly not neutral and lowers the error of runs held out.
 
+    One of the steering takes as much off the wheel as a name must, and costs the path no more.
     One that ran as far as a tractor can have it stands for something else.
     """
     term = case.main_terms[name]
     clear = clear_of_neutral(case.extension, case.tractor, name)
     far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
     of_wheel = effect(name).block == STEERING and case.bench.has_wheel
-    shown = not of_wheel or case.worth_of(name) >= WORTH_OF_WHEEL_PCT
-    return clear and far and shown and not at_a_limit((term,))
+    if not clear or not far or at_a_limit((term,)):
+        return False
+    gain = case.gain_of(name)[0]
+    return case.worth_of(name) >= WORTH_OF_WHEEL_PCT and gain > -HARM_PCT if of_wheel else gain > 0.0
 
 
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:

@@ -110,7 +110,10 @@ class PlanGain:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The whole answer; see the contract of `headland diagnose --json`."""
+    """The whole answer; see the contract of `headland diagnose --json`.
+
+    `along_judged` is False where a log lacks a measured speed: errors along the way then say nothing of the tractor.
+    """
 
     names: tuple[str, ...]
     rows_used: int
@@ -134,6 +137,7 @@ class Diagnosis:
     plan: PlanGain | None = None
     grounds: tuple[Grounds, ...] = ()
     pace_mps: float = 0.0
+    along_judged: bool = True
 
     @property
     def as_good_as_noise(self) -> bool:

@@ -224,13 +224,14 @@ class Response:
             return self._moved(index, terms)
         return self.turned(index, np.stack([term.turned for term in terms]))
 
-    def turned(self, index: int, turns: Array) -> Array:
-        """Columns (3 k, c) of one stretch for turns (c, k - 1) that are added to those of its rows."""
+    def turned(self, index: int, turns: Array, first: int = 0) -> Array:
+        """Columns (3 k, c) of one stretch for turns (c, k - 1) that are added to those of its rows, from a row on."""
         stretch, move, filtered = self.bench.course.stretches[index], self.moves[index], self.bench.filters[index]
-        out = np.zeros((stretch.rows, 3, len(turns)))
+        rows = slice(first, first + turns.shape[1] + 1)
+        out = np.zeros((turns.shape[1] + 1, 3, len(turns)))
         turn_responses(
-            stretch.time, stretch.heading, move.ahead, move.aside, *self.lever, filtered.gains, filtered.roots, turns,
-            out,
+            stretch.time[rows], stretch.heading[rows], move.ahead[rows], move.aside[rows], *self.lever,
+            filtered.gains[rows], filtered.roots[rows], turns, out,
         )  # fmt: skip
         return out.reshape(-1, len(turns))
 
@@ -246,9 +247,13 @@ class Response:
         """Products of the columns of terms in one stretch."""
         return self.products(index, self.local(index, terms))
 
-    def products(self, index: int, made: Array) -> Products:
-        """Squares of columns (3 k, c), products with what is left, and with the columns of the fit, of one stretch."""
-        place = self.places[index]
+    def products(self, index: int, made: Array, first: int = 0) -> Products:
+        """Squares of columns (3 k, c), products with what is left, and with the columns of the fit, of one stretch.
+
+        The columns are those of its rows from `first` on.
+        """
+        start = self.places[index].start + 3 * first
+        place = slice(start, start + len(made))
         left, slope = self.fit.surprise[place], self.fit.slope[place]
         return crossed(made, made), crossed(made, left), crossed(made, slope)
 

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
 
 import numpy as np
+import numpy.typing as npt
 
-from vehicle.measured.causes.dependence import Response, explained
+from vehicle.measured.causes.dependence import Products, Response, explained
 from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.course import Stretch
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import FEWEST_TURNED_RAD, MOST_OF_TURNING
 
 CELLS = 30  # per longer side of the field: chosen, fine enough for a wet corner, and 900 products a side
 POLISHED = 2  # circles: chosen, the best and one more, for every one costs some hundred simulations of the filter
 RADII = (1.5, 2.2, 3.2, 4.5, 6.5, 9.0)  # in cells: chosen, from the least that is no stripe to most of the field
+# s: a longer stretch is taken in pieces, so that memory and time go with the cells of a piece. A turn shows in the
+# surprises of some seconds; what came before a piece is followed for long enough to be forgotten in it.
+PIECE_S, BEFORE_S = 240.0, 60.0
 Circle = tuple[float, float, float]
+Numbers = npt.NDArray[np.int64]
 
 
 def best_patch(bench: Bench, fit: Fit) -> Circle | None:
@@ -34,6 +43,39 @@ def best_patch(bench: Bench, fit: Fit) -> Circle | None:
     return best[1][0] + origin[0], best[1][1] + origin[1], best[1][2]
 
 
+@dataclass(frozen=True)
+class _Piece:
+    """Rows `begin` to `end` of a stretch, told from its turns from row `lead` on."""
+
+    index: int
+    lead: int
+    begin: int
+    end: int
+
+    @property
+    def turns(self) -> slice:
+        """The turns that reach into the rows."""
+        return slice(self.lead, self.end - 1)
+
+    def products(self, response: Response, turns: Array) -> Products:
+        """Products of the columns that turns (c, n) of the piece make in its rows."""
+        made = response.turned(self.index, turns, self.lead)
+        skipped = (self.begin - self.lead) * (len(made) // (turns.shape[1] + 1))
+        return response.products(self.index, made[skipped:], self.begin)
+
+
+def _pieces(stretches: tuple[Stretch, ...]) -> Iterator[_Piece]:
+    """All rows of all stretches, a long one in pieces of one length."""
+    for index, stretch in enumerate(stretches):
+        count = max(round(float(stretch.time[-1]) / PIECE_S), 1)
+        cuts = np.searchsorted(stretch.time, np.arange(1, count) * (stretch.time[-1] / count))
+        begins, ends = [0, *cuts.tolist()], [*cuts.tolist(), stretch.rows]
+        for begin, end in zip(begins, ends, strict=True):
+            if end - begin > 1:
+                lead = int(np.searchsorted(stretch.time, stretch.time[begin] - BEFORE_S))
+                yield _Piece(index, lead, begin, end)
+
+
 class _Cells:
     """Grip of every cell of the field as a column of its own: products summed over the stretches."""
 
@@ -48,18 +90,17 @@ class _Cells:
         self.north = north.min() + (rows[first] + 0.5) * self.size
         count, width = len(first), response.fit.slope.shape[1]
         self.square, self.side, self.cross = np.zeros((count, count)), np.zeros(count), np.zeros((count, width))
-        self.turned = np.zeros(count)
-        done = 0
-        for index, (stretch, move) in enumerate(zip(stretches, response.moves, strict=True)):
-            mine = number[done : done + stretch.rows - 1]
-            done += stretch.rows - 1
+        starts = np.cumsum([0, *(stretch.rows - 1 for stretch in stretches)])
+        for piece in _pieces(stretches):
+            mine = number[starts[piece.index] :][piece.turns]
+            turned = response.moves[piece.index].turned[piece.turns]
             here = np.unique(mine)
-            made = response.turned(index, np.stack([move.turned * (mine == cell) for cell in here]))
-            square, side, cross = response.products(index, made)
+            square, side, cross = piece.products(response, turned * (mine == here[:, None]))
             self.square[np.ix_(here, here)] += square
             self.side[here] += side
             self.cross[here] += cross
-            self.turned += np.bincount(mine, np.abs(move.turned), count)
+        turned = np.concatenate([move.turned for move in response.moves])
+        self.turned = np.bincount(number, np.abs(turned), count)
         share = self.cross @ response.inverse
         self.square -= share @ self.cross.T
         self.side -= share @ response.side
@@ -87,10 +128,13 @@ def _gain(response: Response, circle: Circle) -> float:
     e, n, r = circle
     width = response.fit.slope.shape[1]
     square, side, cross = np.zeros((1, 1)), np.zeros(1), np.zeros((1, width))
-    for index, (stretch, move) in enumerate(zip(response.bench.course.stretches, response.moves, strict=True)):
-        inside = (stretch.east[:-1] - e) ** 2 + (stretch.north[:-1] - n) ** 2 < r * r
+    stretches = response.bench.course.stretches
+    insides = [(s.east[:-1] - e) ** 2 + (s.north[:-1] - n) ** 2 < r * r for s in stretches]
+    for piece in _pieces(stretches):
+        inside = insides[piece.index][piece.turns]
         if inside.any():
-            parts = response.products(index, response.turned(index, (move.turned * inside)[None]))
+            turned = response.moves[piece.index].turned[piece.turns]
+            parts = piece.products(response, (turned * inside)[None])
             square, side, cross = square + parts[0], side + parts[1], cross + parts[2]
     return response.beyond(square, side, cross)
 

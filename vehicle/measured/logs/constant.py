@@ -32,6 +32,8 @@ def without_constant(log: Log) -> Log:
     if chords is None or len(chords.row) < _FEWEST:
         return log
     log = _drop(log, "heading_deg", _turned_deg(chords) > _TURNED_DEG, "the path turns")
+    course = _course_deg(chords)
+    log = _drop(log, "heading_deg", _off_course(log, course), f"the path goes towards {course:.0f} degrees")
     log = _drop(log, "speed_mps", _pace_changes(log, chords), "the tractor's pace changes")
     return _steering(log, chords)
 
@@ -69,6 +71,21 @@ def _still(values: Array, log: Log) -> bool:
 def _turned_deg(chords: Motion) -> float:
     """How far the course leaves its first direction at most, degrees."""
     return float(np.degrees(np.ptp(np.unwrap(chords.course))))
+
+
+def _course_deg(chords: Motion) -> float:
+    """Mean direction of travel, degrees clockwise from north."""
+    east, north = float(np.sin(chords.course).sum()), float(np.cos(chords.course).sum())
+    return math.degrees(math.atan2(east, north)) % 360.0
+
+
+def _off_course(log: Log, course_deg: float) -> bool:
+    """Whether a heading that stands still is no direction of this drive, read as degrees in any convention."""
+    if log.heading_deg is None:
+        return False
+    heading = float(log.heading_deg[log.used][0])
+    readings = (heading, -heading, 90.0 - heading, heading + 180.0)
+    return all(abs((one - course_deg + 180.0) % 360.0 - 180.0) > _TURNED_DEG for one in readings)
 
 
 def _bent_rad(chords: Motion) -> float:

@@ -12,6 +12,7 @@ from vehicle.measured.logs.conversions import apply_fixes, first_place, fixed
 from vehicle.measured.logs.directions import HEADING_FITS, HEADING_MATCHES, directions, heading_fits
 from vehicle.measured.logs.motion import Motion, motion
 from vehicle.measured.logs.record import Array, Fix, Log, Suspicion
+from vehicle.measured.logs.stretches import SHORTEST_S
 
 __all__ = ["apply_fixes", "conventions", "first_place"]
 
@@ -80,8 +81,8 @@ def _speed(log: Log, _wheelbase_m: float | None, _others: Sequence[Log]) -> list
     chords = motion(log)
     if chords is None or float(np.mean(chords.speed)) < 0.1:
         return []
-    measured = _kmh("speed_mps", log.speed_mps, chords, _KMH)
-    command = _kmh("speed_command_mps", log.speed_command_mps, chords, _KMH_COMMAND)
+    measured = _kmh("speed_mps", log, chords, _KMH)
+    command = _kmh("speed_command_mps", log, chords, _KMH_COMMAND)
     if measured and (command or log.speed_command_mps is None):
         return [(Fix.SPEED_KMH, measured)]
     if command:
@@ -89,9 +90,13 @@ def _speed(log: Log, _wheelbase_m: float | None, _others: Sequence[Log]) -> list
     return [(Fix.SPEED_MEASURED_KMH, measured)] if measured else []
 
 
-def _kmh(name: str, speed: Array | None, chords: Motion, band: tuple[float, float]) -> str:
-    """Why a column is in km/h; empty when it is not. Judged on the faster half too, past every start."""
-    if speed is None:
+def _kmh(name: str, log: Log, chords: Motion, band: tuple[float, float]) -> str:
+    """Why a column is in km/h; empty when it is not. Judged on the faster half too, past every start.
+
+    A log of a few seconds may be all start, and is not judged.
+    """
+    speed: Array | None = getattr(log, name)
+    if speed is None or float(np.ptp(log.time_s[log.used])) < SHORTEST_S:
         return ""
     fast = chords.speed >= np.median(chords.speed)
     for part in (np.ones_like(fast), fast):
