@@ -57,10 +57,11 @@ def driven_seconds(course: Course) -> Array:
 
 
 def main_terms(terms: Sequence[Term], seconds: Array) -> Terms:
-    """The terms, with the level of the longer driving where an effect has two."""
+    """The terms, with the level of the longer driving where an effect has two, or the one that is not neutral."""
 
-    def weight(term: Term) -> float:
-        return float(seconds.sum() if term.runs is None else seconds[sorted(term.runs)].sum())
+    def weight(term: Term) -> tuple[bool, float]:
+        driven = float(seconds.sum() if term.runs is None else seconds[sorted(term.runs)].sum())
+        return term.knobs.deviation(term.at) > 0.0, driven
 
     best = {term.knobs.id: term for term in sorted(terms, key=weight)}
     return tuple(term for term in terms if best[term.knobs.id] is term)
