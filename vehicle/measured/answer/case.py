@@ -149,10 +149,13 @@ def with_real_noise(bench: Bench, fit: Fit) -> Bench:
     return replace(bench, noise=tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings))
 
 
-def within_noise(case: Case, error: Array) -> bool:
-    """Whether an error is what noise, and what happens unseen between rows, would leave."""
+def within_noise(case: Case, error: Array, by_chance: bool = False) -> bool:
+    """Whether an error is what noise, and what happens unseen between rows, would leave.
+
+    `by_chance` grants a few pieces what chance does to them: so much is said of what is left, and no name rests on it.
+    """
     floor = float(case.number(case.floor).sum())
-    few = 1.0 + chance_of_few(case.bench.course.seconds)
+    few = 1.0 + (chance_of_few(case.bench.course.seconds) if by_chance else 0.0)
     return float(error.sum()) < (max(ABOVE_FLOOR, few) + ABOVE_PER_ROW_S * case.bench.row_s) * floor
 
 

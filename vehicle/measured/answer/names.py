@@ -180,7 +180,7 @@ def unexplained(told: Explained, before: Array) -> float:
     case = told.case
     floor = float(case.number(case.floor).sum())
     error = case.error(case.extension.only(case.extension.ids - frozenset(BY_NAME)))
-    if within_noise(case, error):
+    if within_noise(case, error, by_chance=True):
         return 0.0
     left = float(error.sum())
     share = (left - floor) / max(float(before.sum()) - floor, left - floor)
