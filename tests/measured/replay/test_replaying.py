@@ -71,6 +71,19 @@ def test_in_reverse_a_wheel_angle_gives_its_radius_and_turns_the_other_way(angle
     assert turned[1] == pytest.approx(-turned[0], rel=0.01)
 
 
+@pytest.mark.parametrize("pace", [0.8, 2.2])
+@pytest.mark.parametrize("gear", [1.0, -1.0])
+def test_a_measured_speed_bends_the_path_as_the_same_speed_commanded(pace: float, gear: float) -> None:
+    """The engine holds a measured speed against the ground: it is not rolled out, and no tyre is braked by it."""
+    drive = blank(0, 0.0, ((20.0, 12.0, gear, 0.0),), pace)
+    turned = []
+    for from_speed in (True, False):
+        states = replay(rig(), drive, {}, from_sensor=False, from_speed=from_speed)
+        way = float(np.sum(states[600:-1, FORWARD])) * DT_S
+        turned.append((states[-1, ANGLE] - states[600, ANGLE]) / way)
+    assert turned[0] == pytest.approx(turned[1], rel=1e-3)
+
+
 def test_in_reverse_commands_reach_their_speed_and_a_slope_still_pulls_downhill() -> None:
     drive = blank(0, 0.0, ((12.0, 0.0, -1.0, 0.0),), SPEED_MPS)
     slope = {"cross_slope_drift": {"ratio": 0.1, "bearing_deg": 180.0}}
