@@ -89,7 +89,8 @@ def replay_figure(found: Replayed) -> Figure:
     path.set_aspect("equal", adjustable="datalim")
     path.set(xlabel="east, m", ylabel="north, m")
     wheel.set_ylabel("wheel angle, deg")
-    speed.set_ylabel("speed, m/s")
+    back = any(one.measured.gear < 0.0 for one in found.stretches)
+    speed.set_ylabel("speed, m/s,\nbelow 0 in reverse" if back else "speed, m/s")
     error.set(ylabel="error across, cm,\nanchored every 5 s", xlabel="time, s")
     for axes in (path, wheel, speed, error):
         axes.spines[["top", "right"]].set_visible(False)

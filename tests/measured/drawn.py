@@ -40,6 +40,11 @@ def circle(
     })  # fmt: skip
 
 
+def backwards(frame: pd.DataFrame) -> pd.DataFrame:
+    """The drive in reverse gear from its end to its start: the same places and headings, the other way round."""
+    return frame.iloc[::-1].reset_index(drop=True).assign(time_s=frame.time_s, shuttle=-1)
+
+
 def log(frame: pd.DataFrame, name: str = "run", **columns: object) -> Log:
     """The frame as a log, conventions unchecked, some columns replaced."""
     return log_from_frame(frame.assign(**columns), name, check=False)

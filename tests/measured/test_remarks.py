@@ -47,13 +47,12 @@ def test_rows_left_out_are_told_with_rule_and_line() -> None:
     assert said(heading_deg=heading) == ["run: 2 rows left out: heading_deg missing or not a number (first in line 5)."]
 
 
-def test_short_stretches_and_reverse_are_told() -> None:
+def test_short_stretches_are_told_and_reverse_is_used() -> None:
     frame = table(400)
-    frame["shuttle"] = np.where(np.arange(400) < 300, 1, -1)
+    frame["shuttle"] = np.where(np.arange(400) < 290, 1, -1)
     frame.loc[60:69, "easting_m"] = np.nan
     log = log_from_frame(frame, "run", check=False)
     assert remarks(log)[1:] == [
-        "run: 100 rows not used: driven in reverse (first in line 302).",
         "run: 60 rows not used: in stretches shorter than 5 s (first in line 2).",
     ]
     short = log_from_frame(table(60), "short")

@@ -69,5 +69,5 @@ def test_an_unnamed_dependence_is_plotted_against_what_it_depends_on() -> None:
 
 def test_rows_in_motion_away_from_the_ends_count() -> None:
     time = np.arange(0.0, 5.0, 0.5)
-    stretch = SimpleNamespace(time=time, speed=np.where(time < 3.0, 1.4, 0.1))
+    stretch = SimpleNamespace(time=time, pace=np.where(time < 3.0, 1.4, 0.1))
     assert time[_inner(stretch)].tolist() == [1.5, 2.0, 2.5]

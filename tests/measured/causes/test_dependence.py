@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.measured.benches import bench_of, rig
-from tests.measured.drawn import circle, course
+from tests.measured.drawn import backwards, circle, course
 from vehicle.measured.causes.dependence import (
     ALWAYS,
     DISTANCE,
@@ -86,6 +86,30 @@ def test_words_and_blocks_of_a_term() -> None:
 def test_products_of_many_stretches_are_explained_at_once() -> None:
     squares, sides = np.array([np.diag([4.0, 100.0]), np.full((2, 2), 4.0)]), np.array([[6.0, 10.0], [6.0, 6.0]])
     assert explained(squares, sides) == pytest.approx([10.0, 9.0])
+
+
+@pytest.mark.parametrize(
+    ("amounts", "size", "words"),
+    [({"angle_by_speed": 0.2}, np.radians(0.2), "an extra wheel angle that depends on speed"),
+     ({"grip_by_speed": 0.02}, 0.02, "a change of grip that depends on speed"),
+     ({"push_to_east": 0.01}, 0.01, "a push over the ground that depends on the direction of travel and the time on "
+                                    "the way")],
+)  # fmt: skip
+@pytest.mark.parametrize("gear", [1.0, -1.0])
+def test_a_term_moves_the_tractor_as_the_rest_that_it_becomes(
+    amounts: dict[str, float], size: float, words: str, gear: float
+) -> None:
+    """Two formulas of one thing, forward and in reverse."""
+    frame = circle(0.05, 30.0).assign(steering_deg=8.0)
+    bench = prepare(course(frame if gear > 0.0 else backwards(frame)), rig(), {})
+    (plain,), (moved,), (stretch,) = bench.path({}), bench.path({"rest": amounts}), bench.course.stretches
+    terms = next(one for one in dependences(bench) if one.words == words)
+    term = terms.make(stretch, plain, _per_angle(bench, stretch))[0]
+    for kind in ("ahead", "aside", "turned"):
+        change, told = getattr(moved, kind) - getattr(plain, kind), size * getattr(term, kind)
+        most = float(np.abs(told).max())
+        if most > 0.0:
+            assert change[20:] == pytest.approx(told[20:], abs=0.1 * most), kind
 
 
 def test_turns_alone_answer_as_the_whole_filter_does() -> None:

@@ -1,15 +1,15 @@
-"""Which rows of a log are driven forward without a gap, row by row."""
+"""Which rows of a log are driven in one gear without a gap, row by row."""
 
 import numpy as np
 import pytest
 
 from tests.measured.drawn import circle, log
 from vehicle.measured.logs.record import COLUMNS, Log
-from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
+from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 
 
 def rows_of(one: Log) -> tuple[list[list[int]], list[list[int]]]:
-    long, short = forward_stretches(one)
+    long, short = driven_stretches(one)
     ends = lambda parts: [[int(part[0]), int(part[-1]), len(part)] for part in parts]  # noqa: E731
     return ends(long), ends(short)
 
@@ -33,10 +33,19 @@ def test_few_rows_left_out_are_no_gap_and_many_are() -> None:
     assert rows_of(log(circle(0.0), easting_m=east)) == ([[0, 59, 60], [80, 199, 120]], [])
 
 
-def test_a_change_of_gear_ends_a_stretch_and_reverse_is_none() -> None:
+def test_a_change_of_gear_ends_a_stretch() -> None:
     gear = np.ones(200)
-    gear[100:120], gear[160] = -1.0, 0.0
-    assert rows_of(log(circle(0.0), shuttle=gear)) == ([[0, 99, 100]], [[120, 159, 40], [161, 199, 39]])
+    gear[60:130], gear[160] = -1.0, 0.0
+    long, short = [[0, 59, 60], [60, 129, 70]], [[130, 159, 30], [161, 199, 39]]
+    assert rows_of(log(circle(0.0), shuttle=gear)) == (long, short)
+
+
+def test_a_gear_changed_in_rows_left_out_ends_a_stretch_and_one_not_told_does_not() -> None:
+    gear, east = np.full(200, -1.0), circle(0.0).easting_m.to_numpy(copy=True)
+    gear[100:103] = np.nan
+    assert rows_of(log(circle(0.0), shuttle=gear)) == ([[0, 199, 197]], [])
+    gear[101], east[101] = 1.0, np.nan
+    assert rows_of(log(circle(0.0), shuttle=gear, easting_m=east)) == ([[0, 99, 100], [103, 199, 97]], [])
 
 
 def test_a_log_has_every_column_of_the_contract_or_none() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.measured.drawn import SPEED_MPS, circle, log
+from tests.measured.drawn import SPEED_MPS, backwards, circle, log
 from tests.measured.tables import refusal
 from vehicle.layout import DT_S
 from vehicle.measured.replay.course import make_course
@@ -53,9 +53,22 @@ def test_what_was_not_logged_is_told_from_the_positions() -> None:
 
 def test_time_starts_with_the_run_and_a_later_stretch_knows_its_start() -> None:
     gear = np.ones(200)
-    gear[80:90] = -1.0
+    gear[80:90] = 0.0
     one, two = make_course([log(circle(0.0), shuttle=gear)]).stretches
     assert (one.start_s, two.start_s) == pytest.approx((0.0, 9.0)) and two.time[0] == 0.0 and one.run == two.run == 0
+
+
+def test_in_reverse_speeds_are_negative_and_headings_point_away_from_the_way() -> None:
+    frame = backwards(circle(0.05))
+    (told,) = make_course([log(frame, speed_command_mps=1.6)]).stretches
+    assert told.gear == -1.0 and (told.speed == -SPEED_MPS).all() and (told.pace == SPEED_MPS).all()
+    assert told.target is not None and (told.target == -1.6).all() and (told.grids["target"] == -1.6).all()
+    assert (told.grids["speed"] == -SPEED_MPS).all()
+    (one,) = make_course([log(frame.drop(columns=["heading_deg", "speed_mps"]))]).stretches
+    inner = slice(5, -5)
+    assert one.speed[inner] == pytest.approx(np.full(190, -SPEED_MPS), rel=1e-3)
+    off = np.angle(np.exp(1j * (one.heading - told.heading)))[inner]
+    assert np.abs(off).max() < 1e-3 and np.abs(np.diff(one.heading)).max() < 0.1
 
 
 def test_runs_are_numbered_and_named_and_nothing_long_is_refused() -> None:

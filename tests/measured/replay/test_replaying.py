@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.measured.drawn import SPEED_MPS, circle, course, rig
+from tests.measured.drawn import SPEED_MPS, backwards, circle, course, rig
 from vehicle.effects import effect_fields
 from vehicle.errors import VehicleError
 from vehicle.layout import DT_S
@@ -54,6 +54,43 @@ def test_a_measured_wheel_angle_gives_the_measured_radius() -> None:
     turned = abs(float(np.interp(one.time[-1], DT_S * np.arange(len(states)), states[:, ANGLE])) - float(
         np.interp(one.time[100], DT_S * np.arange(len(states)), states[:, ANGLE])))
     assert way / turned == pytest.approx(radius, rel=0.01)
+
+
+@pytest.mark.parametrize("angle_deg", [12.0, -12.0])
+def test_in_reverse_a_wheel_angle_gives_its_radius_and_turns_the_other_way(angle_deg: float) -> None:
+    side = math.copysign(1.0, angle_deg)
+    radius = EG105.power_law("soil").radius_m(angle_deg)
+    frame = circle(side / radius, 30.0).assign(steering_deg=angle_deg)
+    turned = []
+    for drive in (frame, backwards(frame)):
+        one = course(drive).stretches[0]
+        states = replay(rig(), one, {}, from_sensor=True, from_speed=True)
+        turned.append(states[-1, ANGLE] - states[600, ANGLE])
+        assert (states[:, FORWARD] == one.speed[0]).all()
+    assert side * turned[0] < 0.0 < side * turned[1]
+    assert turned[1] == pytest.approx(-turned[0], rel=0.01)
+
+
+@pytest.mark.parametrize("pace", [0.8, 2.2])
+@pytest.mark.parametrize("gear", [1.0, -1.0])
+def test_a_measured_speed_bends_the_path_as_the_same_speed_commanded(pace: float, gear: float) -> None:
+    """The engine holds a measured speed against the ground: it is not rolled out, and no tyre is braked by it."""
+    drive = blank(0, 0.0, ((20.0, 12.0, gear, 0.0),), pace)
+    turned = []
+    for from_speed in (True, False):
+        states = replay(rig(), drive, {}, from_sensor=False, from_speed=from_speed)
+        way = float(np.sum(states[600:-1, FORWARD])) * DT_S
+        turned.append((states[-1, ANGLE] - states[600, ANGLE]) / way)
+    assert turned[0] == pytest.approx(turned[1], rel=1e-3)
+
+
+def test_in_reverse_commands_reach_their_speed_and_a_slope_still_pulls_downhill() -> None:
+    drive = blank(0, 0.0, ((12.0, 0.0, -1.0, 0.0),), SPEED_MPS)
+    slope = {"cross_slope_drift": {"ratio": 0.1, "bearing_deg": 180.0}}
+    states = replay(rig(), drive, slope, from_sensor=False, from_speed=False)
+    assert states[-1, FORWARD] == pytest.approx(-SPEED_MPS, abs=0.02)
+    way = states[-1, X] - states[0, X]
+    assert way < -10.0 and states[-1, Y] - states[0, Y] == pytest.approx(-0.1 * abs(way), rel=0.02)
 
 
 @pytest.mark.parametrize(

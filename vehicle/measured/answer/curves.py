@@ -63,7 +63,7 @@ def _wheel(bench: Bench, stretch: Stretch, settings: Settings) -> Array:
 def _pace(bench: Bench, stretch: Stretch, settings: Settings) -> Array:
     """Measured minus simulated speed, m/s."""
     _, _, _, speed = seen(bench.rig, stretch, replay(bench.rig, stretch, settings, False, False), settings)
-    return stretch.speed - speed
+    return stretch.gear * (stretch.speed - speed)
 
 
 def _rate(stretch: Stretch, values: Array) -> Array:
@@ -99,7 +99,7 @@ def _command_rate(stretch: Stretch) -> Array:
 
 
 def _target(stretch: Stretch) -> Array:
-    return stretch.speed if stretch.target is None else stretch.target
+    return stretch.pace if stretch.target is None else stretch.gear * stretch.target
 
 
 _QUANTITIES: dict[str, tuple[str, Quantity]] = {
@@ -119,7 +119,7 @@ _REGRESSORS: dict[str, tuple[str, Callable[[Stretch], Array]]] = {
     TARGET_RATE: ("change of the commanded speed, m/s2", lambda s: _rate(s, _target(s))),
     TURNING: ("turning rate, deg/s", _curvature_rate),
     TIME: ("time since the start, s", lambda s: s.start_s + s.time),
-    SPEED: ("speed, m/s", lambda s: s.speed),
+    SPEED: ("speed, m/s", lambda s: s.pace),
 }
 _UNNAMED = {"speed": SPEED, "square": SPEED, "direction": DIRECTION, "time": TIME}
 
@@ -147,7 +147,7 @@ def best_curve(
 
 def _inner(stretch: Stretch) -> Mask:
     """Rows away from the ends and in motion."""
-    moving = stretch.speed > 0.3 * max(float(np.median(stretch.speed)), 0.05)
+    moving = stretch.pace > 0.3 * max(float(np.median(stretch.pace)), 0.05)
     return np.asarray(moving & (stretch.time > SPAN_S) & (stretch.time < stretch.time[-1] - SPAN_S))
 
 

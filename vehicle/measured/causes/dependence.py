@@ -54,7 +54,8 @@ class Dependence:
 def _bend(move: Increments, regressor: Array, per_angle: Array) -> Increments:
     """An extra wheel angle (rad, to the right); `per_angle` is the curvature it makes at the angle the wheels have."""
     zero = np.zeros_like(move.ahead)
-    return Increments(zero, zero, -regressor * np.hypot(move.ahead, move.aside) * per_angle)
+    way = np.copysign(np.hypot(move.ahead, move.aside), move.ahead)  # backwards it turns the other way
+    return Increments(zero, zero, -regressor * way * per_angle)
 
 
 def _per_angle(bench: Bench, stretch: Stretch) -> Array:
@@ -87,7 +88,7 @@ def _faster(move: Increments, regressor: Array) -> Increments:
 
 
 def _speed(stretch: Stretch) -> Array:
-    return stretch.speed[:-1]
+    return stretch.pace[:-1]
 
 
 def _steering(stretch: Stretch) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from vehicle.measured.logs.gating import FIRST_ROW_LINE
 from vehicle.measured.logs.record import COLUMNS, Log, Rows
-from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
+from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 
 STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 _NEAR = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
@@ -63,14 +63,12 @@ def _tilt(log: Log) -> list[str]:
 
 
 def _stretches(log: Log) -> list[str]:
-    back = np.flatnonzero(log.used & (log.shuttle < 0.0))
-    told = [f"{_rows(len(back))} not used: driven in reverse (first in line {_line(back)})"] if len(back) else []
-    long, short = forward_stretches(log)
-    if short:
-        rows = np.concatenate(short)
-        where = f"in stretches shorter than {SHORTEST_S:g} s" if long else f"no stretch reaches {SHORTEST_S:g} s"
-        told.append(f"{_rows(len(rows))} not used: {where} (first in line {_line(rows)})")
-    return told
+    long, short = driven_stretches(log)
+    if not short:
+        return []
+    rows = np.concatenate(short)
+    where = f"in stretches shorter than {SHORTEST_S:g} s" if long else f"no stretch reaches {SHORTEST_S:g} s"
+    return [f"{_rows(len(rows))} not used: {where} (first in line {_line(rows)})"]
 
 
 def _line(rows: Rows) -> int:

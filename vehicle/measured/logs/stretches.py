@@ -1,4 +1,4 @@
-"""Stretches of a log that were driven forward without a gap: what a replay can use, and what is too short for it."""
+"""Stretches of a log driven in one gear without a gap: what a replay can use, and what is too short for it."""
 
 from __future__ import annotations
 
@@ -9,15 +9,24 @@ from vehicle.measured.logs.record import Log, Rows
 SHORTEST_S = 5.0  # one piece of the 5 s horizon, the one that errors are compared over
 
 
-def forward_stretches(log: Log) -> tuple[list[Rows], list[Rows]]:
-    """Rows of each stretch driven forward without a gap: those long enough to replay, and those too short."""
+def driven_stretches(log: Log) -> tuple[list[Rows], list[Rows]]:
+    """Rows of each stretch driven forward, or in reverse, without a gap: those long enough to replay, and the rest."""
     long: list[Rows] = []
     short: list[Rows] = []
+    rows = np.flatnonzero(log.used)
     # A few rows left out are no gap, unless the gear was changed in them.
-    seen = np.flatnonzero(log.used | (log.shuttle <= 0.0))
-    number = np.where(log.used & (log.shuttle > 0.0), log.segment, -1)[seen]
-    for rows in np.split(seen, np.flatnonzero(np.diff(number) != 0) + 1):
-        if len(rows) and log.used[rows[0]] and log.shuttle[rows[0]] > 0.0:
-            enough = log.time_s[rows[-1]] - log.time_s[rows[0]] >= SHORTEST_S
-            (long if enough else short).append(rows)
+    change = (np.diff(log.segment[rows]) != 0) | (np.diff(_gears(log)[rows]) != 0)
+    for part in np.split(rows, np.flatnonzero(change) + 1):
+        if len(part):
+            enough = log.time_s[part[-1]] - log.time_s[part[0]] >= SHORTEST_S
+            (long if enough else short).append(part)
     return long, short
+
+
+def _gears(log: Log) -> Rows:
+    """Number of the gear changes up to each row, of those that the log tells."""
+    told = np.isfinite(log.shuttle)
+    gear = np.sign(log.shuttle[told])
+    number = np.zeros(len(log.shuttle), dtype=np.int64)
+    number[told] = np.cumsum(np.diff(gear, prepend=gear[:1]) != 0.0)
+    return number

@@ -66,7 +66,7 @@ def _short(value: float) -> float:
 
 def _rest(course: Course, amounts: dict[str, float], spread: dict[str, Interval]) -> Rest:
     """The rest, to be trusted where nearly all of the driving was."""
-    speeds = np.concatenate([one.speed for one in course.stretches])
+    speeds = np.concatenate([one.pace for one in course.stretches])
     angles = [one.wheel if one.wheel is not None else one.command for one in course.stretches]
     degrees = np.degrees(np.concatenate([one for one in angles if one is not None]))
     fast, low, high = float(np.quantile(speeds, 0.995)), *(float(np.quantile(degrees, q)) for q in (0.005, 0.995))

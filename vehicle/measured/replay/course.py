@@ -1,4 +1,4 @@
-"""Logs made ready for replay: stretches of forward driving on the simulation's own time grid."""
+"""Logs made ready for replay: stretches driven in one gear, on the simulation's own time grid."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from vehicle.layout import DT_S
 from vehicle.measured.errors import LogError
 from vehicle.measured.logs.record import Array, Log, Rows
-from vehicle.measured.logs.stretches import SHORTEST_S, forward_stretches
+from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 
 CHORD_S = 0.6  # a centimetre of antenna noise is a degree of course at walking pace
 _SHOWN_LOGS = 3  # of a refusal: more are counted
@@ -25,7 +25,8 @@ class Stretch:
     Per row (k,): `time`, `east`, `north` (from the origin of the set), `heading` (continuous), `heading_seen` (False
     where the log has none and the course stands in), `speed`, `wheel`, `command`, `target`, `working`; a column that
     the log lacks is None. Per step of 1/60 s (n,): the same inputs on the grid, names with `_grid`. `start_s` is the
-    time since the start of the run at the first row.
+    time since the start of the run at the first row. `gear` is 1, or -1 in reverse, where `speed` and `target` are
+    negative and the heading points away from the way driven.
     """
 
     run: int
@@ -42,11 +43,17 @@ class Stretch:
     target: Array | None
     working: Array
     grids: dict[str, Array]
+    gear: float = 1.0
 
     @cached_property
     def direction(self) -> tuple[Array, Array]:
         """Cosine and sine of the heading on the grid (n,)."""
         return np.cos(self.grids["heading"]), np.sin(self.grids["heading"])
+
+    @property
+    def pace(self) -> Array:
+        """Speed in the gear driven (k,): as the log has it, not below 0."""
+        return self.gear * self.speed
 
     @property
     def rows(self) -> int:
@@ -86,7 +93,7 @@ def make_course(logs: Sequence[Log]) -> Course:
     origin = (float(np.round(np.median(east))), float(np.round(np.median(north))))
     stretches: list[Stretch] = []
     for run, log in enumerate(logs):
-        for rows in forward_stretches(log)[0]:
+        for rows in driven_stretches(log)[0]:
             stretches.append(_stretch(log, rows, run, origin))
     if not stretches:
         raise LogError(_nothing_long(logs))
@@ -102,12 +109,12 @@ def _nothing_long(logs: Sequence[Log]) -> str:
             f", {worst.rows} of {len(log.used)} rows are lost to: {worst.rule} (first in line {worst.first_line})"
         )  # fmt: skip
         longest = max(
-            (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in forward_stretches(log)[1]), default=0.0
+            (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in driven_stretches(log)[1]), default=0.0
         )
         why.append(f"in {log.name} the longest lasts {longest:.1f} s{lost}")
     more = f"; and {len(logs) - _SHOWN_LOGS} more" if len(logs) > _SHOWN_LOGS else ""
     return (
-        f"No log holds {SHORTEST_S:g} s of forward driving without a gap: {'; '.join(why)}{more}; fill or leave out "
+        f"No log holds {SHORTEST_S:g} s driven in one gear without a gap: {'; '.join(why)}{more}; fill or leave out "
         "such columns, or log at least one such run."
     )
 
@@ -115,13 +122,16 @@ def _nothing_long(logs: Sequence[Log]) -> str:
 def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float]) -> Stretch:
     time = log.time_s[rows] - log.time_s[rows[0]]
     east, north = log.easting_m[rows] - origin[0], log.northing_m[rows] - origin[1]
+    gear = float(np.sign(log.shuttle[rows[0]]))
     course, pace = _course(time, east, north)
+    if gear < 0.0:
+        course += math.pi
     heading = course if log.heading_deg is None else np.unwrap(math.pi / 2 - np.radians(log.heading_deg[rows]))
-    speed = pace if log.speed_mps is None else log.speed_mps[rows]
+    speed = gear * (pace if log.speed_mps is None else log.speed_mps[rows])
     columns = {
         "wheel": _angle(log.steering_deg, rows),
         "command": _angle(log.steering_command_deg, rows),
-        "target": None if log.speed_command_mps is None else log.speed_command_mps[rows],
+        "target": None if log.speed_command_mps is None else gear * log.speed_command_mps[rows],
     }
     working = log.implement[rows]
     grids = _grids(
@@ -130,7 +140,7 @@ def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float]) -> Str
     return Stretch(
         run, float(log.time_s[rows[0]] - log.time_s[log.used][0]), time, east, north, heading,
         log.heading_deg is not None, speed, log.speed_mps is not None,
-        columns["wheel"], columns["command"], columns["target"], working, grids,
+        columns["wheel"], columns["command"], columns["target"], working, grids, gear,
     )  # fmt: skip
 
 

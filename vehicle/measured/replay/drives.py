@@ -95,7 +95,7 @@ def usual(stretches: Sequence[Stretch]) -> tuple[float, float]:
     """The heading driven most (rad; of a drive that repeats, the same) and the median speed (m/s) of a course."""
     east = np.concatenate([np.cos(one.heading) for one in stretches])
     north = np.concatenate([np.sin(one.heading) for one in stretches])
-    pace = float(np.median(np.concatenate([one.speed for one in stretches]))) or PACE_MPS
+    pace = float(np.median(np.concatenate([one.pace for one in stretches]))) or PACE_MPS
     return math.atan2(float(north.mean()), float(east.mean())), pace
 
 

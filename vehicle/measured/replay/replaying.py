@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from vehicle.calibration import steering_tables
-from vehicle.chassis import body_step
+from vehicle.chassis import GRAVITY, body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
 from vehicle.effects import PATH, SPEED, effect_fields
@@ -60,7 +60,10 @@ def replay_steps(  # type: ignore[no-untyped-def]
             state.play = played(state.play, state.steering, model)
         else:
             turn_wheels(state, model, dt)
-        drive = 0.0 if from_speed else propel(state, model, ground, forward, dt)
+        if from_speed:
+            drive = ground.rolling * model.mass * GRAVITY * forward / (abs(forward) + 0.05)  # what rolling takes
+        else:
+            drive = propel(state, model, ground, forward, dt)
         there, across = cosines[i], sines[i]
         tangent = affected_tangent(
             state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
