@@ -14,6 +14,7 @@ from vehicle.measured.answer import names
 from vehicle.measured.answer.case import Case, gain_between, noise_share, with_real_noise, within_noise
 from vehicle.measured.answer.findings import findings, sized, visible, with_neutral
 from vehicle.measured.answer.names import Explained, holds, unexplained, unnamed_gain
+from vehicle.measured.answer.record import LIKELY_OF, LIKELY_RIGHT
 from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED
 from vehicle.measured.causes.challenge import look_alikes
 from vehicle.measured.fit.fitting import Extra, Fit, refined
@@ -147,15 +148,17 @@ def test_the_unexplained_share_is_what_no_name_takes_away_above_the_floor(
         (1.0, 1.0, (0.0, 1.5), False),
     ],
 )
-def test_a_name_holds_when_it_is_worth_it_does_no_harm_and_is_not_neutral(
-    worth: float, gain: float, interval: tuple[float, float], held: bool
+@pytest.mark.parametrize("at, possible", [(0.3, True), (8.0, False)])
+def test_a_name_holds_when_it_is_worth_it_does_no_harm_and_is_neither_neutral_nor_at_a_limit(
+    worth: float, gain: float, interval: tuple[float, float], held: bool, at: float, possible: bool
 ) -> None:
     case: Any = SimpleNamespace(
         bench=SimpleNamespace(has_wheel=True), tractor=eg105(), worth_of=lambda name: worth,
         gain_of=lambda name: (gain, (gain, gain)),
         extension=SimpleNamespace(intervals={"steering_offset": {"angle_deg": interval}}),
+        main_terms={"steering_offset": Term(knobs("steering_offset"), np.array([at]))},
     )  # fmt: skip
-    assert holds(case, "steering_offset") is held
+    assert holds(case, "steering_offset") is (held and possible)
     assert names._least_worth(case.bench, "steering_offset") == WORTH_A_NAME_PCT
 
 
@@ -228,3 +231,7 @@ def test_terms_of_a_case_are_those_of_the_longer_driving(case: Case) -> None:
     bench: Bench = case.bench
     two = Case(bench, case.fit, Extension(levels, {}, {}), case.floor)
     assert set(two.main_terms) == {"side_slip"} and two.main_terms["side_slip"] in levels
+
+
+def test_no_more_were_right_than_were_called_likely() -> None:
+    assert 0 <= LIKELY_RIGHT <= LIKELY_OF

@@ -160,9 +160,12 @@ def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[
 
 
 def holds(case: Case, name: str) -> bool:
-    """Whether an effect takes error away where it shows, without harm to the path, and is clearly not neutral."""
+    """Whether an effect takes error away where it shows, without harm to the path, and is clearly not neutral.
+
+    One that ran as far as a tractor can have it stands for something else.
+    """
     worth, least = case.worth_of(name), _least_worth(case.bench, name)
-    beyond = clear_of_neutral(case.extension, case.tractor, name)
+    beyond = clear_of_neutral(case.extension, case.tractor, name) and not at_a_limit((case.main_terms[name],))
     return beyond and worth >= least and case.gain_of(name)[0] > -HARM_PCT
 
 

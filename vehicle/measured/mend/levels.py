@@ -60,8 +60,9 @@ def main_terms(terms: Sequence[Term], seconds: Array) -> Terms:
     """The terms, with the level of the longer driving where an effect has two, or the one that is not neutral."""
 
     def weight(term: Term) -> tuple[bool, float]:
-        driven = float(seconds.sum() if term.runs is None else seconds[sorted(term.runs)].sum())
-        return term.knobs.deviation(term.at) > 0.0, driven
+        if term.runs is None:
+            return True, float(seconds.sum())
+        return term.knobs.deviation(term.at) > 0.0, float(seconds[sorted(term.runs)].sum())
 
     best = {term.knobs.id: term for term in sorted(terms, key=weight)}
     return tuple(term for term in terms if best[term.knobs.id] is term)
