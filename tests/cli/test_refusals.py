@@ -154,7 +154,7 @@ def test_misuse_ends_with_2_and_names_the_word(
 
 
 def test_an_unknown_command(headland: Callable[..., Any], folder: Path) -> None:
-    assert_refused(headland("plant"), "'plant' (did you mean 'plan'?)", "headland --help")
+    assert_refused(headland("plant"), "'plant' (did you mean 'plan'", "headland --help")
     assert_refused(headland("farm", "new"), "'file'", "headland farm new --help")
 
 

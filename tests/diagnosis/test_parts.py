@@ -73,11 +73,16 @@ def test_surprises_are_linear_in_the_motion(bench: Bench) -> None:
     assert np.abs(two - 2.0 * one).max() < 1e-6 + 1e-3 * np.abs(two).max()
 
 
-def test_the_noise_floor_is_what_a_nominal_tractor_leaves(bench: Bench) -> None:
-    found = errors_of(run_squares(bench.course, bench.rig, {0: {}, 1: {}}))[5.0]
-    floor = errors_of(floor_squares(bench, {0: {}, 1: {}}))[5.0]
-    assert found.cross_cm == pytest.approx(floor.cross_cm, rel=0.35)
-    assert found.heading_deg == pytest.approx(floor.heading_deg, rel=0.35)
+def test_the_noise_floor_is_what_a_nominal_tractor_leaves() -> None:
+    """In the mean of a line and of circles to both sides: a single run of soil is one draw."""
+    frames = make_logs({}, 4, [straight(60.0), circles(1), circles(-1)])
+    course = make_course([log_from_frame(frame, frame.attrs["name"]) for frame in frames])
+    bench = prepare(course, make_rig(eg105(), "soil", course.origin), {})
+    bare: dict[int, dict[str, dict[str, float]]] = {run: {} for run in range(3)}
+    found = errors_of(run_squares(course, bench.rig, bare))[5.0]
+    floor = errors_of(floor_squares(bench, bare))[5.0]
+    assert found.cross_cm == pytest.approx(floor.cross_cm, rel=0.2)
+    assert found.heading_deg == pytest.approx(floor.heading_deg, rel=0.2)
 
 
 def test_white_noise_is_told_from_the_path(bench: Bench) -> None:
