@@ -17,6 +17,7 @@ Nothing here knows a network or a clock; times are handed in.
     obeying       who drives on though told to stand
     plausible     who cannot be where it says
     guard         fence, distances, and what a remote command may do
+    nearness      how long those that are too near stand
     obstacles     what stands in the way, and which legs it blocks
     leases        who drives which tractor
     alarms        what has to be seen
