@@ -155,6 +155,7 @@ class Centre(Operated):
             self._watched_s = now
             self._watch(now)
             self._look_again()
+            self.read_again(now)
         self._settle()
         for number in range(self.plan.tractors):
             self._insist(number, now)
