@@ -56,8 +56,9 @@ class TractorState:
     linked. `doubtful` is one that drove when the centre's memory ends, and may have been told to stand after that.
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
     guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move
-    though it was told to stand, `told_again_s` when it was told once more. `unread_s` and `read_s` are when it told last
-    of an obstacle that could not be read, and of one that could; `looked_at` where it stood when somebody had looked.
+    though it was told to stand, `told_again_s` when it was told once more. `unread_s` and `read_s` are when it told
+    last of an obstacle that could not be read, and of one that could; `looked_at` where it stood when somebody had
+    looked.
     """
 
     report: Report | None = None
