@@ -195,9 +195,15 @@ def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
 def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array, Array, Array]:
     """What instruments would have logged of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
     grid = np.arange(len(states), dtype=np.float64) * DT_S
-    rows = shown_poses(rig, stretch, states, settings, grid, effect_fields(settings)["latency"] * DT_S)
     wheel, speed = (np.interp(stretch.time, grid, states[:, column]) for column in (STEERING, FORWARD))
-    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING], wheel, speed
+    return *antenna_seen(rig, stretch, states, settings), wheel, speed
+
+
+def antenna_seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array]:
+    """Antenna (k, 2) and heading (k,) of `seen` alone."""
+    grid = np.arange(len(states), dtype=np.float64) * DT_S
+    rows = shown_poses(rig, stretch, states, settings, grid, effect_fields(settings)["latency"] * DT_S)
+    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING]
 
 
 def shown_poses(rig: Rig, stretch: Stretch, states: Array, settings: Settings, grid: Array, latency_s: float) -> Array:
