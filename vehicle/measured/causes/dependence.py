@@ -14,7 +14,7 @@ import numpy as np
 
 from vehicle.effects import PATH, SPEED, effect_fields
 from vehicle.measured.fit.fitting import Fit
-from vehicle.measured.fit.products import crossed
+from vehicle.measured.fit.products import crossed, squares
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.replaying import antenna_lever
@@ -247,6 +247,13 @@ class Response:
     def sums(self, index: int, terms: Terms) -> Products:
         """Products of the columns of terms in one stretch."""
         return self.products(index, self.local(index, terms))
+
+    def products_of_each(self, index: int, made: Array, first: int = 0) -> Products:
+        """As products, of every column alone: squares (c,), products with what is left (c,) and with the fit (c, m)."""
+        start = self.places[index].start + 3 * first
+        place = slice(start, start + len(made))
+        left, slope = self.fit.surprise[place], self.fit.slope[place]
+        return squares(made), crossed(made, left), crossed(made, slope)
 
     def products(self, index: int, made: Array, first: int = 0) -> Products:
         """Squares of columns (3 k, c), products with what is left, and with the columns of the fit, of one stretch.

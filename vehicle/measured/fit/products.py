@@ -25,6 +25,13 @@ def crossed(one: Array, two: Array) -> Array:
     return out.reshape(one.shape[1], *two.shape[1:])
 
 
+def squares(columns: Array) -> Array:
+    """Sum of squares (m,) of every column (n, m)."""
+    out = np.zeros(columns.shape[1])
+    _squares(np.ascontiguousarray(columns), out)
+    return out
+
+
 def without(vector: Array, columns: Array, amounts: Array) -> Array:
     """A vector (n,) less so much (m,) of each column (n, m)."""
     out = vector.copy()
@@ -38,6 +45,13 @@ def _crossed(one, two, out) -> None:  # type: ignore[no-untyped-def]
         for i in range(one.shape[1]):
             for j in range(two.shape[1]):
                 out[i, j] += one[row, i] * two[row, j]
+
+
+@compiled
+def _squares(columns, out) -> None:  # type: ignore[no-untyped-def]
+    for row in range(len(columns)):
+        for i in range(len(out)):
+            out[i] += columns[row, i] * columns[row, i]
 
 
 @compiled
