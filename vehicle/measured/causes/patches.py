@@ -143,7 +143,8 @@ def _gains(response: Response, circles: Sequence[Circle]) -> list[float]:
             square[here] += parts[0]
             side[here] += parts[1]
             cross[here] += parts[2]
-    return [response.beyond(a.reshape(1, 1), b.reshape(1), c[None]) for a, b, c in zip(square, side, cross, strict=True)]
+    each = zip(square.reshape(-1, 1, 1), side[:, None], cross[:, None], strict=True)
+    return [response.beyond(*parts) for parts in each]
 
 
 def _polished(response: Response, circle: Circle, cell: float) -> tuple[float, Circle]:

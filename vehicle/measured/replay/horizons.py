@@ -13,7 +13,7 @@ from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import anchor_pieces
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import Rig, replay, seen, antenna_seen
+from vehicle.measured.replay.replaying import Rig, antenna_seen, replay, seen
 from vehicle.measured.replay.windows import half_of
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # from a moment to a short swath at 5 km/h

@@ -238,11 +238,12 @@ def step_times(steps: int) -> Array:
 def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Increments:
     """Increments between the rows of a stretch, replayed from measured wheel angle and speed and seen as late as the
     settings say."""
-    latency = effect_fields(settings)["latency"]
+    fields = effect_fields(settings)
+    latency = fields["latency"]
 
     def moved() -> tuple[Array, Array, Array]:
         states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
-        rows = shown_poses(rig, stretch, states, settings, step_times(len(states)), latency / STEP_HZ)
+        rows = shown_poses(rig, stretch, states, fields, step_times(len(states)), latency / STEP_HZ)
         move = increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
         return move.ahead, move.aside, move.turned
 
