@@ -31,8 +31,9 @@ from vehicle.measured.fit.solver import (
     with_own_slope,
 )
 from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.anchoring import add_off_middle
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
+from vehicle.measured.replay.horizons import Cuts, anchored_pieces, cuts, driven_pose
 from vehicle.measured.replay.replaying import FORWARD, replay
 from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
@@ -92,17 +93,20 @@ class OpenLoop:
         return out
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
-        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings, by_speed=True)
+        antenna, heading = driven_pose(self.bench.rig, stretch, settings, by_speed=True)
         behind = self._behind(stretch, settings)
         parts = []
-        for horizon in HORIZONS_S:
-            cut = pieces(stretch.time, horizon)
+        for cut in self._cuts[stretch]:
             errors = anchored_pieces(stretch, antenna, heading, cut)
             if behind is not None:
-                for rows in cut:
-                    errors[rows, 1] += behind[rows] - behind[rows].mean()
+                add_off_middle(*cut, behind, errors[:, 1])
             parts.append(errors)
-        return np.nan_to_num(np.concatenate(parts).ravel())
+        return np.nan_to_num(np.concatenate(parts).ravel(), copy=False)
+
+    @cached_property
+    def _cuts(self) -> dict[Stretch, list[Cuts]]:
+        """Pieces of every stretch, by horizon."""
+        return {one: [cuts(one.time, horizon) for horizon in HORIZONS_S] for one in self.bench.course.stretches}
 
     def _behind(self, stretch: Stretch, settings: Settings) -> Array | None:
         """How far the measured speed has come beyond the commanded one, per row (m); None where one was not logged.

@@ -8,7 +8,7 @@ Effects that belong to a place or a direction look at the measured pose, so one 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
 X, Y, ANGLE, STEERING, FORWARD = range(5)  # columns of replayed states
+MOST_MODELS = 16  # chosen: the stretches of a course ask for one after another
 
 
 @compiled
@@ -94,7 +95,7 @@ class Rig:
     """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
 
     `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none. `kept` is what
-    was replayed already.
+    was replayed already, `models` what it was replayed with.
     """
 
     tractor: Tractor
@@ -104,6 +105,16 @@ class Rig:
     origin: tuple[float, float] = (0.0, 0.0)
     ranges: Mapping[str, float] = field(default_factory=dict)
     kept: Kept = field(default_factory=Kept)
+    models: dict[Hashable, Any] = field(default_factory=dict)
+
+    def effective(self, settings: Settings) -> Any:
+        """The record of with_effects, made once for the stretches of a course."""
+        key = self.origin, tuple(self.ranges.items()), key_of(settings)
+        if key not in self.models:
+            if len(self.models) >= MOST_MODELS:
+                self.models.clear()
+            self.models[key] = self.with_effects(settings)[0]
+        return self.models[key]
 
     def with_effects(self, settings: Settings) -> Any:
         """The model record with effects; places in the field are moved to the origin of the course."""
@@ -152,7 +163,7 @@ def _replayed(rig: Rig, stretch: Stretch, settings: Settings, sensed: bool, time
     replay_steps(
         command, wheel, grids["speed"], grids.get("target", grids["speed"]), grids["working"], grids["east"],
         grids["north"], grids["heading"], *stretch.direction, stretch.start_s, DT_S, sensed, timed, _fresh(command)[0],
-        rig.with_effects(settings)[0], rig.ground[0], rig.table, out,
+        rig.effective(settings), rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
 
@@ -164,7 +175,7 @@ def wheel_angles(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
     def steered() -> tuple[Array]:
         command, wheel = _steering(stretch)
         out = np.empty(len(command))
-        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.with_effects(acting)[0], out)
+        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.effective(acting), out)
         return (out,)
 
     return rig.kept.get((stretch, "wheel", key_of(acting)), steered)[0]
@@ -195,14 +206,25 @@ def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
 def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array, Array, Array]:
     """What instruments would have logged of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
     grid = np.arange(len(states), dtype=np.float64) * DT_S
-    rows = shown_poses(rig, stretch, states, settings, grid, effect_fields(settings)["latency"] * DT_S)
     wheel, speed = (np.interp(stretch.time, grid, states[:, column]) for column in (STEERING, FORWARD))
-    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING], wheel, speed
+    return *antenna_seen(rig, stretch, states, settings), wheel, speed
 
 
-def shown_poses(rig: Rig, stretch: Stretch, states: Array, settings: Settings, grid: Array, latency_s: float) -> Array:
-    """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments."""
+def antenna_seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array]:
+    """Antenna (k, 2) and heading (k,) of `seen` alone."""
+    grid = np.arange(len(states), dtype=np.float64) * DT_S
     fields = effect_fields(settings)
+    rows = shown_poses(rig, stretch, states, fields, grid, fields["latency"] * DT_S)
+    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING]
+
+
+def shown_poses(
+    rig: Rig, stretch: Stretch, states: Array, fields: Mapping[str, float], grid: Array, latency_s: float
+) -> Array:
+    """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments.
+
+    `fields` are those of the effects.
+    """
     out = np.empty((stretch.rows, 6))
     shown_rows(
         stretch.time, grid, states[:, X], states[:, Y], states[:, ANGLE], latency_s,
