@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vehicle.measured.fit.fitting import Fit, block_sums
@@ -53,7 +55,12 @@ def robust_covariance(bench: Bench, fit: Fit) -> Array:
 
 
 def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
-    """Whether the larger fit helps runs it has not seen: most of those it concerns, or some without harm to others."""
+    """Whether the larger fit helps runs it has not seen: most of those it concerns, or some without harm to others.
+
+    Asked of the channels that its additional effects reach: elsewhere the two fits differ by no more than where the
+    slopes of bent effects, as of a dead band, were taken.
+    """
+    without, fit = _reached(bench, without, fit)
     gain = held_out_losses(bench, without) - held_out_losses(bench, fit)
     concerned = np.abs(gain) > CONCERNED
     if float(gain.sum()) < HELD_OUT_SHARE * threshold:
@@ -62,6 +69,20 @@ def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
         -gain[gain < 0.0].sum() < HARM * gain[gain > 0.0].sum() and np.count_nonzero(gain > HELPED) >= FEWEST_HELPED
     )
     return bool(harmless or np.count_nonzero(gain[concerned] > 0.0) >= MOST_OF_CONCERNED * np.count_nonzero(concerned))
+
+
+def _reached(bench: Bench, without: Fit, fit: Fit) -> tuple[Fit, Fit]:
+    """Both fits in the channels (path, wheel, speed) that the effects of the larger one alone reach."""
+    added = [fit.columns(name) for name in fit.settings if name not in without.settings]
+    moved = np.concatenate([fit.slope[:, one] for one in added], axis=1).any(axis=1)
+    rows = bench.course.rows
+    mask = np.zeros(len(moved))
+    for channel in (slice(0, 3 * rows), slice(3 * rows, 4 * rows), slice(4 * rows, 5 * rows)):
+        mask[channel] = float(moved[channel].any())
+    smaller, larger = (
+        replace(one, surprise=mask * one.surprise, slope=mask[:, None] * one.slope) for one in (without, fit)
+    )
+    return smaller, larger
 
 
 def _helps_within(bench: Bench, without: Fit, fit: Fit) -> bool:
