@@ -57,9 +57,10 @@ def unnamed_gain(fit: Fit) -> float:
     """Loss that the unnamed terms take away, the other coordinates following."""
     if fit.extra is None:
         return 0.0
+    terms = fit.extra.terms
     first = fit.slope.shape[1] - fit.extra.columns.shape[1]
-    project = Projector(fit.slope[:, :first])
-    removed = project(fit.extra.columns @ fit.extra.amounts)
+    project = Projector(fit.slope[:, : first + terms.start])
+    removed = project(fit.extra.columns[:, terms] @ fit.extra.amounts[terms])
     return float(removed @ removed)
 
 
