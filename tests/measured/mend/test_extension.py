@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -57,7 +56,7 @@ def test_intervals_come_from_the_scatter_of_blocks_and_the_tolerance(bench: Benc
 
 def test_an_amount_of_the_rest_has_no_tolerance() -> None:
     term = Term(rest_knobs()[0][0], np.array([0.5]))
-    assert value_interval(SimpleNamespace(), term, np.array([[0.01]])) == {
+    assert value_interval(term, np.array([[0.01]]), 0.0) == {
         "angle_by_speed": pytest.approx((0.5 - 0.196, 0.5 + 0.196))
     }
 

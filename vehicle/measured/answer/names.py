@@ -127,9 +127,9 @@ def is_likely(case: Case, name: str) -> bool:
 
 
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:
-    """Whether the 95 % interval of an effect leaves neutral out."""
+    """Whether the 95 % interval of an effect, as wide as its tolerance at least, leaves neutral out."""
     size = effect(name).size.name
-    low, high = extension.intervals[name][size]
+    low, high = extension.tolerant.get(name, extension.intervals[name])[size]
     return not low <= neutral(name, tractor.steering)[size] <= high
 
 
