@@ -66,8 +66,8 @@ def of_few(squares: Array, inverse: Array) -> Array:
     """How much wider a scatter between pieces must be taken to hold 95 %, per coordinate (m,).
 
     `squares` (p, m, m) are those of the pieces, `inverse` (m, m) that of their sum. A scatter between n pieces that
-    tell the same is Student's with n - 1 freedoms, and its square too small by n / (n - 1); where they tell unlike amounts n
-    is the inverse of the sum of their squared shares.
+    tell the same is Student's with n - 1 freedoms, and its square too small by n / (n - 1); where they tell unlike
+    amounts n is the inverse of the sum of their squared shares.
     """
     told = np.maximum(np.einsum("ij,pjk,ki->pi", inverse, squares, inverse), 0.0)
     shares = told / np.maximum(told.sum(axis=0), 1e-300)
