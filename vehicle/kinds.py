@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 USUAL_WHEELBASE_M = 2.4  # of the EG105, to which the sizes in the catalogue belong
-SURE = 1.96  # standard deviations either side of a normal distribution that hold 95 %
+HELD = 0.95  # of all tractors that are like the one measured: what an interval is to hold
+SURE = 1.96  # standard deviations either side of a normal distribution that hold so much
 KNEE_SHARE = 0.15  # chosen, of a limit: tyre curves differ by about as much in how they come to slide
 USUAL_INVERSE = 4.0  # chosen, 1/g: the first step of a fit, 0.3 of it, goes from no limit to one of 0.8 g
 ROUNDED = 1.001  # a size that equals the usual one but for rounding is as fine

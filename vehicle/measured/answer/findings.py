@@ -97,7 +97,8 @@ def _spoken_for(case: Case, entry: Effect) -> bool:
         return True
     tractor, row_s = case.tractor, case.bench.row_s
     sizes = [knobs.deviation(at) for knobs, at in case.fit.parts if knobs.id == entry.id]
-    if not sizes and case.fit.extra is not None and not entry.kind.searched:
+    extra = case.fit.extra
+    if not sizes and extra is not None and extra.amounts[extra.terms].size and not entry.kind.searched:
         # Terms without a name may have taken up what an effect explains: it is asked what it would take without them.
         one = tried(case.bench.change, case.plain, knobs_for(tractor, entry.id), Projector(case.plain.slope))
         sizes = [one.knobs.deviation(one.at)] if one.gain > LEAST_GAIN else []

@@ -57,9 +57,10 @@ def unnamed_gain(fit: Fit) -> float:
     """Loss that the unnamed terms take away, the other coordinates following."""
     if fit.extra is None:
         return 0.0
+    terms = fit.extra.terms
     first = fit.slope.shape[1] - fit.extra.columns.shape[1]
-    project = Projector(fit.slope[:, :first])
-    removed = project(fit.extra.columns @ fit.extra.amounts)
+    project = Projector(fit.slope[:, : first + terms.start])
+    removed = project(fit.extra.columns[:, terms] @ fit.extra.amounts[terms])
     return float(removed @ removed)
 
 
@@ -126,9 +127,9 @@ def is_likely(case: Case, name: str) -> bool:
 
 
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:
-    """Whether the 95 % interval of an effect leaves neutral out."""
+    """Whether the 95 % interval of an effect, as wide as its tolerance at least, leaves neutral out."""
     size = effect(name).size.name
-    low, high = extension.intervals[name][size]
+    low, high = extension.tolerant.get(name, extension.intervals[name])[size]
     return not low <= neutral(name, tractor.steering)[size] <= high
 
 
