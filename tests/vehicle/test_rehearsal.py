@@ -72,7 +72,8 @@ def test_nothing_is_kept_of_another_fleet_or_of_a_longer_time(
     rehearsal.simulate(plan, FOREVER_S)
     short = rehearsal.simulate(plan, 100.0)
     assert (rehearsal.began_s, short.outcome) == (SNAPSHOT_S, "timeout") and 99.8 < short.time_s[-1] < 100.0
-    for other in (build.plan([build.leg((0, 1), (0, 200))], [build.leg((9, 0), (9, 200))]), build.plan([build.leg((0, 0), (0, 200))])):
+    north, beside = [build.leg((0, 1), (0, 200))], [build.leg((9, 0), (9, 200))]
+    for other in (build.plan(north, beside), build.plan([plan.missions[0].legs[0]])):
         run = rehearsal.simulate(other, FOREVER_S)
         assert rehearsal.began_s == 0.0
         assert_same_bits(run, World(other, eg105, implement).run(max_time_s=FOREVER_S))
