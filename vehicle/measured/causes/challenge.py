@@ -88,7 +88,9 @@ def _in_place(bench: Bench, rest: Fit, skip: Iterable[str], block: str) -> list[
     """Every effect beside a block on top of what is left, each from several starts, the best first."""
     project, blocks = Projector(rest.slope), beside(bench, block)
     found = [
-        tried(bench.change, rest, with_more_starts(knobs_for(bench.rig.tractor, entry.id)), project)
+        tried(
+            bench.change, rest, with_more_starts(knobs_for(bench.rig.tractor, entry.id, bench.course.places)), project
+        )
         for entry in CATALOGUE
         if entry.block in blocks and entry.id not in skip and not entry.kind.searched
     ]

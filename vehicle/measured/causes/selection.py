@@ -65,14 +65,14 @@ def scan(
     for entry in CATALOGUE:
         if entry.id in skip or entry.id in fit.settings:
             continue
-        knobs = knobs_for(tractor, entry.id)
+        knobs = knobs_for(tractor, entry.id, bench.course.places)
         if not bench.has_wheel:
             knobs = knobs.with_fewer_starts()
         if entry.kind.searched:
             patch = best_patch(bench, fit)
             if patch is None:
                 continue
-            knobs = knobs_for(tractor, entry.id, patch)
+            knobs = knobs_for(tractor, entry.id, {entry.id: patch})
         candidates.append(tried(bench.change, fit, knobs, project))
         if progress:
             progress(entry.id)
