@@ -30,8 +30,8 @@ class Extension:
     """Terms in use, 95 % intervals of their values by id, and the settings of every run for its even and odd windows.
 
     Where an effect has two levels, its interval is that of the level with the longer driving. `tolerant` are intervals
-    as wide as the tolerance of the tractor file at least, where others are given as well: a claim takes more than a
-    value.
+    as wide as the tolerance of the tractor file at least, and of two levels that farther from neutral: what a claim
+    rests on.
     """
 
     terms: Terms
@@ -91,12 +91,17 @@ def of_mended(mended: Mended) -> Extension:
     covariance = inverse @ (pieces.sides.T @ pieces.sides) @ inverse * np.outer(wider, wider)
     seconds = driven_seconds(loop.bench.course)
     longest = main_terms(model.terms, seconds)
-    intervals = {
-        term.knobs.id: value_interval(term, covariance[place, place], _open_loop_width(loop.bench, term))
-        for term, place in zip(model.terms, _places(model.terms), strict=True) if term in longest
-    }  # fmt: skip
+    told = [
+        (term, value_interval(term, covariance[place, place], _open_loop_width(loop.bench, term)))
+        for term, place in zip(model.terms, _places(model.terms), strict=True)
+    ]
+    intervals = {term.knobs.id: interval for term, interval in told if term in longest}
+    # Of two grounds the one that differs more from neutral says whether there is an effect at all.
+    effects = sorted((one for one in told if one[0].knobs.id not in BY_NAME),
+                     key=lambda one: one[0].knobs.deviation(one[0].at))  # fmt: skip
+    clearest = {term.knobs.id: interval for term, interval in effects}
     held_out = {run: _halves(loop.bench, run, model.terms, both) for run, both in steps.items()}
-    return Extension(model.terms, intervals, held_out)
+    return Extension(model.terms, intervals, held_out, clearest)
 
 
 def _places(terms: Terms) -> list[slice]:
