@@ -44,10 +44,10 @@ def test_intervals_come_from_the_scatter_of_blocks_and_the_tolerance(bench: Benc
     fit = refined(bench, Fit(tuple((knobs(name), np.zeros(1)) for name in names), surprise,
                              np.zeros((len(surprise), 0))))  # fmt: skip
     added = of_fit(bench, fit, ["steering_offset"])
-    value, sigma = float(fit.parts[0][1][0]), math.sqrt(robust_covariance(bench, fit)[0, 0])
+    value, sigma = float(fit.parts[0][1][0]), math.sqrt(robust_covariance(bench, fit, few=True)[0, 0])
     wide = math.hypot(1.96 * sigma, 0.12)
     assert added.tolerant["steering_offset"] == {"angle_deg": pytest.approx((value - wide, value + wide))}
-    told = 1.96 * math.sqrt(robust_covariance(bench, fit, few=True)[0, 0])
+    told = 1.96 * sigma
     assert added.intervals["steering_offset"] == {"angle_deg": pytest.approx((value - told, value + told))}
     assert told < wide
     assert added.ids == {"steering_offset"} and set(added.intervals) == set(names)

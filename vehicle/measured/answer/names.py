@@ -114,8 +114,11 @@ def is_likely(case: Case, name: str) -> bool:
     """Whether an effect is clearly not neutral and lowers the error of runs held out.
 
     One of the steering takes as much off the wheel as a name must, and costs the path no more.
-    One that ran as far as a tractor can have it stands for something else.
+    One that ran as far as a tractor can have it stands for something else, and so does one that lowers the error where
+    the surprises of runs held out speak against it.
     """
+    if name in case.refused:
+        return False
     term = case.main_terms[name]
     clear = clear_of_neutral(case.extension, case.tractor, name)
     far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)

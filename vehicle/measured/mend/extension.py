@@ -66,12 +66,10 @@ def of_fit(bench: Bench, fit: Fit, names: Collection[str]) -> Extension:
     sums = block_sums(bench, fit.slope, fit.surprise)
     pieces = Pieces(sums.squares, sums.sides, bench.block_runs, bench.block_halves)
     steps = steps_without(pieces, np.concatenate([to_neutral(terms), np.zeros(extra)]))
-    few, covariance = (
-        robust_covariance(bench, fit, few=few) if fit.slope.size else np.zeros((0, 0)) for few in (True, False)
-    )
-    placed = list(zip(terms, _places(terms), strict=True))
-    intervals = {t.knobs.id: value_interval(t, few[place, place], off_in_time(bench, t)) for t, place in placed}
-    tolerant = {t.knobs.id: value_interval(t, covariance[place, place], tolerance(bench, t)) for t, place in placed}
+    covariance = robust_covariance(bench, fit, few=True) if fit.slope.size else np.zeros((0, 0))
+    placed = [(term, covariance[place, place]) for term, place in zip(terms, _places(terms), strict=True)]
+    intervals = {term.knobs.id: value_interval(term, one, off_in_time(bench, term)) for term, one in placed}
+    tolerant = {term.knobs.id: value_interval(term, one, tolerance(bench, term)) for term, one in placed}
     held_out: dict[int, Halves] = {
         run: (settings_in(moved(terms, both[0]), run), settings_in(moved(terms, both[1]), run))
         for run, both in steps.items()
