@@ -62,8 +62,9 @@ class Extension:
 def of_fit(bench: Bench, fit: Fit, names: Collection[str]) -> Extension:
     """The effects with these names as a fit to the surprises gives them."""
     terms = tuple(Term(knobs, at) for knobs, at in fit.parts)
-    extra = fit.slope.shape[1] - sum(knobs.count for knobs, _ in fit.parts)
-    sums = block_sums(bench, fit.slope, fit.surprise)
+    slope = without_unknowns(fit)
+    extra = slope.shape[1] - sum(knobs.count for knobs, _ in fit.parts)
+    sums = block_sums(bench, slope, fit.surprise)
     pieces = Pieces(sums.squares, sums.sides, bench.block_runs, bench.block_halves)
     steps = steps_without(pieces, np.concatenate([to_neutral(terms), np.zeros(extra)]))
     covariance = robust_covariance(bench, fit, few=True) if fit.slope.size else np.zeros((0, 0))
@@ -77,6 +78,17 @@ def of_fit(bench: Bench, fit: Fit, names: Collection[str]) -> Extension:
     whole = Extension(terms, intervals, held_out)
     kept = tuple(term for term in terms if term.knobs.id in names)
     return Extension(kept, intervals, whole.only(names), tolerant)
+
+
+def without_unknowns(fit: Fit) -> Array:
+    """Slope of a fit without the columns of what differs between tractors.
+
+    That is the same in every run: where one is held out, no effect may give way to it.
+    """
+    if fit.extra is None:
+        return fit.slope
+    first = fit.slope.shape[1] - fit.extra.columns.shape[1]
+    return np.delete(fit.slope, slice(first, first + fit.extra.unknowns), axis=1)
 
 
 def of_mended(mended: Mended) -> Extension:
