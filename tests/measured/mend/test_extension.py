@@ -83,6 +83,16 @@ def test_what_lowers_the_open_loop_error_is_told_with_its_interval() -> None:
     assert added.held_out[0][0]["steering_offset"]["angle_deg"] == pytest.approx(1.0, abs=1e-3)
 
 
+def test_two_extensions_are_one_with_what_each_tells_of_its_own_effects() -> None:
+    half, other = {"steering_offset": {"angle_deg": 1.0}}, {"wheel_slip": {"ratio": 0.1}}
+    told = {"steering_offset": {"angle_deg": (0.8, 1.2)}, "heading_bias": {"angle_deg": (0.0, 1.0)}}
+    first = Extension((offset(1.0),), told, {0: (half, {})}, {})
+    slip = Term(knobs("wheel_slip"), np.array([0.1]))
+    both = first.beside(Extension((slip,), {"wheel_slip": {"ratio": (0.05, 0.15)}}, {0: (other, other)}))
+    assert both.ids == {"steering_offset", "wheel_slip"} == set(both.intervals)
+    assert both.held_out == {0: ({**half, **other}, other)}
+
+
 def test_the_file_gets_values_intervals_and_their_logs(bench: Bench, tmp_path: Path) -> None:
     lag, slide = Term(knobs("steering_lag"), np.array([0.2])), Term(knobs("side_slip"), np.array([0.0]))
     push = Term(rest_knobs()[-1][0], np.array([0.0123456789]))

@@ -15,7 +15,7 @@ from vehicle.measured.causes.evidence import of_few, robust_covariance
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.knobs import finest_of
-from vehicle.measured.fit.openloop import Term, Terms, moved, pieces_of, settings_in, to_neutral
+from vehicle.measured.fit.openloop import OpenLoop, Term, Terms, moved, pieces_of, settings_in, to_neutral
 from vehicle.measured.logs.record import Array
 from vehicle.measured.mend.levels import driven_seconds, level_of, main_terms
 from vehicle.measured.mend.mending import Mended
@@ -51,6 +51,20 @@ class Extension:
     def without(self, name: str) -> dict[int, Halves]:
         """Held-out settings without one effect."""
         return self._where(lambda other: other != name)
+
+    def beside(self, other: Extension) -> Extension:
+        """Both together; where they have an effect in common, that of the other one."""
+
+        def joined(run: int) -> Halves:
+            (even, odd), (other_even, other_odd) = self.held_out[run], other.held_out[run]
+            return {**even, **other_even}, {**odd, **other_odd}
+
+        mine = {term.knobs.id for term in self.terms}
+        told, tolerant = ({name: one[name] for name in mine if name in one} for one in (self.intervals, self.tolerant))
+        return Extension(
+            (*self.terms, *other.terms), {**told, **other.intervals}, {run: joined(run) for run in self.held_out},
+            {**tolerant, **other.tolerant},
+        )  # fmt: skip
 
     def _where(self, kept: Callable[[str], bool]) -> dict[int, Halves]:
         def cut(half: Settings) -> Settings:
@@ -110,7 +124,7 @@ def of_mended(mended: Mended) -> Extension:
     effects = sorted((one for one in told if one[0].knobs.id not in BY_NAME),
                      key=lambda one: one[0].knobs.deviation(one[0].at))  # fmt: skip
     clearest = {term.knobs.id: interval for term, interval in effects}
-    held_out = {run: _halves(loop.bench, run, model.terms, both) for run, both in steps.items()}
+    held_out = {run: _halves(loop, run, model.terms, both) for run, both in steps.items()}
     return Extension(model.terms, intervals, held_out, clearest)
 
 
@@ -119,7 +133,7 @@ def _places(terms: Terms) -> list[slice]:
     return [slice(int(end) - term.knobs.count, int(end)) for term, end in zip(terms, ends, strict=True)]
 
 
-def _halves(bench: Bench, run: int, terms: Terms, steps: tuple[Array, Array]) -> Halves:
+def _halves(loop: OpenLoop, run: int, terms: Terms, steps: tuple[Array, Array]) -> Halves:
     """Settings of a run held out: where an effect has two levels, each half takes the one that suits the other half.
 
     So what is simulated has told neither the values nor the ground it was driven on.
@@ -130,9 +144,10 @@ def _halves(bench: Bench, run: int, terms: Terms, steps: tuple[Array, Array]) ->
     chosen = []
     for half, step in enumerate(steps):
         both = [settings_in(level_of(moved(terms, step), level), run) for level in (0, 1)]
-        losses = [_loss(bench, run, one, 1 - half) for one in both]
+        acting = [{**settings_in(loop.settled, run), **one} for one in both]
+        losses = [_loss(loop.bench, run, one, 1 - half) for one in acting]
         if not any(losses):  # a run too short for two halves tells its ground by itself
-            losses = [_loss(bench, run, one, half) for one in both]
+            losses = [_loss(loop.bench, run, one, half) for one in acting]
         chosen.append(both[int(losses[1] < losses[0])])
     return chosen[0], chosen[1]
 
