@@ -25,6 +25,8 @@ LEAST_ALONG = 0.003
 # Standard deviation, s: how far off in time sensors, and the turning of the tractor, are. A speed that is a mean over
 # the last 0.1 s is 0.05 s late, and half a ton on tyres of the base model turns 0.03 to 0.06 s after its wheels.
 SENSORS_S = 0.05
+# Chosen, usual differences between tractors: what takes more is something else.
+MOST_USUAL = 3.0
 # Of all that the logs say of a coordinate: less is not being told by other runs, and their own other half stands in.
 TOLD = 0.02
 

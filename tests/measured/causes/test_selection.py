@@ -1,9 +1,11 @@
 """Choosing causes: what the simulator drove is chosen and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.measured.benches import bench_of, eg105, knobs
+from tests.measured.benches import bench_of, eg105, knobs, linear_bench
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, without
 from vehicle.measured.causes.selection import _rank, pruned, scan, select
 from vehicle.measured.causes.trial import Tried
@@ -64,3 +66,12 @@ def test_a_model_that_is_wrong_everywhere_is_judged_by_longer_ways() -> None:
     assert eased.noise.heading / plain.heading == pytest.approx(eased.noise.position / plain.position)
     path = eased.path_surprise(eased.path({}), {})
     assert float(np.mean(path * path)) < WRONG_EVERYWHERE
+
+
+def test_a_part_is_not_left_out_because_the_others_had_not_come_to_their_best() -> None:
+    """The heading bias is off by 2: without the offset it alone comes to its best, which leaves less than before."""
+    bench = linear_bench(steering_offset=1.0, heading_bias=1.0)
+    parts = ((knobs("steering_offset"), np.array([1.0])), (knobs("heading_bias"), np.array([3.0])))
+    fit = replace(bench.fit("steering_offset", "heading_bias"), parts=parts,
+                  surprise=bench.surprise({one.id: one.values(at) for one, at in parts}))  # fmt: skip
+    assert set(pruned(bench, fit).settings) == {"steering_offset", "heading_bias"}

@@ -44,10 +44,10 @@ def test_intervals_come_from_the_scatter_of_blocks_and_the_tolerance(bench: Benc
     fit = refined(bench, Fit(tuple((knobs(name), np.zeros(1)) for name in names), surprise,
                              np.zeros((len(surprise), 0))))  # fmt: skip
     added = of_fit(bench, fit, ["steering_offset"])
-    value, sigma = float(fit.parts[0][1][0]), math.sqrt(robust_covariance(bench, fit)[0, 0])
+    value, sigma = float(fit.parts[0][1][0]), math.sqrt(robust_covariance(bench, fit, few=True)[0, 0])
     wide = math.hypot(1.96 * sigma, 0.12)
     assert added.tolerant["steering_offset"] == {"angle_deg": pytest.approx((value - wide, value + wide))}
-    told = 1.96 * math.sqrt(robust_covariance(bench, fit, few=True)[0, 0])
+    told = 1.96 * sigma
     assert added.intervals["steering_offset"] == {"angle_deg": pytest.approx((value - told, value + told))}
     assert told < wide
     assert added.ids == {"steering_offset"} and set(added.intervals) == set(names)
@@ -81,6 +81,16 @@ def test_what_lowers_the_open_loop_error_is_told_with_its_interval() -> None:
     low, high = added.intervals["steering_offset"]["angle_deg"]
     assert low < 1.0 < high and high - low == pytest.approx(2 * 0.12, abs=0.01)  # no noise: the tolerance alone
     assert added.held_out[0][0]["steering_offset"]["angle_deg"] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_two_extensions_are_one_with_what_each_tells_of_its_own_effects() -> None:
+    half, other = {"steering_offset": {"angle_deg": 1.0}}, {"wheel_slip": {"ratio": 0.1}}
+    told = {"steering_offset": {"angle_deg": (0.8, 1.2)}, "heading_bias": {"angle_deg": (0.0, 1.0)}}
+    first = Extension((offset(1.0),), told, {0: (half, {})}, {})
+    slip = Term(knobs("wheel_slip"), np.array([0.1]))
+    both = first.beside(Extension((slip,), {"wheel_slip": {"ratio": (0.05, 0.15)}}, {0: (other, other)}))
+    assert both.ids == {"steering_offset", "wheel_slip"} == set(both.intervals)
+    assert both.held_out == {0: ({**half, **other}, other)}
 
 
 def test_the_file_gets_values_intervals_and_their_logs(bench: Bench, tmp_path: Path) -> None:

@@ -85,15 +85,22 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
 def _mended_with(
     selection: Selection, case: Case, names: list[str], tractor: Tractor, step: Step
 ) -> tuple[list[str], Mended, Case]:
-    """Names that hold beside all that mends, from a mending that began with these alone."""
+    """Names that hold beside all that mends, from a mending that began with these as they are."""
     while True:
-        start = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names)
-        mended = mend(selection.bench, tractor, start, step, case.tolerated)
-        beside = case_of(selection, of_mended(mended))
+        settled = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names)
+        mended = mend(selection.bench, tractor, settled, step, case.tolerated)
+        beside = _case_of_mended(selection, mended)
         kept = [name for name in names if holds(beside, name)]
         if kept == names:
             return names, mended, beside
         names = kept
+
+
+def _case_of_mended(selection: Selection, mended: Mended) -> Case:
+    """The case of what was settled, as the surprises tell it, and of what lowers the error beside it."""
+    settled = [term.knobs.id for term in mended.loop.settled]
+    told = of_fit(selection.bench, selection.fit, settled)
+    return case_of(selection, told.beside(of_mended(mended)))
 
 
 def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
@@ -114,8 +121,11 @@ def is_likely(case: Case, name: str) -> bool:
     """Whether an effect is clearly not neutral and lowers the error of runs held out.
 
     One of the steering takes as much off the wheel as a name must, and costs the path no more.
-    One that ran as far as a tractor can have it stands for something else.
+    One that ran as far as a tractor can have it stands for something else, and so does one that lowers the error where
+    the surprises of runs held out speak against it.
     """
+    if name in case.refused:
+        return False
     term = case.main_terms[name]
     clear = clear_of_neutral(case.extension, case.tractor, name)
     far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
@@ -146,7 +156,7 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
         return told
     kept = tuple(term for term in mended.model.terms if term.knobs.id not in doubtful)
     smaller = Mended(mended.loop, fitted(mended.loop, kept))
-    case = case_of(selection, of_mended(smaller))
+    case = _case_of_mended(selection, smaller)
     return _without_doubtful(selection, Explained(case, [name for name in told.names if holds(case, name)], smaller))
 
 

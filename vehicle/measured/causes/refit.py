@@ -9,7 +9,7 @@ import numpy as np
 from vehicle.measured.causes.dependence import Dependence, columns
 from vehicle.measured.causes.trial import Tried
 from vehicle.measured.causes.unknowns import unknowns
-from vehicle.measured.fit.fitting import Extra, Fit, linear_extra, refined, slopes
+from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined, slopes
 from vehicle.measured.fit.knobs import Knobs, settings_of
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench, prepare
@@ -19,7 +19,12 @@ from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
 
 def enlarged(bench: Bench, fit: Fit, best: Tried) -> Fit:
     """The fit with a tried effect added as it is."""
-    parts = (*fit.parts, (best.knobs, best.at))
+    return with_part(bench, fit, (best.knobs, best.at))
+
+
+def with_part(bench: Bench, fit: Fit, part: Part) -> Fit:
+    """The fit with a part added as it is."""
+    parts = (*fit.parts, part)
     bare = bench.surprise(settings_of(list(parts)))
     return Fit(parts, linear_extra(bare, fit.extra), fit.slope, fit.extra)
 

@@ -17,7 +17,7 @@ from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
 from vehicle.measured.causes.evidence import helps
 from vehicle.measured.causes.patches import best_patch
-from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_unnamed, without
+from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
 from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
 from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import knobs_for
@@ -175,11 +175,20 @@ def _by_chance(freedoms: int) -> float:
 
 
 def pruned(bench: Bench, fit: Fit) -> Fit:
-    """Backward: leave out, one by one, what the others have made superfluous."""
+    """Backward: leave out, one by one, what the others have made superfluous.
+
+    A part whose place only let the others come closer to their best is put back beside them: it is superfluous when
+    they still explain as much as with it.
+    """
+    put_back: set[str] = set()
     while fit.parts:
-        costs = [(without(bench, fit, knobs.id), knobs.id) for knobs, _ in fit.parts]
-        smaller, _ = min(costs, key=lambda one: one[0].loss)
+        costs = [(without(bench, fit, part[0].id), part) for part in fit.parts]
+        smaller, part = min(costs, key=lambda one: one[0].loss)
         if smaller.loss - fit.loss > LEAST_GAIN:
             return fit
+        if part[0].id not in put_back:
+            put_back.add(part[0].id)
+            again = refined(bench, with_part(bench, smaller, part))
+            smaller = again if smaller.loss - again.loss > LEAST_GAIN else smaller
         fit = smaller
     return fit

@@ -81,14 +81,17 @@ class OpenLoop:
     """The errors of a bench under terms, as a vector in units of what they were without any (n,).
 
     Errors along the way are judged beside what is `tolerated`: effects of the speed that no term has to take away.
+    Terms that are `settled` act beside all others, and no fit moves them.
     """
 
     bench: Bench
     tolerated: Settings = field(default_factory=dict)
+    settled: Terms = ()
 
     def errors(self, terms: Sequence[Term]) -> Array:
         """The whole vector: the sum of its squares is 1 without terms."""
-        parts = [self._raw(stretch, settings_in(terms, stretch.run)) for stretch in self.bench.course.stretches]
+        acting = (*self.settled, *terms)
+        parts = [self._raw(stretch, settings_in(acting, stretch.run)) for stretch in self.bench.course.stretches]
         out: Array = np.concatenate(parts) / self._units
         return out
 

@@ -45,8 +45,9 @@ def proposals(
 ) -> list[Proposal]:
     """Every effect and term of the rest that is not in the model, each at its best with the others following."""
     proposed = []
+    taken = model.ids | skip | {term.knobs.id for term in loop.settled}
     for entry in CATALOGUE:
-        if entry.id in model.ids | skip or entry.stands_in:
+        if entry.id in taken or entry.stands_in:
             continue
         step()
         proposed += _of_effect(loop, model, tractor, entry)
