@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from vehicle.effects import CATALOGUE, effect
 from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
-from vehicle.measured.causes.evidence import helps
+from vehicle.measured.causes.evidence import helps, promised_costs
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_unnamed, without
 from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
@@ -33,6 +33,7 @@ from vehicle.measured.thresholds import (
     MOST_PARTS,
     MOST_UNNAMED,
     PATCH_HANDICAP,
+    PLAINLY,
 )
 from vehicle.tractor import Tractor
 
@@ -177,8 +178,11 @@ def _by_chance(freedoms: int) -> float:
 def pruned(bench: Bench, fit: Fit) -> Fit:
     """Backward: leave out, one by one, what the others have made superfluous."""
     while fit.parts:
-        costs = [(without(bench, fit, knobs.id), knobs.id) for knobs, _ in fit.parts]
-        smaller, _ = min(costs, key=lambda one: one[0].loss)
+        costs = promised_costs(fit)
+        doubtful = [without(bench, fit, name) for name, cost in costs.items() if cost < PLAINLY * LEAST_GAIN]
+        if not doubtful:
+            return fit
+        smaller = min(doubtful, key=lambda one: one.loss)
         if smaller.loss - fit.loss > LEAST_GAIN:
             return fit
         fit = smaller

@@ -161,7 +161,7 @@ def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:
         count = len(problem.typical)
         return bool(np.all(np.abs(after.at - before.at)[:count] / problem.typical < SETTLED))
 
-    rule = Rule(iterations, settled, least_gain=LEAST_STEP)
+    rule = Rule(iterations, settled, least_gain=LEAST_STEP, keeps=True)
     return problem.fit_at(with_own_slope(problem, descend(problem, problem.start, rule)))
 
 
