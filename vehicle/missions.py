@@ -95,6 +95,12 @@ class Leg:
         return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
 
     @cached_property
+    def ends(self) -> tuple[float, float, float, float]:
+        """x and y of the first point, then of the last."""
+        (x0, y0), (x1, y1) = self.points[[0, -1]].tolist()
+        return x0, y0, x1, y1
+
+    @cached_property
     def fault(self) -> str:
         """Why no world can drive it, whatever the legs around it; "" when one can."""
         return _leg_fault(self) or _task_fault(self.task)
@@ -168,12 +174,20 @@ def check_plan(plan: Plan) -> None:
         if not mission.legs:
             raise MissionError(f"Tractor {number} has no legs; give it at least one or leave it out.")
         for index, leg in enumerate(mission.legs):
-            where = f"Tractor {number}, leg {index}"
             if leg.fault:
-                raise MissionError(f"{where}: {leg.fault}")
-            _check_links(plan, number, leg, where)
-            if index:
-                _check_joint(mission.legs[index - 1], leg, where)
+                raise MissionError(f"{_where(number, index)}: {leg.fault}")
+            if leg.gates or leg.follow:
+                _check_links(plan, number, leg, _where(number, index))
+            gap_m = _gap_m(mission.legs[index - 1], leg) if index else 0.0
+            if gap_m > JOINT_M:
+                raise MissionError(
+                    f"{_where(number, index)}: starts {gap_m:.2f} m from where the leg before ends; they must meet "
+                    f"within {JOINT_M} m."
+                )
+
+
+def _where(tractor: int, leg: int) -> str:
+    return f"Tractor {tractor}, leg {leg}"
 
 
 def _leg_fault(leg: Leg) -> str:
@@ -207,12 +221,9 @@ def _task_fault(task: Task) -> str:
     return ""
 
 
-def _check_joint(before: Leg, after: Leg, where: str) -> None:
-    gap = float(np.hypot(*(after.points[0] - before.points[-1])))
-    if gap > JOINT_M:
-        raise MissionError(
-            f"{where}: starts {gap:.2f} m from where the leg before ends; they must meet within {JOINT_M} m."
-        )
+def _gap_m(before: Leg, after: Leg) -> float:
+    """How far the begin of a leg is from the end of the one before."""
+    return math.dist(before.ends[2:], after.ends[:2])
 
 
 def _check_links(plan: Plan, tractor: int, leg: Leg, where: str) -> None:

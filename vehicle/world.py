@@ -33,7 +33,8 @@ Array = npt.NDArray[Any]
 class Snapshot:
     """A world in the middle of a run without contacts: all it takes to go on from there bit for bit.
 
-    `motion` (n, 6) are x, y, angle, velocity and spin of the bodies, `chunks` the record so far.
+    `motion` (n, 6) are x, y, angle, velocity and spin of the bodies, `chunks` the record so far. The legs and segments
+    of the `states` are counted from the first of each tractor, so that another plan may have others behind them.
     """
 
     clock: Array
@@ -115,19 +116,35 @@ class World:
         if self.outcome != RUNNING or self.contacts[-1, 0] > 0:
             return None
         motion = [(*body.position, body.angle, *body.velocity, body.angular_velocity) for body in self.bodies]
+        states, (legs, segments) = self.program.states.copy(), self._first_places()
+        states["leg"] -= legs
+        states["segment"] -= segments
         return Snapshot(
-            self.clock.copy(), self.program.states.copy(), self.clearances.copy(), np.array(motion),
-            self.boxes.near.copy(), tuple(self.chunks),
+            self.clock.copy(), states, self.clearances.copy(), np.array(motion), self.boxes.near.copy(),
+            tuple(self.chunks),
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot of a world whose plan has the same paths, and was the same as far as it was driven."""
-        self.clock[:], self.program.states[:] = snapshot.clock, snapshot.states
+        """Go on from a snapshot of a world whose plan was the same as far as it was driven, and as it was looked ahead.
+
+        What lies behind that may be other legs, and any number of them.
+        """
+        states, own, (legs, segments) = snapshot.states.copy(), self.program.states, self._first_places()
+        states["leg"] += legs
+        states["segment"] += segments
+        for name in ("first_leg", "last_leg", "leaves"):
+            states[name] = own[name]
+        self.clock[:], own[:] = snapshot.clock, states
         self.clearances[:], self.boxes.wanted[:] = snapshot.clearances, snapshot.near
         for body, (x, y, angle, vx, vy, spin) in zip(self.bodies, snapshot.motion.tolist(), strict=True):
             body.position, body.angle, body.velocity, body.angular_velocity = (x, y), angle, (vx, vy), spin
         self.boxes.bring()
         self.chunks = list(snapshot.chunks)
+
+    def _first_places(self) -> tuple[Array, Array]:
+        """The first leg and the first segment of each tractor (n,) in the arrays of the program."""
+        legs = self.program.states["first_leg"].copy()
+        return legs, self.program.legs["first_segment"][legs]
 
     def _chooser(self, slow: bool) -> Callable[[int, Array, tuple[float, float]], Any]:
         if not slow:

@@ -95,6 +95,9 @@ def _renumbered(mission: Mission, tractor: int, first: int, last: int, turn: tup
 
     legs = []
     for leg in mission.legs:
+        if not leg.gates and leg.follow is None:
+            legs.append(leg)
+            continue
         follow = leg.follow
         if follow is not None and follow.tractor == tractor and follow.leg >= last:
             follow = replace(follow, leg=follow.leg + more)

@@ -188,6 +188,8 @@ def renumbered(legs: Sequence[Leg], moved: list[int]) -> list[Leg]:
             gates=tuple(replace(gate, leg=gate.leg + moved[gate.tractor]) for gate in leg.gates),
             follow=leg.follow and replace(leg.follow, leg=leg.follow.leg + moved[leg.follow.tractor]),
         )
+        if leg.gates or leg.follow
+        else leg
         for leg in legs
     ]
 

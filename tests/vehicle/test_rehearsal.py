@@ -3,11 +3,12 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from vehicle.gnss import default_table
 from vehicle.missions import Gate, Mission, Plan
-from vehicle.rehearsal import SNAPSHOT_S, Rehearsal
+from vehicle.rehearsal import SNAPSHOT_S, Rehearsal, same_legs
 from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
 from vehicle.world import World
@@ -58,11 +59,12 @@ def test_every_plan_is_driven_as_in_a_world_of_its_own(
         began.append(rehearsal.began_s)
         outcomes.append(run.outcome)
     assert outcomes[:2] == ["conflict", "done"]
-    # 5 km/h are 83 m a minute: the hold is after 260 m, the slower legs after 200 m; then the first leg is another.
-    assert began == [0.0, 3 * SNAPSHOT_S, 2 * SNAPSHOT_S, 2 * SNAPSHOT_S, 0.0, 0.0]
+    # 5 km/h are 83 m a minute: the hold is after 260 m, the slower legs after 200 m; then the first leg is another, and
+    # the last plan has that of the last one that was done.
+    assert began == [0.0, 3 * SNAPSHOT_S, 2 * SNAPSHOT_S, 2 * SNAPSHOT_S, 0.0, 2 * SNAPSHOT_S]
 
 
-def test_nothing_is_kept_of_another_plan_or_of_a_longer_time(
+def test_nothing_is_kept_of_another_fleet_or_of_a_longer_time(
     build: Any, eg105: Tractor, implement: Implement
 ) -> None:
     rehearsal = Rehearsal(eg105, implement, stop_clearance_m=-1.0)
@@ -70,10 +72,61 @@ def test_nothing_is_kept_of_another_plan_or_of_a_longer_time(
     rehearsal.simulate(plan, FOREVER_S)
     short = rehearsal.simulate(plan, 100.0)
     assert (rehearsal.began_s, short.outcome) == (SNAPSHOT_S, "timeout") and 99.8 < short.time_s[-1] < 100.0
-    for other in (crossing(build), build.plan([build.leg((0, 0), (0, 200))])):
+    north, beside = [build.leg((0, 1), (0, 200))], [build.leg((9, 0), (9, 200))]
+    for other in (build.plan(north, beside), build.plan([plan.missions[0].legs[0]])):
         run = rehearsal.simulate(other, FOREVER_S)
         assert rehearsal.began_s == 0.0
         assert_same_bits(run, World(other, eg105, implement).run(max_time_s=FOREVER_S))
+
+
+def in_parts(plan: Plan, tractor: int, leg: int) -> Plan:
+    """The plan with one of its legs in two, the second of which is driven more slowly."""
+    missions = list(plan.missions)
+    legs = missions[tractor].legs
+    whole = legs[leg]
+    middle = whole.points.mean(axis=0)
+    first = replace(whole, points=np.array([whole.points[0], middle]))
+    second = replace(whole, points=np.array([middle, whole.points[1]]), speed_mps=0.8 * whole.speed_mps, gates=())
+    missions[tractor] = Mission((*legs[:leg], first, second, *legs[leg + 1 :]))
+    return Plan(tuple(missions))
+
+
+@pytest.mark.parametrize(("tractor", "hold", "gate"), [(0, 2, Gate(0, 2, 30.0)), (1, 3, Gate(0, 1, 130.0))])
+def test_legs_may_be_others_in_number_behind_what_is_the_same(
+    build: Any, eg105: Tractor, implement: Implement, tractor: int, hold: int, gate: Gate
+) -> None:
+    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5)
+    plan = crossing(build).with_gate(1, 2, Gate(0, 1, 130.0))
+    for one in (plan, in_parts(crossing(build), tractor, 1).with_gate(1, hold, gate), plan):
+        run = rehearsal.simulate(one, FOREVER_S)
+        assert_same_bits(run, World(one, eg105, implement).run(stop_clearance_m=0.5, max_time_s=FOREVER_S))
+    assert rehearsal.began_s == 2 * SNAPSHOT_S
+
+
+def test_what_is_found_of_a_plan_that_is_done_is_mended_from_there(
+    build: Any, eg105: Tractor, implement: Implement
+) -> None:
+    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5)
+    plan = crossing(build)
+    done = plan.with_gate(1, 2, Gate(0, 1, 130.0))
+    assert rehearsal.simulate(done, FOREVER_S).outcome == "done"
+    rehearsal.simulate(plan.with_gate(1, 0, Gate(0, 0, 5.0)), FOREVER_S)
+    assert rehearsal.began_s == 0.0
+    again = slower(done, 0, 1)
+    run = rehearsal.simulate(again, FOREVER_S)
+    assert rehearsal.began_s == 2 * SNAPSHOT_S
+    assert_same_bits(run, World(again, eg105, implement).run(stop_clearance_m=0.5, max_time_s=FOREVER_S))
+
+
+def test_links_to_what_lies_behind_the_same_legs_hold_in_both_plans(build: Any) -> None:
+    plan = crossing(build)
+    late, later = Gate(0, 1, 50.0), Gate(0, 1, 60.0)
+    one, other = plan.with_gate(1, 1, late), plan.with_gate(1, 1, later)
+    assert same_legs(one, one) == [2, 3] and same_legs(one, other) == [2, 1]
+    # The leg that is waited for is another: neither gate opens before it is come to.
+    assert same_legs(one, slower(other, 0, 1)) == [1, 3]
+    assert same_legs(plan, slower(other, 0, 1)) == [1, 1]
+    assert same_legs(plan, build.plan([build.leg((0, 0), (0, 200))])) == [0]
 
 
 def test_a_world_in_contact_or_at_its_end_gives_no_snapshot(

@@ -4,6 +4,7 @@ Nothing here knows a network or a clock; times are handed in.
 
     centre        the whole: reports, and what time brings about
     operated      what operators order
+    seeing        obstacles that are told of, and those that nobody can read
     core          plan, states, orders and events that wait to be taken
     fleet_plan    a saved plan with machines, times and ground
     replanning    the rest of a failed tractor's tracks for the others, simulated
@@ -17,6 +18,7 @@ Nothing here knows a network or a clock; times are handed in.
     obeying       who drives on though told to stand
     plausible     who cannot be where it says
     guard         fence, distances, and what a remote command may do
+    nearness      how long those that are too near stand
     obstacles     what stands in the way, and which legs it blocks
     leases        who drives which tractor
     alarms        what has to be seen

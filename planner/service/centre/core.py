@@ -12,6 +12,7 @@ from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.foresight import NoTwins, Virtual
 from planner.service.centre.guard import Guard
 from planner.service.centre.leases import Leases
+from planner.service.centre.nearness import STUCK_S, Nearness
 from planner.service.centre.obstacles import Obstacles
 from planner.service.centre.orders import Event, Order
 from planner.service.centre.painting import Painting
@@ -38,6 +39,7 @@ class Core:
         self.blocked: list[dict[int, str]] = [{} for _ in plan.courses]
         self.painting = Painting(plan.tractors)
         self.guard = Guard(plan, rules, self.twins)
+        self.near = Nearness(rules.release_s / rules.times, STUCK_S / rules.times)
         self.finish_in_s = [math.inf] * plan.tractors
         self._orders: list[Order] = []
         self._events: list[Event] = []

@@ -221,6 +221,12 @@ class LiveFleet:
         ring = metres_of(self.centre.plan.saved, frame.polygon_m)
         self.centre.obstacle(client.who, ring, frame.name, now, client.tractor if client.role == TRACTOR else None)
 
+    def unread(self, client: Client, sentence: str, now: float) -> None:
+        """A tractor tells of an obstacle in a frame that is refused with this sentence: it stands."""
+        assert client.tractor is not None
+        self.centre.unreadable(client.tractor, sentence, now)
+        self.flush()
+
     def replan(self, who: str, without: list[int]) -> int:
         """Ask for the rest of the work planned for the others; the number of the proposal. Raises CentreError."""
         for number in without:

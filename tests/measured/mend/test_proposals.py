@@ -30,7 +30,8 @@ class LinearLoop:
         self.base = base / np.sqrt(float(base @ base))
         self.columns = {name: one / np.sqrt(float(base @ base)) for name, one in self.columns.items()}
         tractor = eg105()
-        self.bench = SimpleNamespace(rig=SimpleNamespace(tractor=tractor), row_s=0.1)
+        course = SimpleNamespace(places={})
+        self.bench = SimpleNamespace(rig=SimpleNamespace(tractor=tractor), course=course, row_s=0.1)
         self.runs = np.arange(ROWS) * RUNS // ROWS
 
     def errors(self, terms: Sequence[Term]) -> np.ndarray:

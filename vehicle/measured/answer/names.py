@@ -57,9 +57,10 @@ def unnamed_gain(fit: Fit) -> float:
     """Loss that the unnamed terms take away, the other coordinates following."""
     if fit.extra is None:
         return 0.0
+    terms = fit.extra.terms
     first = fit.slope.shape[1] - fit.extra.columns.shape[1]
-    project = Projector(fit.slope[:, :first])
-    removed = project(fit.extra.columns @ fit.extra.amounts)
+    project = Projector(fit.slope[:, : first + terms.start])
+    removed = project(fit.extra.columns[:, terms] @ fit.extra.amounts[terms])
     return float(removed @ removed)
 
 
@@ -119,16 +120,16 @@ def is_likely(case: Case, name: str) -> bool:
     clear = clear_of_neutral(case.extension, case.tractor, name)
     far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
     of_wheel = effect(name).block == STEERING and case.bench.has_wheel
-    if not clear or not far or at_a_limit((term,)):
+    if not clear or not far or reaches_a_limit(case, name):
         return False
     gain = case.gain_of(name)[0]
     return case.worth_of(name) >= WORTH_OF_WHEEL_PCT and gain > -HARM_PCT if of_wheel else gain > 0.0
 
 
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:
-    """Whether the 95 % interval of an effect leaves neutral out."""
+    """Whether the 95 % interval of an effect, as wide as its tolerance at least, leaves neutral out."""
     size = effect(name).size.name
-    low, high = extension.intervals[name][size]
+    low, high = extension.tolerant.get(name, extension.intervals[name])[size]
     return not low <= neutral(name, tractor.steering)[size] <= high
 
 
@@ -149,6 +150,19 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     return _without_doubtful(selection, Explained(case, [name for name in told.names if holds(case, name)], smaller))
 
 
+def reaches_a_limit(case: Case, name: str) -> bool:
+    """Whether an effect may be as far as a tractor can have it: its value is, or its interval holds that limit.
+
+    A small end that comes from the file, as of a lag that is nearly none, is no limit: only the value itself is asked.
+    """
+    if at_a_limit((case.main_terms[name],)):
+        return True
+    size = effect(name).size.for_wheelbase(case.tractor.wheelbase_m)
+    zero = neutral(name, case.tractor.steering)[size.name]
+    low, high = case.extension.intervals[name][size.name]
+    return high >= size.high > zero or (size.neutral is not None and low <= size.low < zero)
+
+
 def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[list[str], Case]:
     """Names that hold together, with their case: one that does not may have been the partner of another."""
     while True:
@@ -165,7 +179,7 @@ def holds(case: Case, name: str) -> bool:
     One that ran as far as a tractor can have it stands for something else.
     """
     worth, least = case.worth_of(name), _least_worth(case.bench, name)
-    beyond = clear_of_neutral(case.extension, case.tractor, name) and not at_a_limit((case.main_terms[name],))
+    beyond = clear_of_neutral(case.extension, case.tractor, name) and not reaches_a_limit(case, name)
     return beyond and worth >= least and case.gain_of(name)[0] > -HARM_PCT
 
 

@@ -25,10 +25,19 @@ LEAST_STEP = 1e-6  # of the loss, which is of the order of the rows: less is rou
 
 @dataclass(frozen=True, eq=False)
 class Extra:
-    """Further terms of the path that are linear: one column of surprises each, and how much of it is in use."""
+    """Further terms of the path that are linear: one column of surprises each, and how much of it is in use.
+
+    The first columns, as many as `unknowns`, are those of causes.unknowns and in every fit.
+    """
 
     columns: Array
     amounts: Array
+    unknowns: int = 0
+
+    @property
+    def terms(self) -> slice:
+        """The columns that explain something."""
+        return slice(self.unknowns, self.columns.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +146,7 @@ class _Parts:
         return tuple(parts)
 
     def _extra(self, at: Array) -> Extra | None:
-        return self.fit.extra and Extra(self.fit.extra.columns, at[len(self.typical) :])
+        return self.fit.extra and replace(self.fit.extra, amounts=at[len(self.typical) :])
 
 
 def flat(vectors: Iterable[ArrayLike]) -> Array:
@@ -161,7 +170,7 @@ def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:
         count = len(problem.typical)
         return bool(np.all(np.abs(after.at - before.at)[:count] / problem.typical < SETTLED))
 
-    rule = Rule(iterations, settled, least_gain=LEAST_STEP, keeps=True)
+    rule = Rule(iterations, settled, least_gain=LEAST_STEP)
     return problem.fit_at(with_own_slope(problem, descend(problem, problem.start, rule)))
 
 

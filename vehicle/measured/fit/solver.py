@@ -8,7 +8,7 @@ shortened, twice at most: further the slope does not hold, and the next one will
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -70,9 +70,7 @@ class Rule:
     """When to stop: after `iterations` steps, or when a step takes no more than `least_gain` off the loss.
 
     `settled` sees the points before and after a step and says whether that was the last; `worthwhile` sees a point with
-    its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes. With `keeps` a
-    point that settled takes the slope of the step before for its own: so small a step changes it by less than the width
-    that it was taken over.
+    its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes.
     """
 
     iterations: int
@@ -80,7 +78,6 @@ class Rule:
     least_gain: float = 0.0
     first_step: float = FIRST_STEP
     worthwhile: Callable[[Point], bool] = lambda _: True
-    keeps: bool = False
 
 
 def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
@@ -131,7 +128,7 @@ def descend(problem: Problem, start: Point, rule: Rule) -> Point:
             break
         before, point = point, after
         if rule.settled(before, after):
-            return replace(after, own=rule.keeps)
+            break
     return point
 
 

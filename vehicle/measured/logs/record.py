@@ -37,6 +37,7 @@ class Fix(StrEnum):
     STEERING_RADIANS = "steering-radians"
     STEERING_LEFT = "steering-left-positive"
     IMPLEMENT_REVERSED = "implement-reversed"
+    ROLL_LEFT = "roll-left-down"
 
 
 MEANING = {
@@ -54,6 +55,7 @@ MEANING = {
     Fix.STEERING_RADIANS: "steering angles are in radians",
     Fix.STEERING_LEFT: "steering is positive to the left",
     Fix.IMPLEMENT_REVERSED: "implement is 1 where it is lifted and 0 where it works",
+    Fix.ROLL_LEFT: "roll_deg is positive where the left side is lower",
 }
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from vehicle.effects import POSITION, SPEED, effect
 from vehicle.kinds import SURE, Interval
 from vehicle.learnt import Settings
-from vehicle.measured.causes.evidence import robust_covariance
+from vehicle.measured.causes.evidence import of_few, robust_covariance
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.knobs import finest_of
@@ -19,6 +21,7 @@ from vehicle.measured.mend.levels import driven_seconds, level_of, main_terms
 from vehicle.measured.mend.mending import Mended
 from vehicle.measured.replay.horizons import Halves, chain, squares
 from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import DRIVE_LINE_S, SENSORS_S, TIMING_S
 from vehicle.rest import BY_NAME
 
 
@@ -26,12 +29,15 @@ from vehicle.rest import BY_NAME
 class Extension:
     """Terms in use, 95 % intervals of their values by id, and the settings of every run for its even and odd windows.
 
-    Where an effect has two levels, its interval is that of the level with the longer driving.
+    Where an effect has two levels, its interval is that of the level with the longer driving. `tolerant` are intervals
+    as wide as the tolerance of the tractor file at least, where others are given as well: a claim takes more than a
+    value.
     """
 
     terms: Terms
     intervals: Mapping[str, Mapping[str, Interval]]
     held_out: Mapping[int, Halves]
+    tolerant: Mapping[str, Mapping[str, Interval]] = field(default_factory=dict)
 
     @property
     def ids(self) -> frozenset[str]:
@@ -60,17 +66,19 @@ def of_fit(bench: Bench, fit: Fit, names: Collection[str]) -> Extension:
     sums = block_sums(bench, fit.slope, fit.surprise)
     pieces = Pieces(sums.squares, sums.sides, bench.block_runs, bench.block_halves)
     steps = steps_without(pieces, np.concatenate([to_neutral(terms), np.zeros(extra)]))
-    covariance = robust_covariance(bench, fit) if fit.slope.size else np.zeros((0, 0))
-    intervals = {
-        term.knobs.id: value_interval(bench, term, covariance[place, place])
-        for term, place in zip(terms, _places(terms), strict=True)
-    }
+    few, covariance = (
+        robust_covariance(bench, fit, few=few) if fit.slope.size else np.zeros((0, 0)) for few in (True, False)
+    )
+    placed = list(zip(terms, _places(terms), strict=True))
+    intervals = {t.knobs.id: value_interval(t, few[place, place], off_in_time(bench, t)) for t, place in placed}
+    tolerant = {t.knobs.id: value_interval(t, covariance[place, place], tolerance(bench, t)) for t, place in placed}
     held_out: dict[int, Halves] = {
         run: (settings_in(moved(terms, both[0]), run), settings_in(moved(terms, both[1]), run))
         for run, both in steps.items()
     }
     whole = Extension(terms, intervals, held_out)
-    return Extension(tuple(term for term in terms if term.knobs.id in names), intervals, whole.only(names))
+    kept = tuple(term for term in terms if term.knobs.id in names)
+    return Extension(kept, intervals, whole.only(names), tolerant)
 
 
 def of_mended(mended: Mended) -> Extension:
@@ -79,11 +87,12 @@ def of_mended(mended: Mended) -> Extension:
     pieces = pieces_of(loop, model)
     steps = steps_without(pieces, to_neutral(model.terms))
     inverse = np.linalg.pinv(pieces.squares.sum(axis=0), hermitian=True)
-    covariance = inverse @ (pieces.sides.T @ pieces.sides) @ inverse
+    wider = of_few(pieces.squares, inverse)
+    covariance = inverse @ (pieces.sides.T @ pieces.sides) @ inverse * np.outer(wider, wider)
     seconds = driven_seconds(loop.bench.course)
     longest = main_terms(model.terms, seconds)
     intervals = {
-        term.knobs.id: value_interval(loop.bench, term, covariance[place, place])
+        term.knobs.id: value_interval(term, covariance[place, place], _open_loop_width(loop.bench, term))
         for term, place in zip(model.terms, _places(model.terms), strict=True) if term in longest
     }  # fmt: skip
     held_out = {run: _halves(loop.bench, run, model.terms, both) for run, both in steps.items()}
@@ -122,14 +131,36 @@ def _loss(bench: Bench, run: int, settings: Mapping[str, Mapping[str, float]], h
     return total
 
 
-def value_interval(bench: Bench, term: Term, covariance: Array) -> dict[str, Interval]:
-    """95 % interval of the values of a term from the covariance of its coordinates, never finer than the tolerance.
+def value_interval(term: Term, covariance: Array, finest: float) -> dict[str, Interval]:
+    """95 % interval of the values of a term from the covariance of its coordinates, and no narrower than `finest`.
 
-    Where an effect is, as of a patch, was searched for and not fitted: no interval is claimed for it. Times are not
-    told finer than half a row of the log.
+    Where an effect is, as of a patch, was searched for and not fitted: no interval is claimed for it.
     """
     knobs = term.knobs
     if knobs.id in BY_NAME:
         amount, sigma = float(term.at[0]), float(np.sqrt(np.maximum(np.diag(covariance), 0.0))[0])
         return {knobs.id: (amount - SURE * sigma, amount + SURE * sigma)}
-    return knobs.interval(term.at, covariance, finest_of(bench.rig.tractor, knobs.id, bench.row_s))
+    return knobs.interval(term.at, covariance, finest)
+
+
+def tolerance(bench: Bench, term: Term) -> float:
+    """What the tractor file tolerates of a term, of a time never less than half a row; 0 of a term of the rest."""
+    return 0.0 if term.knobs.id in BY_NAME else finest_of(bench.rig.tractor, term.knobs.id, bench.row_s)
+
+
+def _open_loop_width(bench: Bench, term: Term) -> float:
+    """What a value told by the open-loop error is off by, which knows nothing of what differs between tractors."""
+    return max(tolerance(bench, term), off_in_time(bench, term, open_loop=True))
+
+
+def off_in_time(bench: Bench, term: Term, open_loop: bool = False) -> float:
+    """How far off a time is (95 %), though its scatter be small: every run is off by as much, to the same side.
+
+    Commands take effect somewhere between two rows, at the beat of a controller, and drive lines differ. What differs
+    between sensors has a part in the fit of the surprises, and none in the open-loop error.
+    """
+    if term.knobs.id in BY_NAME or (entry := effect(term.knobs.id)).size.unit != "s":
+        return 0.0
+    if entry.block == POSITION:
+        return SURE * SENSORS_S if open_loop else 0.0
+    return SURE * math.hypot(DRIVE_LINE_S if entry.block == SPEED else TIMING_S, bench.row_s / math.sqrt(12.0))

@@ -60,7 +60,7 @@ def proposals(
 
 def _of_effect(loop: OpenLoop, model: Model, tractor: Tractor, entry: Effect) -> list[Proposal]:
     """An effect from its best start and, if it is one of the ground, at two levels."""
-    knobs = knobs_for(tractor, entry.id).with_fewer_starts()
+    knobs = knobs_for(tractor, entry.id, loop.bench.course.places).with_fewer_starts()
     neutral = np.array(knobs.neutral)
     starts = [np.array(at) for at in knobs.starts if at != knobs.neutral]
     errors = [model.errors, *[loop.errors((*model.terms, Term(knobs, at))) for at in starts]]

@@ -18,11 +18,12 @@ from vehicle.calibration import steering_tables
 from vehicle.chassis import GRAVITY, body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
-from vehicle.effects import PATH, SPEED, effect_fields
+from vehicle.effects import PATH, SLOPE_DRIFT, SPEED, effect_fields
 from vehicle.effects import STEERING as STEERS
 from vehicle.ground import ground_index
 from vehicle.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, shown_rows
 from vehicle.jit import compiled
+from vehicle.kinds import PER_SLOPE
 from vehicle.layout import DT_S, STATE
 from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
@@ -37,12 +38,13 @@ MOST_MODELS = 16  # chosen: the stretches of a course ask for one after another
 
 @compiled
 def replay_steps(  # type: ignore[no-untyped-def]
-    command, wheel, speed, target, working, east, north, heading, cosines, sines, start_s, dt, from_sensor, from_speed,
-    state, model, ground, table, out,
+    command, wheel, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt, from_sensor,
+    from_speed, state, model, ground, table, out,
 ) -> None:  # fmt: skip
     """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
 
-    `cosines` and `sines` are those of `heading`.
+    `cosines` and `sines` are those of `heading`; `downhill` is the drift to the right (m/m) on a slope that was
+    measured, beside that of the model.
 
     `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
     are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it.
@@ -70,6 +72,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
             state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
         along, slide = ground_drift(state.play, forward, there, across, model)
+        slide += abs(forward) * downhill[i]
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
         x += ((forward + along) * cosine + right * sine) * dt
@@ -160,12 +163,21 @@ def _replayed(rig: Rig, stretch: Stretch, settings: Settings, sensed: bool, time
     grids = stretch.grids
     command, wheel = _steering(stretch)
     out = np.empty((len(command), 5))
+    settings, downhill = _on_slope(stretch, settings)
     replay_steps(
         command, wheel, grids["speed"], grids.get("target", grids["speed"]), grids["working"], grids["east"],
-        grids["north"], grids["heading"], *stretch.direction, stretch.start_s, DT_S, sensed, timed, _fresh(command)[0],
-        rig.effective(settings), rig.ground[0], rig.table, out,
+        grids["north"], grids["heading"], *stretch.direction, downhill, stretch.start_s, DT_S, sensed, timed,
+        _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
+
+
+def _on_slope(stretch: Stretch, settings: Settings) -> tuple[Settings, Array]:
+    """Settings without the drift on a plane, and the drift (m/m, n) on the slope measured; as they are without one."""
+    share, across = settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE), stretch.grids.get("across")
+    if share is None or across is None:
+        return settings, np.zeros(len(stretch.grids["speed"]))
+    return {name: values for name, values in settings.items() if name != SLOPE_DRIFT}, share * across
 
 
 def wheel_angles(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
