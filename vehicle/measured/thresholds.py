@@ -43,6 +43,11 @@ ABOVE_CHANCE = 1.5
 # Chosen, 3 standard deviations: a candidate that promises less is not simulated further. Saves time, decides nothing
 # while it is below LEAST_GAIN and a promise is not far too low.
 HOPELESS = 9.0
+# Chosen, of the gain that a candidate must have to count: one that promises less is not simulated further either.
+FAR_LESS = 0.36
+# Chosen, times LEAST_GAIN: a part that by a straight line takes more away is not left out to see whether it is needed.
+# Saves time, decides nothing while no slope is wrong by so much.
+PLAINLY = 16.0
 # Chosen: bounds the time; what more causes leave is said to be unexplained.
 MOST_PARTS = 8
 # Chosen: the best of some thousand circles gains more by chance than an effect with one number.

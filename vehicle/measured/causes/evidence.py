@@ -10,6 +10,7 @@ from scipy.special import stdtrit
 from vehicle.kinds import HELD, SURE
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.knobs import finest_of
+from vehicle.measured.fit.products import crossed
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import (
@@ -60,6 +61,16 @@ def robust_covariance(bench: Bench, fit: Fit, few: bool = False) -> Array:
     factor = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(sandwich), 1e-300), 1.0))
     out: Array = sandwich * np.outer(factor, factor)
     return out
+
+
+def promised_costs(fit: Fit) -> dict[str, float]:
+    """Loss that comes back without each part, the other coordinates following, as far as straight lines hold."""
+    inverse = np.linalg.pinv(crossed(fit.slope, fit.slope), rcond=1e-14, hermitian=True)
+    costs = {}
+    for knobs, at in fit.parts:
+        mine, away = fit.columns(knobs.id), at - np.array(knobs.neutral)
+        costs[knobs.id] = float(away @ np.linalg.pinv(inverse[mine, mine], rcond=1e-12, hermitian=True) @ away)
+    return costs
 
 
 def of_few(squares: Array, inverse: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from vehicle.measured.causes.dependence import Dependence, columns
 from vehicle.measured.causes.trial import Tried
 from vehicle.measured.causes.unknowns import unknowns
-from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined, slopes
+from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined
 from vehicle.measured.fit.knobs import Knobs, settings_of
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench, prepare
@@ -32,7 +32,6 @@ def with_part(bench: Bench, fit: Fit, part: Part) -> Fit:
 def with_unnamed(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Fit:
     """The fit with unnamed terms at their best amounts, beside what is unknown of any tractor."""
     bare = Fit(fit.parts, bench.surprise(fit.settings), np.zeros((len(fit.surprise), 0)))
-    bare = replace(bare, slope=slopes(bench, bare))
     free = unknowns(bench, bare)
     made = np.concatenate([free, *[columns(bench, bare, one) for one in unnamed]], axis=1)
     extra = Extra(made, np.zeros(made.shape[1]), free.shape[1])
