@@ -6,12 +6,12 @@ import pytest
 
 from tests.diagnosis.hiding import hidden
 from tests.measured.tables import refusal, runs, table
-from tests.truth.drives import Drive, drive, stairs, straight, triangle
+from tests.truth.drives import Drive, circles, drive, stairs, straight, triangle
 from tests.truth.model import Truth, make_logs
 from vehicle.measured.logs.constant import without_constant
 from vehicle.measured.logs.reading import Log, log_from_frame
 from vehicle.measured.logs.remarks import remarks
-from vehicle.measured.logs.sensors import set_right
+from vehicle.measured.logs.sensors import set_right, set_right_together
 
 WEAVE = drive("weave", 180.0, triangle(12.0, 14.0), 1.6)
 
@@ -42,6 +42,23 @@ def test_a_factor_of_the_speed_sensor_is_told_and_taken_out(factor: float) -> No
     assert told.startswith(f"speed_mps reads {100 * abs(factor - 1):.0f} % ")
     assert log.speed_mps is not None
     assert float(np.median(log.speed_mps[log.used]) / np.median(true)) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_factor_that_straight_logs_tell_is_taken_out_of_bends_of_the_same_sensor() -> None:
+    """A circle alone tells no factor; beside a line with the same sensor it does, beside another sensor it does not."""
+    line, bend = log_of(straight(90.0, seconds=40.0)), log_of(circles(1))
+    wrong = [read(frame.assign(speed_mps=1.2 * frame.speed_mps)) for frame in (line, bend)]
+    assert wrong[0].speed_factor > 1.1 and wrong[1].doubts == ()
+    first, second = set_right_together(wrong)
+    assert first is wrong[0] and second.speed_factor == first.speed_factor
+    (told,) = second.doubts
+    assert "as in run: the same sensor" in told
+    assert second.speed_mps is not None
+    middle = float(np.median(second.speed_mps) / np.median(bend.speed_mps))
+    assert middle == pytest.approx(1.0, abs=0.02)
+    assert set_right_together([first, second])[1] is second
+    assert set_right_together([wrong[0], read(bend)])[1].doubts == ()
+    assert set_right_together([read(line), wrong[1]])[1].doubts == ()
 
 
 def test_slip_under_the_implement_is_no_factor_of_the_sensor() -> None:
