@@ -69,15 +69,21 @@ def test_slip_under_the_implement_is_no_factor_of_the_sensor() -> None:
     assert read(frame).doubts == ()
 
 
-@pytest.mark.parametrize("rate", [0.004, -0.006])
-def test_clocks_that_part_are_told_and_joined(rate: float) -> None:
-    frame = log_of(WEAVE)
+def parted(frame: pd.DataFrame, rate: float) -> pd.DataFrame:
+    """The log with positions and heading stamped by a clock that runs slower by `rate`."""
     time = frame.time_s.to_numpy()
     shown = time[0] + (time - time[0]) * (1.0 - rate)
     late = frame.copy()
     for name in ("easting_m", "northing_m"):
         late[name] = np.interp(shown, time, frame[name])
     late["heading_deg"] = np.mod(np.interp(shown, time, np.unwrap(frame.heading_deg, period=360.0)), 360.0)
+    return late
+
+
+@pytest.mark.parametrize("rate", [0.004, -0.006])
+def test_clocks_that_part_are_told_and_joined(rate: float) -> None:
+    frame = log_of(WEAVE)
+    late = parted(frame, rate)
     log = read(late)
     (told,) = log.doubts
     assert f" s a minute {'later' if rate > 0 else 'earlier'} against the steering" in told

@@ -26,6 +26,8 @@ _FEWEST = 12
 # Clocks: s. Windows hold several changes of the steering; lags beyond the search are no clock's.
 _WINDOW_S, _SEARCH_S, _GRID_S, _SMOOTH_S = 20.0, 2.5, 0.1, 0.6
 _LEAST_WINDOWS, _LEAST_DRIFT_S, _MATCHES = 5, 0.3, 0.75
+# Shorter logs do not tell of two clocks: with windows of 10 s one honest log in ten seems to have them.
+CLOCKS_FROM_S = _LEAST_WINDOWS * _WINDOW_S
 # A wheel sensor that is off repeats one value for long; what the path says it should be is averaged over that.
 _STILL_S, _OFF_DEG, _MOVES_DEG, _RUN_CHORDS, _OFF_SHARE = 4.0, 3.0, 2.0, 5, 0.4
 
@@ -143,7 +145,8 @@ def _moved(log: Log, slide: Array) -> Log:
 def _lags(log: Log) -> tuple[Array, Array] | None:
     """Per window: its middle (s) and how much later than the steering the path turns (s)."""
     rows = np.flatnonzero(log.used & (log.shuttle > 0.0))
-    if len(rows) < 2 or float(np.ptp(log.time_s[rows])) < _LEAST_WINDOWS * _WINDOW_S:
+    span = float(np.ptp(log.time_s[rows])) if len(rows) else 0.0
+    if span < CLOCKS_FROM_S:
         return None
     grid = np.arange(log.time_s[rows[0]], log.time_s[rows[-1]], _GRID_S)
     turning, angle = _turning(log, rows, grid), np.interp(grid, log.time_s[rows], steering(log)[rows])
