@@ -28,7 +28,7 @@ def notes(logs: Sequence[Log], bench: Bench, tractor: Tractor, answer: Diagnosis
 
 def _of_logs(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
     """What the reader should know about the rows and columns."""
-    told = [line for log in logs for line in remarks(log)] + list(bench.course.tilt.remarks)
+    told = [line for log in logs for line in remarks(log)] + list(bench.course.remarks)
     if not bench.has_wheel:
         told.append(
             "No wheel angle was logged: faults of the steering system and of the path cannot be told apart well."
