@@ -74,3 +74,11 @@ def test_a_drift_per_slope_is_replayed_where_roll_is_and_as_a_plane_where_it_is_
         way = stretch.grids["speed"] / 60.0
         across = 0.4 * stretch.grids["across"] if per_slope else 0.05 * np.sin(stretch.grids["heading"])
         assert float(aside) == pytest.approx(float(np.sum(way * across)), abs=0.05)
+
+
+def test_pitch_explains_the_speed_that_a_grade_takes() -> None:
+    """With pitch the error along is near the noise; without it the same hills are left over, or pose as a slip."""
+    frames = driven(Ground(wave_m=0.6, length_m=45.0, climb=0.8))
+    known, unknown = told(frames), told([one.drop(columns=["pitch_deg"]) for one in frames])
+    assert known.named == () and any(note.startswith("pitch_deg explains speed") for note in known.notes)
+    assert known.before[5.0].along_cm < 0.5 * unknown.before[5.0].along_cm

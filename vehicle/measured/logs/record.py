@@ -102,7 +102,8 @@ class Log:
     without a gap of more than five samples, from 0; it is -1 on rows that are not used. Speeds are never negative
     (noise down to -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file
     does not say; `implement` is then 0 throughout. `given_again` holds the further names under which the same file was
-    given; `doubts` say what its instruments got wrong and what was set right.
+    given; `doubts` say what its instruments got wrong and what was set right. `speed_factor` is what the measured speed
+    was divided by.
     """
 
     name: str
@@ -124,6 +125,7 @@ class Log:
     ignored_columns: tuple[str, ...] = ()
     given_again: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    speed_factor: float = 1.0
 
     @property
     def rows_used(self) -> int:

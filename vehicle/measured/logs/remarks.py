@@ -7,9 +7,9 @@ import difflib
 import numpy as np
 
 from vehicle.measured.logs.gating import FIRST_ROW_LINE
+from vehicle.measured.logs.levelling import STEEPEST_DEG
 from vehicle.measured.logs.record import COLUMNS, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
-from vehicle.measured.logs.tilt import STEEPEST_DEG
 
 _NEAR = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from vehicle.effects import SLOPE_DRIFT
 from vehicle.layout import DT_S
 from vehicle.measured.errors import LogError
+from vehicle.measured.logs.grade import grade
 from vehicle.measured.logs.record import Array, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 from vehicle.measured.logs.tilt import Tilt, tilt
@@ -66,13 +67,17 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """All runs of a set: names, stretches, the origin taken off the positions, rows read, the ground's slope."""
+    """All runs of a set: names, stretches, the origin taken off the positions, rows read, the ground's slope.
+
+    `remarks` say what was made of roll and pitch.
+    """
 
     names: tuple[str, ...]
     stretches: tuple[Stretch, ...]
     origin: tuple[float, float]
     rows_read: int
     tilt: Tilt = field(default_factory=Tilt)
+    remarks: tuple[str, ...] = ()
 
     @property
     def places(self) -> dict[str, tuple[float, ...]]:
@@ -100,15 +105,18 @@ def make_course(logs: Sequence[Log]) -> Course:
     east = np.concatenate([log.easting_m[rows] for log, rows in zip(logs, used, strict=True)])
     north = np.concatenate([log.northing_m[rows] for log, rows in zip(logs, used, strict=True)])
     origin = (float(np.round(np.median(east))), float(np.round(np.median(north))))
-    slopes, stretches = tilt(logs), list[Stretch]()
+    slopes, climbs, stretches = tilt(logs), grade(logs), list[Stretch]()
     for run, log in enumerate(logs):
+        if climbs.share and log.speed_command_mps is not None:
+            log = replace(log, speed_command_mps=log.speed_command_mps * climbs.share[run])
         across = slopes.across[run] if slopes.known else None
         for rows in driven_stretches(log)[0]:
             stretches.append(_stretch(log, rows, run, origin, None if across is None else across[rows]))
     if not stretches:
         raise LogError(_nothing_long(logs))
     rows_read = sum(len(log.used) for log in logs)
-    return Course(tuple(log.name for log in logs), tuple(stretches), origin, rows_read, slopes)
+    ground = (*slopes.remarks, *climbs.remarks)
+    return Course(tuple(log.name for log in logs), tuple(stretches), origin, rows_read, slopes, ground)
 
 
 def _nothing_long(logs: Sequence[Log]) -> str:
