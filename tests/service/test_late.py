@@ -15,7 +15,7 @@ from planner.service.centre.centre import Centre
 from planner.service.centre.core import RUNNING, STOPPED
 from planner.service.centre.errors import CentreError
 from planner.service.centre.operated import SEEN_S
-from planner.service.centre.replanning import Rest, check_still
+from planner.service.centre.remaining import Rest, check_still
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import Report
 from planner.service.links.frames import Begin, GoOn, State, StopAll, TakeLease

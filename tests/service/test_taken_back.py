@@ -11,7 +11,7 @@ import pytest
 from planner.service.centre.core import DONE
 from planner.service.centre.errors import CentreError
 from planner.service.centre.obstacles import MOST
-from planner.service.centre.replanning import check_still, rest_of
+from planner.service.centre.remaining import check_still, rest_of
 from planner.service.centre.seeing import UNREAD_CODE
 from planner.service.centre.tractors import DRIVEN, FAILED, GIVEN, OBSTACLE, UNREAD, Report
 from planner.service.errors import ServiceError

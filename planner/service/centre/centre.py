@@ -17,7 +17,18 @@ from planner.service.centre.obeying import AGAIN_S, disobeys
 from planner.service.centre.operated import Operated
 from planner.service.centre.plausible import fault_of
 from planner.service.centre.releasing import base_end, closed_gates
-from planner.service.centre.tractors import ASTRAY, AUTOMATIC, BROKEN, DRIVEN, FENCE, HALTED, NEAR, Report, TractorState
+from planner.service.centre.tractors import (
+    ASTRAY,
+    AUTOMATIC,
+    BROKEN,
+    DRIVEN,
+    FENCE,
+    HALTED,
+    NEAR,
+    WAITS,
+    Report,
+    TractorState,
+)
 from planner.service.centre.tractors import STOPPED as STOOD
 from vehicle.speed import follower_speed
 
@@ -156,6 +167,7 @@ class Centre(Operated):
             self._watch(now)
             self._look_again()
             self.read_again(now)
+        self._wait()
         self._settle()
         for number in range(self.plan.tractors):
             self._insist(number, now)
@@ -299,7 +311,7 @@ class Centre(Operated):
         return math.inf
 
     def _forecast(self) -> None:
-        halted = [self.state != RUNNING or bool(s.holds - {NEAR}) or bool(self.blocked[n]) or s.failed
+        halted = [self.state != RUNNING or bool(s.holds - {NEAR, WAITS}) or bool(self.blocked[n]) or s.failed
                   for n, s in enumerate(self.states)]  # fmt: skip
         places = [self._place(number) for number in range(self.plan.tractors)]
         self.finish_in_s = [s / self.rules.times for s in finish_in_s(self.courses, self.states, halted, places)]

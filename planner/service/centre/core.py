@@ -16,9 +16,9 @@ from planner.service.centre.nearness import STUCK_S, Nearness
 from planner.service.centre.obstacles import Obstacles
 from planner.service.centre.orders import Event, Order
 from planner.service.centre.painting import Painting
-from planner.service.centre.releasing import waits_for
+from planner.service.centre.releasing import waits_for, waits_here
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import DRIVEN, OBSTACLE, REMOTE, TractorState
+from planner.service.centre.tractors import DRIVEN, OBSTACLE, REMOTE, WAITS, TractorState
 
 READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
 CENTRE = "centre"
@@ -71,6 +71,15 @@ class Core:
                 f"Tractor {number + 1} is not in this fleet of {self.plan.tractors}; use 1 to {self.plan.tractors}.",
                 parameter="tractor",
             )
+
+    def _wait(self) -> None:
+        """Who has to wait where it is, by a plan made anew, stands until what it waits for has been driven."""
+        for number, state in enumerate(self.states):
+            if state.done or state.out or not waits_here(self.courses[number], state, self.states):
+                state.holds.discard(WAITS)
+            elif WAITS not in state.holds:
+                state.holds.add(WAITS)
+                self._stand(number, WAITS)
 
     def _settle(self) -> None:
         """Tell every tractor to stand or to go on, where that has changed."""

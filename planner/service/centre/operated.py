@@ -12,6 +12,7 @@ from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.guard import MOVING_MPS, Guard
 from planner.service.centre.releasing import passed
+from planner.service.centre.remaining import stands
 from planner.service.centre.seeing import Seeing
 from planner.service.centre.tractors import DRIVEN, FAILED, GIVEN, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE, TractorState
 
@@ -213,7 +214,9 @@ class Operated(Seeing):
                     f"Tractor {number + 1} has gone on since the plan was made; plan the rest anew.",
                     parameter="proposal",
                 )
-            if not state.out and any(_newly_closed(old, new, leg, self.states) for leg in range(state.released)):
+            waits_at = {state.leg} if stands(state) else set()
+            closed = (_newly_closed(old, new, leg, self.states) for leg in range(state.released) if leg not in waits_at)
+            if not state.out and any(closed):
                 raise CentreError(
                     f"Tractor {number + 1} drives already where it would have to wait now; plan the rest anew.",
                     parameter="proposal",
@@ -229,6 +232,7 @@ class Operated(Seeing):
             state.done = state.done and state.leg >= len(self.courses[number].legs) - 1
             self._order(number, "plan", released=state.released)
         self.note(who, "accept", version=self.version)
+        self._wait()
         self._reblock()
         self._forecast_s = -math.inf
 

@@ -9,12 +9,12 @@ AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
 MODES = (AUTOMATIC, REMOTE, MANUAL, STOPPED)
 ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
 # What keeps a tractor from driving its legs; while any holds, it stands.
-PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY, GIVEN, UNREAD = (
+PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY, GIVEN, UNREAD, WAITS = (
     "paused", "stopped by stop-all", "too near another", "outside the fence", "obstacle on its way", "failed",
     "remote control", "not where it can be", "its tracks were given to others",
-    "an obstacle that cannot be read",
+    "an obstacle that cannot be read", "waits for another by the plan",
 )  # fmt: skip
-SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY, GIVEN})
+SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY, GIVEN, WAITS})
 """Holds under which an operator may still drive by remote control; away from danger only, which the guard sees to."""
 
 
