@@ -39,6 +39,7 @@ from strategies.ways.around import Around, lay_around
 from strategies.ways.bends import Bender, BendRules
 from strategies.ways.connect import Connector, TurnCosts
 from strategies.ways.fence import Body, Fence
+from strategies.ways.finders import Finders
 from strategies.ways.gateway import Gateway, gateway
 from strategies.ways.sizing import Reach, allowed_kinds, headland_for, turning_room
 from vehicle.compile import outline
@@ -71,7 +72,7 @@ class Site:
     not simulated. `position_errors` is the GNSS table that errors of positions are drawn from. `rounds` are those of
     the headland that are worked; in their corners the guided point may be anywhere in `rim`. `around` has what is bent
     round small obstacles, `stakes` are draws and money, `supply` is what every tractor carries, `terms` the prices of a
-    farm and `day` the clock of its day, None without one.
+    farm and `day` the clock of its day, None without one. `finders` of ways are shared by the layouts compared.
     """
 
     scenario: Scenario
@@ -92,6 +93,7 @@ class Site:
     supply: Supply | None = None
     terms: Terms | None = None
     day: Workday | None = None
+    finders: Finders = member(default_factory=Finders)
 
     def job(self, tractors: int) -> Job:
         """A job for this many tractors; all jobs of a site share what is once worked out of ways and turns."""
@@ -123,7 +125,7 @@ class Site:
     def _first(self) -> Job:
         """The job that others are copies of."""
         anywhere, beside, rim = (
-            None if region.is_empty else Connector(region, self.manner.radius_m, self.costs, self.kinds)
+            None if region.is_empty else self.finders.of(region, self.manner.radius_m, self.costs, self.kinds)
             for region in (self.free, self.beside, self.rim)
         )
         if anywhere is None:
@@ -146,7 +148,7 @@ class Site:
         radius = self.manner.radius_m
         regions = [region for region in (self.beside, self.rim, self.free) if not region.is_empty]
         return tuple(
-            Connector(region, wider * radius, self.costs, self.kinds) for region in regions for wider in WIDER
+            self.finders.of(region, wider * radius, self.costs, self.kinds) for region in regions for wider in WIDER
         )
 
     def __getstate__(self) -> dict[str, Any]:
@@ -171,7 +173,7 @@ class Site:
         obstacles = shapely.union_all([shape.boundary for shape in field.solid])
         fence = Fence(fences, obstacles, body, spare_m)
         forwards = tuple(kind for kind in self.kinds if kind != "switch-back")
-        return fence, (Connector(self.free, radius, self.costs, forwards),) if forwards else ()
+        return fence, (self.finders.of(self.free, radius, self.costs, forwards),) if forwards else ()
 
 
 def _along(scenario: Scenario, field: Field) -> Scenario:
@@ -240,7 +242,7 @@ def prepare(
         ahead_m=AHEAD_M if scenario.clearance_m > LEAST_CLEARANCE_M else 0.0,
     )
     clock = TurnClock(tractor, implement, bare, field.default_ground)
-    costs, free = clock.costs(), free_space(field, reach.margin_m)
+    costs, free, finders = clock.costs(), free_space(field, reach.margin_m), Finders()
 
     def on(laid: Layout) -> Site:
         layout, around = _around(scenario, laid, tractor, implement, radius, reach)
@@ -251,7 +253,7 @@ def prepare(
         rim = rim_of(field, reach.margin_m, RIM_M) if rounds else shapely.Polygon()
         return Site(
             scenario, layout, tractor, implement, manner, costs, free, beside_tracks(layout, free), kinds, fits,
-            position_errors, rounds, rim, around, stakes, supply, terms, day,
+            position_errors, rounds, rim, around, stakes, supply, terms, day, finders,
         )  # fmt: skip
 
     passing_m = max(implement.contact_width_m, tractor.width_m) + LEAST_CLEARANCE_M / ROOM_KEPT

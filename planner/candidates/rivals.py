@@ -6,6 +6,7 @@ many tractors that takes longer than that, however well it is driven, would be r
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,7 +24,7 @@ from strategies.record import Refined, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
 
-WORTH_S = 900.0  # of work in tracks: on smaller fields every plan is simulated, as that is quick
+WORTH_S = 900.0  # of work in tracks and rounds: on smaller fields every plan is simulated, as that is quick
 
 
 def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
@@ -34,12 +35,18 @@ def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
     That is the first one of the registry, of those asked for, whose tractors have tracks of their own.
     """
     surest = site.stakes is not None and site.stakes.prefer == SUREST
-    if surest or site.layout.total_m / site.manner.work_speed_mps < WORTH_S:
+    if surest or work_s(site) < WORTH_S:
         return [list(range(len(todo)))]
     asked = {one.strategy for one in todo}
     first = next((name for name in STRATEGIES if name in asked and not STRATEGIES[name].abreast), None)
     parts = [[n for n, one in enumerate(todo) if (one.strategy == first) is early] for early in (True, False)]
     return [part for part in parts if part]
+
+
+def work_s(site: Site) -> float:
+    """Seconds that one tractor works on all tracks and rounds, without turns."""
+    metres = site.layout.total_m + math.fsum(lap.length_m for lap in site.rounds)
+    return metres / site.manner.work_speed_mps
 
 
 def rivals(results: Mapping[int, PlanResult]) -> dict[int, Rival]:

@@ -88,12 +88,20 @@ def _quicker(run: Run, other: Run, fault: str | None) -> Run:
 
 
 def _repaired(plan: Plan, run: Run, simulate: Simulate, most: int) -> tuple[Run, str | None]:
-    """Mend a plan from its first run on, one order to give way at a time."""
+    """Mend a plan from its first run on, one order to give way at a time.
+
+    Where these hold tractors up in a circle the plan is never done, and is not driven to see that.
+    """
     repairs = Repairs()
     first: Conflict | None = None
     for number in range(most):
         if number:
-            run = simulate(repairs.applied(plan))
+            tried = repairs.applied(plan)
+            if not gates_can_open(tried):
+                if not repairs.swap_last():
+                    break
+                continue
+            run = simulate(tried)
         if run.outcome == DONE:
             return run, None
         if run.outcome == CONFLICT and run.conflict is not None:
@@ -104,6 +112,22 @@ def _repaired(plan: Plan, run: Run, simulate: Simulate, most: int) -> tuple[Run,
         if not mended:
             break
     return run, _why(run, first)
+
+
+def gates_can_open(plan: Plan) -> bool:
+    """Whether all legs can be begun one after another; False where tractors wait for each other in a circle."""
+    begun = [0] * plan.tractors  # legs whose gates are open
+    moved = True
+    while moved:
+        moved = False
+        for tractor, mission in enumerate(plan.missions):
+            before = begun[tractor]
+            while begun[tractor] < len(mission.legs) and all(
+                gate.leg < begun[gate.tractor] for gate in mission.legs[begun[tractor]].gates
+            ):
+                begun[tractor] += 1
+            moved = moved or begun[tractor] > before
+    return all(count == len(mission.legs) for count, mission in zip(begun, plan.missions, strict=True))
 
 
 def _why(run: Run, clash: Conflict | None) -> str:

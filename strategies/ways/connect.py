@@ -114,6 +114,7 @@ class Connector:
         shapely.prepare(self._guard)
         self._parts = shapely.get_parts(self._guard)
         shapely.prepare(self._parts)
+        self._ways: dict[tuple[Pose, Pose], Path | None] = {}
         self._links: dict[tuple[Pose, Pose], Path | None] = {}
         self._moves: dict[tuple[Pose, int, bool], Moves] = {}
         self._edges = _boundary(self._guard)
@@ -123,10 +124,17 @@ class Connector:
     def connect(self, a: Pose, b: Pose) -> Path | None:
         """The quickest path found from a to b inside the region, or None when nothing fits.
 
-        Equal times (to the microsecond) go to the word that comes first in a fixed order.
+        Equal times (to the microsecond) go to the word that comes first in a fixed order. What was found is remembered,
+        and so is that nothing was.
         """
-        if not self._joined(a, b):
-            return None
+        if (a, b) not in self._ways:
+            if len(self._ways) >= _MOST_REMEMBERED:
+                self._ways.clear()
+            self._ways[a, b] = self._searched(a, b) if self._joined(a, b) else None
+        return self._ways[a, b]
+
+    def _searched(self, a: Pose, b: Pose) -> Path | None:
+        """As `connect`, for ends in one piece of the region."""
         best = self._best_word(a, b)
         if best is None or self._roundabout(best, a, b):
             best = self._quicker(best, self._route(a, b))

@@ -18,6 +18,7 @@ from strategies.ways.paths import Pose
 Floats = NDArray[np.float64]
 
 _MOST_CORNERS = 90
+_MOST_REACHED = 5000  # ends of ways whose view of the corners is remembered
 _LEAST_BEND_RAD = 1e-6
 _RING_INSETS = (1.0, 0.5, 0.1)  # radii
 _RING_STEP = 1.5  # radii between poses
@@ -28,6 +29,7 @@ class Corners:
 
     def __init__(self, region: BaseGeometry, guard: BaseGeometry) -> None:
         self._guard = guard
+        self._reached: dict[tuple[float, float], Floats] = {}
         self.points = _corner_points(region)
         count = len(self.points)
         self._length = np.full((count, count), np.inf)
@@ -49,12 +51,11 @@ class Corners:
         Every way after the first begins or ends at a corner that none before it did. A straight line, where it
         stays in the region, is the first.
         """
-        start, end = np.array([a[:2]]), np.array([b[:2]])
-        ways = [[a[:2], b[:2]]] if self._sees(start, end)[0] else []
+        ways = [[a[:2], b[:2]]] if self._sees(np.array([a[:2]]), np.array([b[:2]]))[0] else []
         if not len(self.points):
             return ways
-        from_a = self._reach(start)
-        to_b = self._reach(end)
+        from_a = self._reach(a[:2])
+        to_b = self._reach(b[:2])
         total = from_a[:, None] + self._length + to_b[None, :]
         firsts, lasts = set[int](), set[int]()
         for flat in np.argsort(total, axis=None, kind="stable"):
@@ -78,10 +79,15 @@ class Corners:
             passed.append(int(self._next[passed[-1], j]))
         return passed
 
-    def _reach(self, point: Floats) -> Floats:
-        """Distance from the point, shape (1, 2), to every corner it sees; infinite for the rest."""
-        seen = self._sees(np.broadcast_to(point, self.points.shape), self.points)
-        return np.where(seen, np.hypot(*(self.points - point).T), np.inf)
+    def _reach(self, point: tuple[float, float]) -> Floats:
+        """Distance from the point to every corner it sees, infinite for the rest; remembered, as ways share ends."""
+        if point not in self._reached:
+            if len(self._reached) >= _MOST_REACHED:
+                self._reached.clear()
+            at = np.array([point])
+            seen = self._sees(np.broadcast_to(at, self.points.shape), self.points)
+            self._reached[point] = np.where(seen, np.hypot(*(self.points - at).T), np.inf)
+        return self._reached[point]
 
     def _sees(self, p: Floats, q: Floats) -> NDArray[np.bool_]:
         lines = shapely.linestrings(np.stack((p, q), axis=1))

@@ -17,7 +17,7 @@ from planner.candidates.beaten import SURE, Beaten, Rival, beaten
 from planner.candidates.bounds import Pace, alone_s, done_s, least_s, pace_of
 from planner.candidates.choosing import Limits, promising
 from planner.candidates.evaluate import Candidate, CandidateRun, Evaluation, _alone, run_candidate, simulated
-from planner.candidates.rivals import hopeless, rivals, waves
+from planner.candidates.rivals import WORTH_S, hopeless, rivals, waves, work_s
 from planner.outlook import stakes_of
 from planner.scenario import Scenario
 from planner.site import Site, prepare
@@ -155,6 +155,16 @@ def test_one_strategy_comes_before_the_others_save_on_small_fields(small_site: S
     assert waves(big, todo) == [[2], [0, 1]]
     assert waves(big, todo[:2]) == [[1], [0]]
     assert waves(big, todo[:1]) == [[0]]
+
+
+def test_rounds_are_work_like_tracks() -> None:
+    todo = [Candidate("row-by-row", 2), Candidate("split-field", 2)]
+    strip = Field("strip", shapely.box(0, 0, 24, 165))
+    bare, whole = (prepare(Scenario(tracks_only=bare), strip) for bare in (True, False))
+    for site, many in ((bare, False), (whole, True)):
+        assert site.layout.total_m / site.manner.work_speed_mps < WORTH_S
+        assert (work_s(site) >= WORTH_S) is many
+        assert waves(site, todo) == ([[1], [0]] if many else [[0, 1]])
 
 
 def test_the_quickest_feasible_plan_of_a_count_is_the_rival() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.candidates.evaluate import Candidate, evaluate, run_candidate
-from planner.yielding.deconflict import without_conflicts
+from planner.yielding.deconflict import gates_can_open, without_conflicts
 from strategies.formations.passages import outline_extents
 from strategies.record import Refined
 from strategies.registry import STRATEGIES
@@ -153,6 +153,33 @@ class TestGivingWay:
         run, why = without_conflicts(Plan((first, second)), lambda p: simulate(small_site, p))
         assert run.outcome == STALL
         assert why is not None and "wait for each other" in why
+
+    def test_who_waits_in_a_circle_is_known_without_driving(self, small_site: Any) -> None:
+        free = crossing()
+        one = free.with_gate(0, 1, Gate(1, 2, 20.0))
+        both = one.with_gate(1, 1, Gate(0, 2, 20.0))
+        for plan, open_ in ((free, True), (one, True), (both, False)):
+            assert gates_can_open(plan) is open_
+            assert open_ or simulate(small_site, plan).outcome == STALL
+        behind = free.with_gate(0, 2, Gate(1, 1, 1.0)).with_gate(1, 2, Gate(0, 1, 1.0))  # each passes the other's gate
+        assert gates_can_open(behind)
+
+    def test_no_order_that_holds_all_up_is_driven(self, small_site: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Two on one line, each of which may stand before the middle."""
+        ways = [[(-40 * side, 0), (-12 * side, 0), (-9 * side, 0), (40 * side, 0)] for side in (1, -1)]
+        plan = Plan(tuple(Mission(tuple(leg(*way[k : k + 2], hold=k == 1) for k in range(3))) for way in ways))
+        driven: dict[bool, list[Plan]] = {True: [], False: []}
+        for known in driven:
+            if not known:
+                monkeypatch.setattr("planner.yielding.deconflict.gates_can_open", lambda _: True)
+
+            def drive(tried: Plan, known: bool = known) -> Run:
+                driven[known].append(tried)
+                return simulate(small_site, tried)
+
+            assert without_conflicts(plan, drive)[1] is not None
+        assert all(gates_can_open(tried) for tried in driven[True])
+        assert not all(gates_can_open(tried) for tried in driven[False])
 
     def test_repairing_is_repeatable(self, small_site: Any) -> None:
         plans = [without_conflicts(crossing(), lambda p: simulate(small_site, p))[0].plan for _ in range(2)]
