@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
 from vehicle.measured.answer.case import Case, case_of, noise_share, within_noise
+from vehicle.measured.causes.challenge import stands_alone
 from vehicle.measured.causes.evidence import helps, is_nameable
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
@@ -43,9 +46,12 @@ class Explained:
 
 
 def nameable(selection: Selection, tractor: Tractor) -> list[str]:
-    """Effects that may carry a name: clearly beyond tolerance, and not in the shadow of an unnamed dependence."""
+    """Effects that may carry a name: clearly beyond tolerance, alone as well, and in no shadow of an unnamed one."""
     bench, fit = selection.bench, selection.fit
-    names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, fit, tractor, knobs.id)]
+    names = [
+        knobs.id for knobs, _ in fit.parts
+        if is_nameable(bench, fit, tractor, knobs.id) and stands_alone(bench, fit, knobs.id)
+    ]  # fmt: skip
     if not selection.unnamed:
         return names
     shadow = unnamed_gain(fit) * ABOVE_UNNAMED
@@ -90,10 +96,27 @@ def _mended_with(
         settled = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names)
         mended = mend(selection.bench, tractor, settled, step, case.tolerated)
         beside = _case_of_mended(selection, mended)
-        kept = [name for name in names if holds(beside, name)]
+        alike = told_alike(mended, tractor)
+        kept = [name for name in names if name in alike and holds(beside, name)]
         if kept == names:
             return names, mended, beside
         names = kept
+
+
+def told_alike(mended: Mended, tractor: Tractor) -> set[str]:
+    """Settled effects that the open-loop error tells as well, were it free to: beyond tolerance, to the same side."""
+    loop, settled = mended.loop, mended.loop.settled
+    if not settled:
+        return set()
+    free = fitted(replace(loop, settled=()), (*settled, *mended.model.terms))
+    at = {term.knobs.id: term.at for term in free.terms[: len(settled)]}
+    alike = set()
+    for term in settled:
+        name, neutral = term.knobs.id, np.array(term.knobs.neutral)
+        same_side = float((at[name] - neutral) @ (term.at - neutral)) > 0.0
+        if same_side and term.knobs.deviation(at[name]) > finest_of(tractor, name, loop.bench.row_s):
+            alike.add(name)
+    return alike
 
 
 def _case_of_mended(selection: Selection, mended: Mended) -> Case:
@@ -112,7 +135,7 @@ def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
     whole = of_fit(bench, fit, fit.settings)
     return [
         name for name in fit.settings
-        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name)
+        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name) and stands_alone(bench, fit, name)
         and helps(bench, without(bench, fit, name), fit, selection.threshold)
     ]  # fmt: skip
 

@@ -127,3 +127,28 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
                 if full.loss < fit.loss + LEAST_GAIN and (best is None or full.loss < best.loss):
                     best = full
     return best
+
+
+def stands_alone(bench: Bench, fit: Fit, name: str) -> bool:
+    """Whether a part is beyond its tolerance, to the same side, without each other part of the same make-up.
+
+    How a valve moves wheels, and how tyres come to slide, differs from make to make in more than the effects say. Two
+    effects that undo each other may make up for that, and then neither is a fault.
+    """
+    knobs, at = next(part for part in fit.parts if part[0].id == name)
+    neutral, finest = np.array(knobs.neutral), finest_of(bench.rig.tractor, name, bench.row_s)
+    for other in fit.settings:
+        if other == name or _make_up(other) is None or _make_up(other) != _make_up(name):
+            continue
+        there = next(place for one, place in without(bench, fit, other).parts if one.id == name)
+        if float((there - neutral) @ (at - neutral)) <= 0.0 or knobs.deviation(there) <= finest:
+            return False
+    return True
+
+
+def _make_up(name: str) -> str | None:
+    """What is shaped otherwise in every make: the steering, and the tyres on their ground."""
+    entry = effect(name)
+    if entry.block == STEERING:
+        return STEERING
+    return PATH if entry.block == PATH and entry.of_ground else None
