@@ -109,9 +109,10 @@ def test_a_wheel_angle_that_is_noise_is_not_logged() -> None:
     (told,) = log.doubts
     assert log.steering_deg is None and told.startswith("steering_deg has nothing to do with the bends of the path")
     straight_on = log_of(straight(90.0, seconds=40.0))
-    noise = straight_on.assign(steering_deg=np.random.default_rng(3).normal(0.0, 8.0, len(straight_on)))
-    assert read(noise).steering_deg is not None
-    assert set_right_together([log, read(noise)])[1].steering_deg is None
+    wander = np.random.default_rng(3).normal(0.0, [[0.3], [8.0]], (2, len(straight_on)))
+    noise = read(straight_on.assign(steering_command_deg=wander[0], steering_deg=wander[1]))
+    assert noise.steering_deg is not None, "straight ahead tells nothing by itself"
+    assert set_right_together([log, noise])[1].steering_deg is None
     assert set_right_together([log, read(straight_on)])[1].steering_deg is not None
     late = log_of(WEAVE, **hidden(["steering_dead_time", "steering_backlash"]))
     assert read(late).steering_deg is not None
