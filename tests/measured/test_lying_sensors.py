@@ -103,6 +103,23 @@ def test_a_wheel_sensor_that_is_off_costs_its_rows() -> None:
     assert log.segments == 2
 
 
+def test_a_wheel_angle_that_is_noise_is_not_logged() -> None:
+    frame = log_of(WEAVE)
+    log = read(frame.assign(steering_deg=np.random.default_rng(2).normal(0.0, 8.0, len(frame))))
+    (told,) = log.doubts
+    assert log.steering_deg is None and told.startswith("steering_deg has nothing to do with the bends of the path")
+    straight_on = log_of(straight(90.0, seconds=40.0))
+    wander = np.random.default_rng(3).normal(0.0, [[0.3], [8.0]], (2, len(straight_on)))
+    noise = read(straight_on.assign(steering_command_deg=wander[0], steering_deg=wander[1]))
+    assert noise.steering_deg is not None, "straight ahead tells nothing by itself"
+    assert set_right_together([log, noise])[1].steering_deg is None
+    assert set_right_together([log, read(straight_on)])[1].steering_deg is not None
+    late = log_of(WEAVE, **hidden(["steering_dead_time", "steering_backlash"]))
+    assert read(late).steering_deg is not None
+    alone = frame.drop(columns="steering_command_deg").assign(steering_deg=np.roll(frame.steering_deg, 35))
+    assert read(alone).steering_deg is not None, "without a command nothing else steers"
+
+
 def test_columns_that_stand_still_are_not_logged() -> None:
     frame = log_of(WEAVE)
     log = read(frame.assign(heading_deg=12.0, steering_command_deg=0.0))

@@ -29,12 +29,14 @@ _LEAST_WINDOWS, _LEAST_DRIFT_S, _MATCHES = 5, 0.3, 0.75
 # Shorter logs do not tell of two clocks: with windows of 10 s one honest log in ten seems to have them.
 CLOCKS_FROM_S = _LEAST_WINDOWS * _WINDOW_S
 # A wheel sensor that is off repeats one value for long; what the path says it should be is averaged over that.
+_NOTHING = "steering_deg has nothing to do with the bends of the path"
+_STRAY, _FOLLOWS = 0.3, 0.9  # correlations with the bends of the path: an honest sensor has no less than the second
 _STILL_S, _OFF_DEG, _MOVES_DEG, _RUN_CHORDS, _OFF_SHARE = 4.0, 3.0, 2.0, 5, 0.4
 
 
 def set_right(log: Log) -> Log:
     """The log with what its sensors got wrong set right, and a sentence for each in `doubts`."""
-    for check in (_off_sensor, _speed_factor, _clocks):
+    for check in (_stray_sensor, _off_sensor, _speed_factor, _clocks):
         log = check(log)
     return log
 
@@ -66,12 +68,26 @@ def _speed_factor(log: Log) -> Log:
 
 
 def set_right_together(logs: Sequence[Log]) -> list[Log]:
-    """Logs of a set, those that cannot tell a factor of the speed by themselves set right as others of the set were.
+    """Logs of a set, those that cannot tell by themselves set right as others of the set were.
 
-    Bends alone tell a factor roughly; where that is the one that straight driving told of another log, it is taken.
+    Bends alone tell a factor of the speed roughly; where that is the one that straight driving told of another log, it
+    is taken. Straight driving does not tell that a wheel angle moves with nothing; where bends did, it is left out.
     """
+    stray = next((log.name for log in logs if any(one.startswith(_NOTHING) for one in log.doubts)), None)
+    if stray is not None:
+        logs = [_without_stray(log, stray) for log in logs]
     told = [log for log in logs if log.speed_factor != 1.0]
     return [_as_others(log, told) for log in logs] if told else list(logs)
+
+
+def _without_stray(log: Log, other: str) -> Log:
+    """A log without a wheel angle that moves and does not bend the path, as in the `other` log."""
+    if log.steering_deg is None or log.steering_command_deg is None:
+        return log
+    moves = float(np.std(log.steering_deg[log.used])) >= _MOVES_DEG
+    if not moves or abs(_followed(replace(log, steering_command_deg=None))) > 2.0 * _STRAY:
+        return log
+    return replace(log, steering_deg=None, doubts=(*log.doubts, f"{_NOTHING}, as in {other}; it counts as not logged"))
 
 
 def _as_others(log: Log, told: Sequence[Log]) -> Log:
@@ -234,6 +250,26 @@ def _off_sensor(log: Log) -> Log:
     rule = f"steering_deg stands still for {_STILL_S:g} s and more while the path bends: the sensor is off"
     gated = (*log.gated, Gated(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
     return replace(log, used=used, segment=segments(log.time_s, used), gated=gated)
+
+
+def _stray_sensor(log: Log) -> Log:
+    """A wheel angle taken as not logged that moves with nothing: the command bends the path and it does not."""
+    if log.steering_deg is None or log.steering_command_deg is None:
+        return log
+    by_sensor = _followed(replace(log, steering_command_deg=None))
+    by_command = _followed(replace(log, steering_deg=None))
+    if float(np.std(log.steering_deg[log.used])) < _MOVES_DEG or abs(by_sensor) > _STRAY or by_command < _FOLLOWS:
+        return log
+    told = f"{_NOTHING} (correlation {by_sensor:.2f}, that of the command {by_command:.2f}); it counts as not logged"
+    return replace(log, steering_deg=None, doubts=(*log.doubts, told))
+
+
+def _followed(log: Log) -> float:
+    """Correlation of the steering with the bends of the path, 1 where there are too few of them to say."""
+    bent = bends(log)
+    if bent is None or len(bent[0]) < 2 * _FEWEST or min(float(np.std(one)) for one in bent[:2]) == 0.0:
+        return 1.0
+    return float(np.corrcoef(bent[0], bent[1])[0, 1])
 
 
 def _standing(time: Array, values: Array, used: Mask) -> list[Rows]:
