@@ -190,11 +190,14 @@ def test_a_log_without_a_needed_column_is_refused_in_a_sentence(watched: Watched
 
 def test_modules_by_their_closed_forms(watched: Watched) -> None:
     page = watched.open("/access")
-    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.percent(99.96), m.number(null)]") == [
+    shares = "[9.96, 99.96, 99.75, 100].map(m.percent)"
+    assert told_by(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == [
         "1:02:03",
         "45\xa0s",
         "10.0\xa0%",
         "99.9\xa0%",
+        "99.8\xa0%",
+        "100\xa0%",
         "\u2013",
     ]
     assert told_by(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6

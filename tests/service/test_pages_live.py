@@ -198,7 +198,8 @@ def test_names_of_a_chart_never_run_into_its_title(watched: Watched) -> None:
     page = watched.open("/fleet/f1/tractor/2")
     page.wait_for_selector("text=larger than noise")
     drawn = """async (width) => {
-      const { StripChart } = await import("./static/js/charts.js");
+      const { StripChart, short } = await import("./static/js/charts.js");
+      if ([0.05, 20, -50000].map(short).join(" ") !== "0.05 20 -50k") throw new Error("words of a scale");
       const series = [{ name: "ahead", colour: "t2" }, { name: "right", colour: "t3" }];
       const chart = new StripChart("Corrections", { unit: "cm", series }), place = chart.node;
       place.style.cssText = `display:block;width:${width}px;height:120px`;
