@@ -51,12 +51,19 @@ def stretch_to_box(ax, ay, bx, by, low, high, half) -> float:  # type: ignore[no
 
 
 @compiled
-def boxes_near(x, y, heading, boxes, stretches, near, count, spare_m):  # type: ignore[no-untyped-def]
-    """Whether a box of a machine with its axle at a pose is within `spare_m` of one of the stretches `near`."""
+def boxes_near(x, y, heading, boxes, stretches, near, count, far_m, spare_m):  # type: ignore[no-untyped-def]
+    """Whether a box of a machine with its axle at a pose is within `spare_m` of one of the stretches `near`.
+
+    No place of its boxes is `far_m` or farther from the axle, less `spare_m`.
+    """
     cosine, sine = math.cos(heading), math.sin(heading)
     for k in range(count):
         ax, ay = stretches[near[k], 0] - x, stretches[near[k], 1] - y
         bx, by = stretches[near[k], 2] - x, stretches[near[k], 3] - y
+        if (ax > far_m and bx > far_m) or (ax < -far_m and bx < -far_m):
+            continue
+        if (ay > far_m and by > far_m) or (ay < -far_m and by < -far_m):
+            continue
         a, aside = ax * cosine + ay * sine, ay * cosine - ax * sine
         b, bside = bx * cosine + by * sine, by * cosine - bx * sine
         for box in range(len(boxes)):
@@ -98,12 +105,12 @@ def rubs(ends, pieces, boxes, stretches, guide_m, reach_m, spare_m, step_m):  # 
         length += pieces[k, 0]
     near = np.empty(len(stretches), dtype=np.int64)
     # No place of a way is farther from the middle of its ends than half its length.
-    far_m = 0.5 * length + reach_m + spare_m
-    count = _within(stretches, 0.5 * (px + ends[1, 0]), 0.5 * (py + ends[1, 1]), far_m, near)
+    far_m = reach_m + guide_m + spare_m
+    count = _within(stretches, 0.5 * (px + ends[1, 0]), 0.5 * (py + ends[1, 1]), 0.5 * length + far_m, near)
     if count == 0:
         return False
     x, y = px - guide_m * math.cos(heading), py - guide_m * math.sin(heading)
-    if boxes_near(x, y, heading, boxes, stretches, near, count, spare_m):
+    if boxes_near(x, y, heading, boxes, stretches, near, count, far_m, spare_m):
         return True
     for k in range(len(pieces)):
         bend, gear = pieces[k, 1], pieces[k, 2]
@@ -121,7 +128,7 @@ def rubs(ends, pieces, boxes, stretches, guide_m, reach_m, spare_m, step_m):  # 
                 dx, dy = nx - x, ny - y
                 angle, apart = math.atan2(dy, dx), math.hypot(dx, dy)
                 x, y = nx - guide_m * dx / apart, ny - guide_m * dy / apart
-            if boxes_near(x, y, angle, boxes, stretches, near, count, spare_m):
+            if boxes_near(x, y, angle, boxes, stretches, near, count, far_m, spare_m):
                 return True
             qx, qy = nx, ny
         px, py, heading = qx, qy, heading + bend * gear * pieces[k, 0]
