@@ -47,6 +47,7 @@ CROSSED_M = 0.02  # a width of wire
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
 SAME_LINE_M = 1e-3
+MOST_ROWS = 5_000_000  # of the records of tractors driven alone that are kept: some 300 MB
 
 
 @dataclass(frozen=True)
@@ -212,12 +213,17 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
 
 
 def _alone(site: Site) -> Alone:
-    """Drives one mission of this site alone; each tractor's own way once, however often it is asked for."""
+    """Drives one mission of this site alone; each tractor's own way once, however often it is asked for.
+
+    On large fields the ways of earlier plans are forgotten for those of later ones.
+    """
     known: dict[bytes, Run] = {}
 
     def alone(mission: Mission) -> Run:
         key = mission_key(mission)
         if key not in known:
+            while sum(len(run.time_s) for run in known.values()) > MOST_ROWS:
+                del known[next(iter(known))]
             world = World(
                 Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
                 position_errors=site.position_errors,

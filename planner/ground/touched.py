@@ -12,6 +12,8 @@ from vehicle.run import Run
 EVERY = 2  # rows of the 10 Hz record between looks: under half a metre of driving
 SAME_M = 1e-6
 TOUCH_M = 0.01  # overlaps thinner than this are none
+APART = 50  # parts of a shape that poses are held against one by one
+AT_ONCE = 100_000  # poses looked at together: points take ten times their room
 HOLE = "a hole of the field"
 Points = npt.NDArray[np.float64]
 Boxes = npt.NDArray[np.object_]
@@ -100,11 +102,14 @@ def _near(poses: Points, site: Site, shape: shapely.Geometry) -> Boxes:
 def _within_reach(poses: Points, site: Site, shape: shapely.Geometry) -> npt.NDArray[np.bool_]:
     """At which of the poses (t,) a box of tractor or implement could touch a shape."""
     reach_m = body_of(site.tractor, site.implement).reach_m + site.tractor.rear_axle_m
-    west, south, east, north = shape.bounds
-    x, y = poses[:, :2].T
-    near: npt.NDArray[np.bool_]
-    near = (x > west - reach_m) & (x < east + reach_m) & (y > south - reach_m) & (y < north + reach_m)
-    near[near] = shapely.dwithin(shape, shapely.points(poses[near, :2]), reach_m)
+    near = np.zeros(len(poses), dtype=np.bool_)
+    parts = shapely.get_parts(shape)
+    for west, south, east, north in shapely.bounds(parts if len(parts) <= APART else [shape]):
+        x, y = poses[:, :2].T
+        near |= (x > west - reach_m) & (x < east + reach_m) & (y > south - reach_m) & (y < north + reach_m)
+    rows = np.flatnonzero(near)
+    for some in np.array_split(rows, 1 + len(rows) // AT_ONCE):
+        near[some] = shapely.dwithin(shape, shapely.points(poses[some, :2]), reach_m)
     return near
 
 
