@@ -9,7 +9,7 @@ import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
 from vehicle.measured.answer.case import Case, case_of, noise_share, within_noise
-from vehicle.measured.causes.challenge import stands_alone
+from vehicle.measured.causes.challenge import make_up, stands_alone
 from vehicle.measured.causes.evidence import helps, is_nameable
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
@@ -173,7 +173,7 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     doubtful = {
         name for name in case.main_terms
         if name not in BY_NAME and name not in told.names
-        and not (is_likely(case, name) and case.gain_of(name)[0] > 0.0)
+        and (_beside_its_like(selection, told, name) or not is_likely(case, name) or case.gain_of(name)[0] <= 0.0)
     }  # fmt: skip
     if not doubtful:
         return told
@@ -194,6 +194,14 @@ def reaches_a_limit(case: Case, name: str) -> bool:
     zero = neutral(name, case.tractor.steering)[size.name]
     low, high = case.extension.intervals[name][size.name]
     return high >= size.high > zero or (size.neutral is not None and low <= size.low < zero)
+
+
+def _beside_its_like(selection: Selection, told: Explained, name: str) -> bool:
+    """Whether an effect is beside a named one of the same make-up and does not stand alone: see stands_alone."""
+    mine = make_up(name)
+    if mine is None or not any(make_up(other) == mine for other in told.names):
+        return False
+    return name not in selection.ids or not stands_alone(selection.bench, selection.fit, name)
 
 
 def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[list[str], Case]:

@@ -138,7 +138,7 @@ def stands_alone(bench: Bench, fit: Fit, name: str) -> bool:
     knobs, at = next(part for part in fit.parts if part[0].id == name)
     neutral, finest = np.array(knobs.neutral), finest_of(bench.rig.tractor, name, bench.row_s)
     for other in fit.settings:
-        if other == name or _make_up(other) is None or _make_up(other) != _make_up(name):
+        if other == name or make_up(other) is None or make_up(other) != make_up(name):
             continue
         there = next(place for one, place in without(bench, fit, other).parts if one.id == name)
         if float((there - neutral) @ (at - neutral)) <= 0.0 or knobs.deviation(there) <= finest:
@@ -146,8 +146,8 @@ def stands_alone(bench: Bench, fit: Fit, name: str) -> bool:
     return True
 
 
-def _make_up(name: str) -> str | None:
-    """What is shaped otherwise in every make: the steering, and the tyres on their ground."""
+def make_up(name: str) -> str | None:
+    """What an effect belongs to that is shaped otherwise in every make: the steering, and the tyres on their ground."""
     entry = effect(name)
     if entry.block == STEERING:
         return STEERING
