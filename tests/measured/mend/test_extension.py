@@ -13,7 +13,7 @@ from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import rest_knobs
 from vehicle.measured.fit.openloop import OpenLoop, Term, fitted
 from vehicle.measured.mend.extended import Alike, extended_tractor
-from vehicle.measured.mend.extension import Extension, of_fit, of_mended, off_in_time, value_interval
+from vehicle.measured.mend.extension import Extension, of_fit, of_mended, off_alike, value_interval
 from vehicle.measured.mend.mending import Mended
 from vehicle.measured.surprise.bench import Bench
 from vehicle.tractor import EffectSetting, load_tractor
@@ -47,7 +47,7 @@ def test_intervals_come_from_the_scatter_of_blocks_and_the_tolerance(bench: Benc
     value, sigma = float(fit.parts[0][1][0]), math.sqrt(robust_covariance(bench, fit, few=True)[0, 0])
     wide = math.hypot(1.96 * sigma, 0.12)
     assert added.tolerant["steering_offset"] == {"angle_deg": pytest.approx((value - wide, value + wide))}
-    told = 1.96 * sigma
+    told = math.hypot(1.96 * sigma, 0.25 * 0.12)
     assert added.intervals["steering_offset"] == {"angle_deg": pytest.approx((value - told, value + told))}
     assert told < wide
     assert added.ids == {"steering_offset"} and set(added.intervals) == set(names)
@@ -67,11 +67,17 @@ def test_an_amount_of_the_rest_has_no_tolerance() -> None:
 def test_a_time_of_the_steering_is_no_surer_than_the_beat_of_commands_and_half_a_row(bench: Bench) -> None:
     """0.02 s of a controller and an even spread over the 0.1 s of a row, both as standard deviations."""
     late = Term(knobs("steering_dead_time"), np.array([0.2]))
-    assert off_in_time(bench, late) == pytest.approx(1.96 * math.hypot(0.02, 0.1 / math.sqrt(12.0)))
+    assert off_alike(bench, late) == pytest.approx(1.96 * math.hypot(0.02, 0.1 / math.sqrt(12.0)))
     latency = Term(knobs("gnss_latency"), np.array([0.2]))
-    assert off_in_time(bench, latency) == 0.0  # the fit leaves free how far sensors are off
-    assert off_in_time(bench, latency, open_loop=True) == pytest.approx(1.96 * 0.05)
-    assert off_in_time(bench, offset(1.0)) == 0.0
+    assert off_alike(bench, latency) == pytest.approx(0.25 * 0.06)  # the fit leaves free how far sensors are off
+    assert off_alike(bench, latency, open_loop=True) == pytest.approx(1.96 * 0.05)
+
+
+def test_values_of_other_makes_are_off_by_a_share_of_the_tolerance(bench: Bench) -> None:
+    """A quarter of 0.12 degrees; all of it for a play, which noise of the sensor pushes, and for a dead band."""
+    assert off_alike(bench, offset(1.0)) == pytest.approx(0.03)
+    assert off_alike(bench, Term(knobs("steering_backlash"), np.array([1.0]))) == pytest.approx(0.25)
+    assert off_alike(bench, Term(knobs("steering_deadband"), np.array([1.0]))) == pytest.approx(0.25)
 
 
 def test_what_lowers_the_open_loop_error_is_told_with_its_interval() -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.effects import POSITION, SPEED, STEERING, effect
+from vehicle.effects import POSITION, SPEED, STEERING, STEERING_SPEED, effect
 from vehicle.kinds import SURE, Interval
 from vehicle.learnt import Settings
 from vehicle.measured.causes.evidence import of_few, robust_covariance
@@ -21,7 +21,7 @@ from vehicle.measured.mend.levels import driven_seconds, level_of, main_terms
 from vehicle.measured.mend.mending import Mended
 from vehicle.measured.replay.horizons import Halves, chain, squares
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import DRIVE_LINE_S, SENSORS_S, TIMING_S
+from vehicle.measured.thresholds import DRIVE_LINE_S, LEFT_OF_TOLERANCE, SENSORS_S, TIMING_S
 from vehicle.rest import BY_NAME
 
 
@@ -83,7 +83,7 @@ def of_fit(bench: Bench, fit: Fit, names: Collection[str]) -> Extension:
     steps = steps_without(pieces, np.concatenate([to_neutral(terms), np.zeros(extra)]))
     covariance = robust_covariance(bench, fit, few=True) if fit.slope.size else np.zeros((0, 0))
     placed = [(term, covariance[place, place]) for term, place in zip(terms, _places(terms), strict=True)]
-    intervals = {term.knobs.id: value_interval(term, one, off_in_time(bench, term)) for term, one in placed}
+    intervals = {term.knobs.id: value_interval(term, one, off_alike(bench, term)) for term, one in placed}
     tolerant = {term.knobs.id: value_interval(term, one, tolerance(bench, term)) for term, one in placed}
     held_out: dict[int, Halves] = {
         run: (settings_in(moved(terms, both[0]), run), settings_in(moved(terms, both[1]), run))
@@ -180,21 +180,22 @@ def tolerance(bench: Bench, term: Term) -> float:
 
 def _open_loop_width(bench: Bench, term: Term) -> float:
     """What a value told by the open-loop error is off by, which knows nothing of what differs between tractors."""
-    return max(tolerance(bench, term), off_in_time(bench, term, open_loop=True))
+    return max(tolerance(bench, term), off_alike(bench, term, open_loop=True))
 
 
-def off_in_time(bench: Bench, term: Term, open_loop: bool = False) -> float:
-    """How far off a time is (95 %), though its scatter be small: every run is off by as much, to the same side.
+def off_alike(bench: Bench, term: Term, open_loop: bool = False) -> float:
+    """How far off a value is (95 %), though its scatter be small: every run is off by as much, to the same side.
 
-    Commands take effect somewhere between two rows, at the beat of a controller, and drive lines differ. What differs
-    between sensors has a part in the fit of the surprises, and none in the open-loop error.
+    Commands take effect somewhere between two rows, at the beat of a controller, and drive lines differ. Where a
+    computer comes to rest and wakes is shaped otherwise in every make, and noise of the wheel sensor pushes a play from
+    both sides. What else tractors differ in has a part in the fit of the surprises and leaves a share of the tolerance;
+    it has none in the open-loop error.
     """
     if term.knobs.id in BY_NAME:
         return 0.0
     entry = effect(term.knobs.id)
-    if entry.size.unit != "s":
-        # Where a computer comes to rest and wakes is shaped otherwise in every make, as the knee of a tyre is.
-        return tolerance(bench, term) if entry.block == STEERING else 0.0
-    if entry.block == POSITION:
-        return SURE * SENSORS_S if open_loop else 0.0
-    return SURE * math.hypot(DRIVE_LINE_S if entry.block == SPEED else TIMING_S, bench.row_s / math.sqrt(12.0))
+    if entry.size.unit == "s" and (open_loop or entry.block != POSITION):
+        sigma = {SPEED: DRIVE_LINE_S, POSITION: SENSORS_S}.get(entry.block, TIMING_S)
+        return SURE * (sigma if entry.block == POSITION else math.hypot(sigma, bench.row_s / math.sqrt(12.0)))
+    whole = open_loop or entry.block == STEERING or STEERING_SPEED in entry.plot
+    return tolerance(bench, term) * (1.0 if whole else LEFT_OF_TOLERANCE)
