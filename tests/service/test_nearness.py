@@ -127,9 +127,10 @@ def test_an_alarm_is_over_when_two_have_been_apart_for_a_while() -> None:
     fleet.run(1)
     fleet.silent = {1}
     begun, over = fleet.now, None
-    for step in range(80):
+    for step in range(110):
         x = 2.3 if step % 10 < 5 and step < 40 else 8.0  # it comes and goes
-        fleet.centre.reported(1, Report(x, 2.0, NORTH, 0.2, 0.2, mode="manual"), fleet.now)
+        speed = 0.2 if step < 40 else 0.0
+        fleet.centre.reported(1, Report(x, 2.0, NORTH, speed, speed, mode="manual"), fleet.now)
         fleet.run(0.1)
         near = [alarm for alarm in fleet.centre.alarms.items() if alarm.code == "near 2"]
         if near and near[0].over and over is None:
@@ -137,6 +138,22 @@ def test_an_alarm_is_over_when_two_have_been_apart_for_a_while() -> None:
     sentences = [event.data["sentence"] for event in fleet.events if event.what == "alarm"]
     assert len(near) == 1 and sum(each.startswith("Tractors 1 and 2") for each in sentences) == 1
     assert over is not None and over >= 3.5 + RULES.release_s
+
+
+def test_who_stands_clear_of_one_it_would_drive_into_is_told_of_as_long_as_it_stands() -> None:
+    fleet = driven(fleet_plan(2, 3, apart_m=20.0))
+    fleet.run(2)
+    fleet.silent = {1}
+    for _ in range(300):  # parked across the way of the first
+        fleet.centre.reported(1, Report(0.0, 14.0, 0.0, 0.0, mode="manual"), fleet.now)
+        fleet.run(0.1)
+    (alarm,) = [each for each in fleet.centre.alarms.items() if each.code == "near 2"]
+    assert fleet.centre.states[0].holds == {NEAR} and not alarm.over and "no way on is clear" in alarm.sentence
+    assert fleet.centre.guard.apart_m(0, 1, fleet.centre.states) > fleet.centre.guard.release[0]
+    for _ in range(60):
+        fleet.centre.reported(1, Report(30.0, 14.0, 0.0, 0.0, mode="manual"), fleet.now)
+        fleet.run(0.1)
+    assert not fleet.centre.states[0].holds and fleet.centre.alarms.items()[0].over
 
 
 def test_an_operator_leads_one_out_of_an_overlap_and_not_deeper_into_it() -> None:

@@ -209,7 +209,8 @@ def test_names_of_a_chart_never_run_into_its_title(watched: Watched) -> None:
         const wide = this.measureText(words).width, left = this.textAlign === "right" ? x - wide : x;
         seen.push([words, left, left + wide, y]);
       };
-      chart.set([[0, -12.3, 10.4]]);
+      chart.set([[-90, 5000, 0], [0, -12.3, 10.4]]);
+      if (chart.rows.length !== 1) throw new Error("a row from before what is shown");
       CanvasRenderingContext2D.prototype.fillText = draw;
       chart.close();
       place.remove();

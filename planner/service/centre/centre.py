@@ -24,7 +24,9 @@ from planner.service.centre.tractors import (
     DRIVEN,
     FENCE,
     HALTED,
+    MANUAL,
     NEAR,
+    REMOTE,
     WAITS,
     Report,
     TractorState,
@@ -279,13 +281,15 @@ class Centre(Operated):
     def _part(self, pairs: list[tuple[int, int]], now: float) -> None:
         """Of those that are too near, or were: whose alarm is over, and who goes on."""
         close = self.guard.close(self.states, self.courses)
-        for one, other in self.near.over(pairs, close, now):
+        near = {n: state for n, state in enumerate(self.states) if NEAR in state.holds}
+        waiting = [n for n, state in near.items() if DRIVEN not in state.holds]
+        alone = [n for n in waiting if near[n].mode not in (MANUAL, REMOTE)]
+        for one, other in self.near.over(pairs, close, alone, now):
             self.alarms.ended(_near(other), one)
-        for number, state in enumerate(self.states):
+        for number, state in near.items():
             on = [pair for pair in pairs if number in pair and self.alarms.on(_near(pair[1]), pair[0])]
             if DRIVEN in state.holds and not on:
                 state.holds.discard(NEAR)  # what its operator may do is asked at every command
-        waiting = [n for n, state in enumerate(self.states) if NEAR in state.holds and DRIVEN not in state.holds]
         reports = [self.states[n].report for n in waiting]
         moving = any(report is not None and report.speed_mps > MOVING_MPS for report in reports)
         ways = {n: not moving and self.guard.may_go(n, self.states, self.courses) for n in waiting}
@@ -295,11 +299,17 @@ class Centre(Operated):
             self.states[first].holds.discard(NEAR)
             self.near.goes(first, close)
             self.note(CENTRE, "goes on", tractor=first + 1)
-        for one, other in sorted(close):
-            held = [n for n in (one, other) if n in ways]
-            if held and not moving and all(self.near.stuck(n, now) for n in held):
-                told = (f"Tractors {one + 1} and {other + 1} stand {close[one, other]:.2f} m apart, and no way on is "
-                        "clear: look there, and lead one away by remote control.")  # fmt: skip
+        elif not moving:
+            self._tell_stuck(sorted({*pairs, *close}), waiting, now)
+
+    def _tell_stuck(self, pairs: list[tuple[int, int]], waiting: list[int], now: float) -> None:
+        """Nobody of a pair that stands can go on: an operator has to help."""
+        for one, other in pairs:
+            held = [n for n in (one, other) if n in waiting]
+            if held and all(self.near.stuck(n, now) for n in held):
+                metres = self.guard.apart_m(one, other, self.states)
+                told = (f"Tractors {one + 1} and {other + 1} stand {metres:.2f} m apart, and no way on is clear: look "
+                        "there, and lead one away by remote control.")  # fmt: skip
                 self._alarm(_near(other), one, CRITICAL, told, now)
 
     def _free_m(self, number: int, others: list[int]) -> float:

@@ -139,6 +139,15 @@ class Guard:
         report = state.report
         return report is None or bool(shapely.contains_xy(self.fence, report.x_m, report.y_m))
 
+    def apart_m(self, one: int, other: int, states: Sequence[TractorState]) -> float:
+        """Metres between two that have reported, now; infinite where one has not."""
+        reports = [states[number].report for number in (one, other)]
+        poses = [[[each.x_m, each.y_m, each.heading_rad]] for each in reports if each is not None]
+        if len(poses) < 2:
+            return math.inf
+        placed = centres(np.array(poses), self.tractor)
+        return float(distances(placed[0], placed[1], self.model)[0])
+
     def may_go(self, number: int, states: Sequence[TractorState], courses: Sequence[Course]) -> bool:
         """Whether one that stands because another is near could drive on past all others as these go, or stand, now.
 

@@ -40,12 +40,16 @@ class Nearness:
         self._clear_since.pop((first, second), None)
         self._parting.pop((first, second), None)
 
-    def over(self, pairs: Collection[Pair], close: Mapping[Pair, float], now: float) -> list[Pair]:
-        """Which of these pairs have been apart for long enough; `close` are those that are not."""
+    def over(
+        self, pairs: Collection[Pair], close: Mapping[Pair, float], standing: Collection[int], now: float
+    ) -> list[Pair]:
+        """Which of these pairs have been apart for long enough; `close` are those that are not, and who of them is
+        `standing` for it still would come near if it went on."""
         for pair in list(self._parting):
             if pair not in close:
                 del self._parting[pair]
-        self._clear_since = {pair: self._clear_since.get(pair, now) for pair in pairs if pair not in close}
+        clear = [pair for pair in pairs if pair not in close and not any(number in standing for number in pair)]
+        self._clear_since = {pair: self._clear_since.get(pair, now) for pair in clear}
         return [pair for pair, since in self._clear_since.items() if now - since >= self.release_s]
 
     def free(self, ways: Mapping[int, bool], now: float) -> list[int]:

@@ -33,7 +33,12 @@ export class StripChart {
     while (this.rows.length && this.rows[0][0] < time - this.last_s) this.rows.shift();
   }
 
-  set(rows) { this.rows = rows; this.draw(); }
+  /** These rows and no others; those too old to be shown count for nothing. */
+  set(rows) {
+    const end = rows.length ? rows[rows.length - 1][0] : 0;
+    this.rows = rows.filter((row) => row[0] >= end - this.last_s);
+    this.draw();
+  }
 
   draw() {
     const { clientWidth: width, clientHeight: height } = this.node;
