@@ -1,4 +1,4 @@
-"""Nothing is driven twice, and no plan that another of the same candidate may outdo keeps that one from being driven."""
+"""Nothing is driven twice; of the plans of a candidate only those are driven that may win."""
 
 from dataclasses import replace
 from typing import Any, cast
