@@ -60,7 +60,7 @@ def within(whole: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
 
 
 def without_slivers(parts: Areas, least_m: float) -> Areas:
-    """The polygons but for those that lie in a strip narrower than `least_m` along their longest reach.
+    """The polygons without those in a strip narrower than `least_m` along the line from a corner to the farthest one.
 
     Nothing that wide is lost with them. Between swaths there are thousands, and buffers and overlays take their time.
     """

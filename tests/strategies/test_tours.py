@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies.orders.bounds import bound_by_ends, held_karp, least_between
 from strategies.orders.exact import best_order
 from strategies.orders.sequence import skip_pattern
-from strategies.orders.tours import FAR_S, FARTHEST, run_tables, seconds_of, tour
+from strategies.orders.tours import FAR_S, FARTHEST, run_tables, seconds_of, sharpened, tour
 from tests.benchmarks.circuit import circuit
 from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for, turn_m
 
@@ -133,3 +133,12 @@ def test_tables_renewed_in_part_are_those_of_the_whole_order(n: int, seed: int) 
             assert backward[i, w].min() == pytest.approx(seconds_of(run[::-1].copy(), turns, free, free))
         assert head[i].min() == pytest.approx(seconds_of(order[: i + 1], turns, first, free))
         assert tail[i].min() == pytest.approx(seconds_of(order[i:], turns, free, last))
+
+
+def test_a_bound_may_be_sharpened_afterwards() -> None:
+    turns, free = parallel(60, 3.0, 4.0), np.zeros(120)
+    plain = tour(turns, free, free, [list(range(60))], bounded=False)
+    whole = tour(turns, free, free, [list(range(60))])
+    later = sharpened(plain, turns, free, free)
+    assert plain.bound_s <= later.bound_s == whole.bound_s and plain.seconds == later.seconds == whole.seconds
+    assert plain.passes.tolist() == later.passes.tolist() == whole.passes.tolist()

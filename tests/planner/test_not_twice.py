@@ -1,0 +1,144 @@
+"""Nothing is driven twice; of the plans of a candidate only those are driven that may win."""
+
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import shapely
+
+from fields import Field
+from planner.candidates.beaten import Rival, contenders
+from planner.candidates.bounds import alone_s, least_s, pace_of
+from planner.candidates.choosing import driven_alike, untried
+from planner.candidates.evaluate import Candidate, CandidateRun, _alone, run_candidate, simulated
+from planner.scenario import Scenario
+from planner.site import Site, prepare
+from strategies.record import Refined
+from strategies.split_field import split_field
+from vehicle.missions import Gate, Mission, Plan
+from vehicle.run import Run
+
+
+@pytest.fixture(scope="module")
+def round_site() -> Site:
+    """60 m by 90 m with its headland worked."""
+    return prepare(Scenario(), Field("drawn", shapely.box(0, 0, 60, 90)))
+
+
+@pytest.fixture
+def meeting(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
+    """Plans that would have been driven: in all of them tractors meet, and there is one order of tracks."""
+    driven: list[Plan] = []
+
+    def meets(*given: Any) -> CandidateRun:
+        driven.append(given[3].plan)
+        return CandidateRun(cast(Run, None), "tractors meet", "none", None)
+
+    monkeypatch.setattr("planner.candidates.evaluate._run_plan", meets)
+    monkeypatch.setattr("planner.candidates.evaluate.other_orders", lambda *_: ())
+    return driven
+
+
+def two_plans(site: Site) -> tuple[Plan, Plan]:
+    """Two tractors by blocks, and the same with the second one waiting for the first to be nearly done."""
+    plan = split_field(site.job(2))
+    last = len(plan.missions[0].legs) - 1
+    return plan, plan.with_gate(1, 0, Gate(0, last, 1.0))
+
+
+def copied(plan: Plan, **changes: Any) -> Plan:
+    """The plan with legs of its own, the third of the first tractor changed."""
+    legs = [[replace(leg, points=leg.points.copy()) for leg in mission.legs] for mission in plan.missions]
+    legs[0][2] = replace(legs[0][2], **changes)
+    return Plan(tuple(Mission(tuple(each)) for each in legs))
+
+
+def test_plans_are_alike_leg_for_leg(round_site: Site) -> None:
+    plan, waits = two_plans(round_site)
+    assert driven_alike(plan, plan) and driven_alike(plan, copied(plan)) and not driven_alike(plan, waits)
+    moved = plan.missions[0].legs[2].points + 1e-6
+    for change in ({"points": moved}, {"speed_mps": 0.5}, {"gates": (Gate(1, 0),)}, {"stand_s": 1.0}):
+        assert not driven_alike(plan, copied(plan, **change))
+    assert not driven_alike(plan, Plan(plan.missions[:1])) and not driven_alike(Plan(plan.missions[:1]), plan)
+    assert [one.plan for one in untried([Refined(copied(plan)), Refined(waits)], [plan])] == [waits]
+
+
+def test_a_choice_that_is_beaten_leaves_the_other_to_be_driven(round_site: Site) -> None:
+    plan, waits = two_plans(round_site)
+    pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
+    quick, slow = least_s(plan, pace), least_s(waits, pace)
+    assert slow > 1.2 * quick
+    choices, alone = [Refined(waits), Refined(plan)], _alone(round_site)
+    left, beaten = contenders(round_site, choices, Rival("another", 0.9 * slow), alone)
+    assert left == choices[1:] and beaten is not None and beaten.seconds == pytest.approx(slow)
+    assert contenders(round_site, choices, Rival("another", 2.0 * slow), alone) == (choices, None)
+    left, beaten = contenders(round_site, choices, Rival("another", 0.5 * quick), alone)
+    assert not left and beaten is not None and beaten.seconds == pytest.approx(quick)
+
+
+def test_the_same_plan_by_another_passage_is_not_driven_again(
+    round_site: Site, meeting: list[Plan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, waits = two_plans(round_site)
+    again = [Refined(copied(plan))], [Refined(plan), Refined(waits)]
+    monkeypatch.setattr("planner.candidates.evaluate.with_headland", lambda *_: iter(([Refined(plan)], *again)))
+    assert run_candidate(round_site, Candidate("split-field", 2)).reason == "tractors meet"
+    assert meeting == [plan, waits]
+
+
+def test_what_is_left_out_as_beaten_is_told_where_the_rest_cannot_be_driven(
+    round_site: Site, meeting: list[Plan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, waits = two_plans(round_site)
+    pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
+    slow = least_s(waits, pace)
+    choices = [Refined(waits), Refined(plan)]
+    monkeypatch.setattr("planner.candidates.evaluate.with_headland", lambda *_: iter((choices, choices)))
+    told = simulated(round_site, Candidate("split-field", 2), Rival("interleaved", 0.9 * slow)).result
+    assert meeting == [plan]  # and what beats the other is no reason to try it by another passage
+    assert not told.feasible and told.bound_s == pytest.approx(slow, abs=1e-3)
+    assert told.reason == f"cannot win: at least {slow:.0f} s, interleaved takes {0.9 * slow:.0f} s"
+
+
+def test_the_slowest_alone_is_asked_first_and_may_be_enough(round_site: Site) -> None:
+    plan = split_field(round_site.job(2))
+    legs = [mission.legs for mission in plan.missions]
+    short = Plan((Mission(legs[0][: len(legs[0]) // 2]), plan.missions[1]))
+    alone, asked = _alone(round_site), []
+
+    def drive(mission: Mission) -> Run:
+        asked.append(mission)
+        return alone(mission)
+
+    whole = alone_s(short, drive)
+    assert [len(each.legs) for each in asked] == [len(legs[1]), len(legs[0]) // 2]
+    asked.clear()
+    assert 0.5 * whole < alone_s(short, drive, 0.5 * whole) <= whole and len(asked) == 1
+    asked.clear()
+    assert alone_s(short, drive, whole) == whole and len(asked) == 2
+
+
+def test_who_is_driven_alone_is_forgotten_only_where_records_are_long(
+    round_site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, other = split_field(round_site.job(2)).missions
+    alone = _alone(round_site)
+    first = alone(one)
+    alone(other)
+    assert alone(one) is first
+    monkeypatch.setattr("planner.candidates.evaluate.MOST_ROWS", 0)
+    alone(split_field(round_site.job(1)).missions[0])
+    again = alone(one)
+    assert again is not first and np.array_equal(again.record, first.record)
+
+
+def test_blocks_of_a_field_are_worked_out_once_for_all_orders(monkeypatch: pytest.MonkeyPatch) -> None:
+    site = prepare(Scenario(), Field("drawn", shapely.box(0, 0, 60, 90)))
+    there = split_field(site.job(2))
+    monkeypatch.setattr("strategies.split_field.TurnTable", None)
+    back = split_field(replace(site.job(2), turned=(0, 1)))
+    assert "order_gap_pct" in there.notes and "order_gap_pct" not in back.notes
+    for mission, turned in zip(there.missions, back.missions, strict=True):
+        worked = [[leg.task for leg in each.legs if leg.implement] for each in (mission, turned)]
+        assert {task.number for task in worked[0]} == {task.number for task in worked[1]}
