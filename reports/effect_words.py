@@ -34,9 +34,11 @@ def value_words(name: str, values: Mapping[str, float]) -> str:
     """The values of an effect with their units: ``1 deg``; ``0.03 m/m, bearing 90 deg``."""
     if name not in BY_ID:
         return ", ".join(f"{key} {value:.3g}" for key, value in values.items())
-    params = {param.name: param for param in BY_ID[name].params}
+    also = {param.name: param for param in BY_ID[name].also}
+    params = {param.name: param for param in BY_ID[name].params} | also
     parts = []
     for key, value in values.items():
         what = "" if params[key] is BY_ID[name].size else f"{key.rpartition('_')[0]} "
+        what = f"{key.replace('_', ' ')} " if key in also else what
         parts.append(f"{what}{value:.3g} {params[key].unit}".rstrip())
     return ", ".join(parts)

@@ -73,9 +73,9 @@ class Job:
     one of the `careful` finders knows another. Tractors come in and go out by the `gate`; without one they stand where
     work begins, and stay where it ends. Ways once worked out are kept in `ways`, as strategies ask for the same ones,
     `tables` of turns (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared
-    out, `shifts` the legs of such shares, `formations` the groups of tracks worked abreast; jobs of one site have these
-    in common. `supply` is what
-    every tractor carries, None for nothing. `used` counts turns driven by kind.
+    out, `shifts` the legs of such shares, `formations` the groups of tracks worked abreast, `blocks` of neighbouring
+    tracks in their quickest orders by how many tractors share them out; jobs of one site have these in common. `supply`
+    is what every tractor carries, None for nothing. `used` counts turns driven by kind.
     """
 
     layout: Layout
@@ -101,6 +101,7 @@ class Job:
     supply: Supply | None = None
     shifts: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formations: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    blocks: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:

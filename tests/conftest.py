@@ -18,7 +18,8 @@ from hypothesis import settings
 LONG = (
     "test_readme", "test_naming", "test_determinism", "test_plan", "test_jobs", "test_trials", "test_invariance",
     "test_conventions", "test_tours", "test_jit", "test_whole_field", "test_logs", "test_pool", "test_low_rates",
-    "test_mending", "test_replanning", "test_commands", "test_pages", "test_diagnose",
+    "test_mending", "test_replanning", "test_commands", "test_pages",
+    "test_pages_live", "test_diagnose",
 )  # fmt: skip
 """Names of the files that take longest, the longest first."""
 

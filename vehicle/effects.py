@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from vehicle.errors import VehicleError
-from vehicle.kinds import CIRCLE, LIMIT, SIZE, SLOPE, USUAL_WHEELBASE_M, Kind, Param
+from vehicle.kinds import CIRCLE, LIMIT, PER_SLOPE, SIZE, SLOPE, USUAL_WHEELBASE_M, Kind, Param
 from vehicle.rest import NEUTRAL_REST, rest_fields
 
 STEERING, PATH, SPEED, POSITION = "command to wheel", "wheel to path", "speed", "position to antenna"
@@ -23,6 +23,7 @@ ANGLE, STEERING_SPEED, COMMAND_RATE, SIDE_FORCE = "angle", "steering speed", "ra
 DIRECTION, TOOL, TARGET, TURNING, TIME = "direction", "implement", "target speed", "turning", "time"
 TARGET_RATE = "rate of target speed"
 REST_KEY = "rest"
+SLOPE_DRIFT = "cross_slope_drift"
 ROUNDING = 1e-9
 
 Values = Mapping[str, float]
@@ -37,7 +38,8 @@ class Effect:
     the plot that shows it. `of_ground` marks what belongs to the ground too and may differ between runs, `stands_in`
     what would stand in for whatever differs between them. `kind` says how the values become coordinates of a fit.
     `starts` are sizes to try first (`start_shares`: shares of the file's value), because a dead band or a limit has no
-    trace where it does not act.
+    trace where it does not act. `also` are values that need not be there: they say more than the others where
+    something was measured.
     """
 
     id: str
@@ -54,6 +56,7 @@ class Effect:
     kind: Kind = SIZE
     starts: tuple[float, ...] = ()
     start_shares: tuple[float, ...] = ()
+    also: tuple[Param, ...] = ()
 
     @property
     def size(self) -> Param:
@@ -87,6 +90,14 @@ def _limit_words(v: Values) -> str:
     if math.isinf(v["limit_g"]):
         return "The tyres do not slide sideways at any lateral acceleration that was driven."
     return f"The tyres slide sideways above {v['limit_g']:.2f} g of lateral acceleration."
+
+
+def _slope_words(v: Values) -> str:
+    if PER_SLOPE in v:
+        drift = f"{10 * v[PER_SLOPE]:.1f} cm downhill per metre driven across a slope of 10 %"
+        return f"The tractor drifts {drift}, as measured roll has the slope."
+    towards = _compass(v["bearing_deg"])
+    return f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {towards} per metre driven across it."
 
 
 def _slope_fields(v: Values) -> Fields:
@@ -174,14 +185,13 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(TURN, SIDE_FORCE), of_ground=True, starts=(1.0, -0.5),
     ),
     Effect(
-        "cross_slope_drift", PATH,
+        SLOPE_DRIFT, PATH,
         (Param("ratio", "m/m", 0.0, 0.03, 0.005, 0.0, 0.5),
          Param("bearing_deg", "deg", 0.0, 90.0, 0.0, 0.0, 360.0, True)),
         _slope_fields,
-        lambda v: f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {_compass(v['bearing_deg'])} per metre "
-                  "driven across it.",
+        _slope_words,
         "direction of travel", "the same line there and back, and one across it",
-        plot=(CRAB, DIRECTION), kind=SLOPE,
+        plot=(CRAB, DIRECTION), kind=SLOPE, also=(Param(PER_SLOPE, "", 0.0, 0.3, 0.0, 0.0, math.inf),),
     ),
     Effect(
         "implement_side_draft", PATH, (Param("curvature_per_m", "1/m", 0.0, 0.006, 0.0008, -0.1, 0.1, metres=-1),),
@@ -291,9 +301,13 @@ def neutral(name: str, steering: object) -> dict[str, float]:
 
 def check(name: str, values: Values, wheelbase_m: float = USUAL_WHEELBASE_M) -> None:
     """Raise VehicleError unless the values are those of the effect and possible on a vehicle of that size."""
-    known = {param.name: param.for_wheelbase(wheelbase_m) for param in effect(name).params}
-    if set(values) != set(known):
-        raise VehicleError(f"The effect {name} has the values {', '.join(values) or 'none'}; give: {', '.join(known)}.")
+    entry = effect(name)
+    known = {param.name: param.for_wheelbase(wheelbase_m) for param in (*entry.params, *entry.also)}
+    needed = [param.name for param in entry.params]
+    if set(values) - {param.name for param in entry.also} != set(needed):
+        raise VehicleError(
+            f"The effect {name} has the values {', '.join(values) or 'none'}; give: {', '.join(needed)}."
+        )
     for key, value in values.items():
         low, high = known[key].low, known[key].high
         slack = ROUNDING * max(abs(value), 1.0)

@@ -17,9 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 USUAL_WHEELBASE_M = 2.4  # of the EG105, to which the sizes in the catalogue belong
-SURE = 1.96  # standard deviations either side of a normal distribution that hold 95 %
+HELD = 0.95  # of all tractors that are like the one measured: what an interval is to hold
+SURE = 1.96  # standard deviations either side of a normal distribution that hold so much
 KNEE_SHARE = 0.15  # chosen, of a limit: tyre curves differ by about as much in how they come to slide
 USUAL_INVERSE = 4.0  # chosen, 1/g: the first step of a fit, 0.3 of it, goes from no limit to one of 0.8 g
+PER_SLOPE = "per_slope"  # the value of a drift on a slope that was measured
 ROUNDED = 1.001  # a size that equals the usual one but for rounding is as fine
 
 Array = npt.NDArray[np.float64]
@@ -103,6 +105,10 @@ class Kind:
     def coordinates(self, params: Sequence[Param], values: Values) -> tuple[Array, tuple[float, ...]]:
         """Coordinates (m,) and place of values: `values(params, *coordinates(params, v))` gives `v` again."""
         return np.array([values[params[0].name]]), tuple(values[param.name] for param in params[1:])
+
+    def on(self, place: Sequence[float]) -> Kind:
+        """The kind where its place is known beforehand: the same, unless another one then tells more."""
+        return self
 
     def deviation(self, neutral: Sequence[float], at: Array) -> float:
         """How far coordinates are from neutral."""
@@ -212,10 +218,44 @@ class Slope(Kind):
             params[1].name: (bearing - turn, bearing + turn),
         }
 
+    def on(self, place: Sequence[float]) -> Kind:
+        """On a slope that was measured the drift is one value."""
+        return OnSlope(*place) if place else self
+
     def drawn(self, params: Sequence[Param], neutral: Values, draw: Draw, rng: np.random.Generator) -> dict[str, float]:
         """A size, and any bearing."""
         values = super().drawn(params, neutral, draw, rng)
         return {**values, params[1].name: round(float(rng.uniform(0.0, 360.0)), 1)}
+
+
+@dataclass(frozen=True)
+class OnSlope(Kind):
+    """A size with a bearing on ground whose slope was measured: there the drift per slope is all that is fitted.
+
+    `fall` is the mean slope of the ground and `bearing_deg` where that falls to, `usual` the root mean square of the
+    slope across the way. The coordinate is the drift across the usual slope, as large as that on a slope not measured.
+    """
+
+    fall: float
+    bearing_deg: float
+    usual: float
+
+    def box(self, size: Param, zero: float, starts: Sequence[float]) -> Box:
+        """One coordinate from 0: no tractor drifts uphill."""
+        return Box((0.0,), (size.typical,), (0.0,), (size.high,), ((0.0,),))
+
+    def values(self, params: Sequence[Param], at: Array, place: Sequence[float] = ()) -> dict[str, float]:
+        """Size and bearing on the mean slope, and the drift per slope."""
+        share = float(at[0]) / self.usual
+        return {params[0].name: share * self.fall, params[1].name: self.bearing_deg, PER_SLOPE: share}
+
+    def interval(
+        self, params: Sequence[Param], box: Box, at: Array, covariance: Array, finest: float
+    ) -> dict[str, Interval]:
+        """Intervals of the size and of the drift per slope; the bearing is that of the ground."""
+        wide = math.hypot(SURE * float(_sigma(covariance)[0]), finest)
+        low, high = max(float(at[0]) - wide, 0.0) / self.usual, (float(at[0]) + wide) / self.usual
+        return {params[0].name: (low * self.fall, high * self.fall), PER_SLOPE: (low, high)}
 
 
 class Inside(Kind):

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import re
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 from fields.document import Document, Format
 from fields.errors import FieldError
-from fields.formats.archive import Members, is_archive
+from fields.formats.archive import Members, members_around
 from fields.formats.features import Feature, document_of
 from fields.formats.vector import WGS84
 from fields.plane import Plane
@@ -33,7 +32,7 @@ _SPACES = re.compile(r"\s+")
 
 
 def _read(path: str, label: str) -> Document:
-    members = Members(path) if os.path.isdir(path) or is_archive(path) else Members(Path(path).parent, 0)
+    members = members_around(path)
     notes: list[str] = []
     features: list[Feature] = []
     for name in [one for one in members if one.lower().split("/")[-1] == FIELD]:

@@ -79,6 +79,13 @@ class Members(Mapping[str, bytes]):
         return None
 
 
+def members_around(path: str | Path) -> Members:
+    """What is in a folder or ZIP archive; for any other file, what stands in the same folder."""
+    if os.path.isdir(path) or is_archive(path):
+        return Members(path)
+    return Members(Path(path).parent, 0)
+
+
 def file_beside(path: Path, name: str) -> bytes | None:
     """A file of the same folder as another, whatever its case; None without one."""
     try:

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from fields.document import UNKNOWN, Document, Format
 from fields.errors import FieldError
-from fields.formats.archive import Members, is_archive
+from fields.formats.archive import Members, members_around
 from fields.formats.features import document_of
 from fields.formats.vector import Layers, named_lines, read_layers
 
@@ -17,16 +17,22 @@ PARTS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
 
 def _read(path: str, label: str) -> Document:
     place = Path(path)
-    whole = place.is_dir() or is_archive(place)
-    members = Members(place) if whole else Members(place.parent, 0)
-    names = [one for one in members if one.lower().endswith(".shp")]
-    if not whole:
-        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
+    members, names = shapefiles_at(place)
+    if members.path != place:
         _complete(members, place.stem, label)
     found = _of_members(members, names, label)
     return document_of(
         named_lines(found.features), label, crs=found.crs or UNKNOWN, source="Shapefile", notes=tuple(found.notes)
     )
+
+
+def shapefiles_at(place: Path) -> tuple[Members, list[str]]:
+    """The .shp files of a folder or archive, or the one of this name, whatever its case, with what is beside them."""
+    members = members_around(place)
+    names = [one for one in members if one.lower().endswith(".shp")]
+    if members.path != place:
+        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
+    return members, names
 
 
 def _of_members(members: Members, names: Sequence[str], label: str) -> Layers:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from planner.candidates.bounds import CLOSE, alone_s, done_s, pace_of
 from planner.site import Site
 from reports.results import PlanResult
+from strategies.record import Refined
 from vehicle.missions import Mission, Plan
 from vehicle.run import Run
 
@@ -47,18 +48,38 @@ def beaten(
     What each tractor drives `alone` is found out where the pace of the tractors nearly decides. Where chance and money
     decide, all tractors together must take longer as well.
     """
-    pace = pace_of(site.tractor, site.implement, site.manner.radius_m)
-    decided = site.stakes is not None and site.stakes.decides
     least = math.inf
     for plan in plans:
-        done = done_s(plan, pace)
-        seconds = max(done)
-        if alone is not None and plan.tractors > 1 and CLOSE * rival.seconds <= seconds <= rival.seconds:
-            seconds = max(seconds, alone_s(plan, alone))
-        if seconds <= rival.seconds or (decided and math.fsum(done) < rival.tractor_s):
+        seconds = _too_long_s(site, plan, rival, alone)
+        if seconds is None:
             return None
         least = min(least, seconds)
     return Beaten(least, rival) if plans else None
+
+
+def contenders(
+    site: Site, choices: Sequence[Refined], rival: Rival, alone: Callable[[Mission], Run]
+) -> tuple[list[Refined], Beaten | None]:
+    """The choices that might win against a rival, and how it beats the others; None where there are none."""
+    times = [_too_long_s(site, choice.plan, rival, alone) for choice in choices]
+    left = [choice for choice, seconds in zip(choices, times, strict=True) if seconds is None]
+    least = min((seconds for seconds in times if seconds is not None), default=None)
+    return left, None if least is None else Beaten(least, rival)
+
+
+def quickest_of(one: Beaten | None, other: Beaten | None) -> Beaten | None:
+    """Of two that are beaten the one with the lower bound; None where there are none."""
+    return min((each for each in (one, other) if each is not None), key=lambda each: each.seconds, default=None)
+
+
+def _too_long_s(site: Site, plan: Plan, rival: Rival, alone: Callable[[Mission], Run] | None) -> float | None:
+    """Seconds that a plan takes at least, as `beaten` has it; None where it might win."""
+    done = done_s(plan, pace_of(site.tractor, site.implement, site.manner.radius_m))
+    decided = site.stakes is not None and site.stakes.decides
+    seconds = max(done)
+    if alone is not None and plan.tractors > 1 and CLOSE * rival.seconds <= seconds <= rival.seconds:
+        seconds = max(seconds, alone_s(plan, alone, rival.seconds))
+    return None if seconds <= rival.seconds or (decided and math.fsum(done) < rival.tractor_s) else seconds
 
 
 def surely(found: Beaten | None) -> bool:

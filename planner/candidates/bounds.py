@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import Protocol
 
 import numpy as np
@@ -107,14 +107,14 @@ class _Stretch:
         return self.before_s + (math.sqrt(u * u + 2.0 * a * metres) - u) / a
 
 
-def _stretches(mission: Mission, pace: Pace) -> list[_Stretch]:
-    """The legs of a tractor that nobody keeps waiting."""
+def _stretches(mission: Mission, pace: Pace, saved_m: Sequence[float]) -> list[_Stretch]:
+    """The legs of a tractor that nobody keeps waiting, each by so much shorter."""
     legs = mission.legs
     speeds = [pace.faster * leg.speed_mps + pace.push_mps for leg in legs]
     turns = [a.gear != b.gear for a, b in pairwise(legs)]
     lengths = [
-        max(leg.length_m - _saved_m(leg, pace) - (pace.short_m if stands else 0.0), 0.0)
-        for leg, stands in zip(legs, [*turns, True], strict=True)
+        max(leg.length_m - saved - (pace.short_m if stands else 0.0), 0.0)
+        for leg, saved, stands in zip(legs, saved_m, [*turns, True], strict=True)
     ]
     limits = [0.0, *(0.0 if back else min(ends) for ends, back in zip(pairwise(speeds), turns, strict=True)), 0.0]
     for n in range(len(legs) - 1, -1, -1):
@@ -186,29 +186,44 @@ class _Clock:
         self.missions, self.ways, self.saved_m = plan.missions, ways, saved_m
         self.begun: list[list[float]] = [[] for _ in self.ways]
         self.free = [0.0] * len(self.ways)
+        # Gates before the coming leg that are known to open, and when the last of them does.
+        self._passed = [(0, -math.inf)] * len(self.ways)
+        self._known: dict[tuple[int, int, float], float] = {}
 
     def opened_s(self, gate: Gate) -> float | None:
         """When a gate opens; None where that is not known yet."""
+        key = gate.tractor, gate.leg, gate.after_m
+        if key in self._known:
+            return self._known[key]
         begun = self.begun[gate.tractor]
         if gate.leg >= len(begun):
             return None
         metres = gate.after_m - self.saved_m[gate.tractor][gate.leg]
-        return begun[gate.leg] + self.ways[gate.tractor][gate.leg].reached_s(metres)
+        opened = begun[gate.leg] + self.ways[gate.tractor][gate.leg].reached_s(metres)
+        self._known[key] = opened
+        return opened
 
     def advance(self, tractor: int) -> bool:
         """Let a tractor drive on to a gate that is not known to open; whether it drove."""
         begun, legs = self.begun[tractor], self.missions[tractor].legs
         before = len(begun)
-        while len(begun) < len(legs):
-            gates = legs[len(begun)].gates
-            opened = [self.opened_s(gate) for gate in gates]
-            known = [at for at in opened if at is not None]
-            if len(known) < len(opened):
-                break
-            self.free[tractor] = max([self.free[tractor], *known])
+        while len(begun) < len(legs) and self._through(tractor, legs[len(begun)].gates):
             begun.append(self.free[tractor])
             self.free[tractor] += self.ways[tractor][len(begun) - 1].seconds
         return len(begun) > before
+
+    def _through(self, tractor: int, gates: Sequence[Gate]) -> bool:
+        """Whether all gates before the coming leg of a tractor are known to open; it is kept waiting until they do."""
+        passed, last_s = self._passed[tractor]
+        for number in range(passed, len(gates)):
+            opened = self.opened_s(gates[number])
+            if opened is None:
+                self._passed[tractor] = number, last_s
+                return False
+            last_s = max(last_s, opened)
+        self.free[tractor] = max(self.free[tractor], last_s)
+        self._passed[tractor] = 0, -math.inf
+        return True
 
 
 def done_s(plan: Plan, pace: Pace = BARE) -> list[float]:
@@ -216,8 +231,9 @@ def done_s(plan: Plan, pace: Pace = BARE) -> list[float]:
 
     Where tractors wait for each other and none can go on, what is driven until then counts.
     """
-    saved_m = [[_saved_m(leg, pace) + pace.short_m for leg in mission.legs] for mission in plan.missions]
-    return _done_s(_Clock(plan, [_stretches(mission, pace) for mission in plan.missions], saved_m))
+    saved_m = [[_saved_m(leg, pace) for leg in mission.legs] for mission in plan.missions]
+    ways = [_stretches(*each) for each in zip(plan.missions, repeat(pace), saved_m)]
+    return _done_s(_Clock(plan, ways, [[saved + pace.short_m for saved in each] for each in saved_m]))
 
 
 def _done_s(clock: _Clock) -> list[float]:
@@ -232,17 +248,30 @@ def least_s(plan: Plan, pace: Pace = BARE) -> float:
     return max(done_s(plan, pace))
 
 
-def alone_s(plan: Plan, alone: Callable[[Mission], Run]) -> float:
+def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.inf) -> float:
     """Seconds that a plan takes where nobody waits but as its gates say, from what each tractor drives alone.
 
     Whoever has to give way as well is not sooner by more than a thousandth, as it may come out of a turn otherwise.
-    0 where one does not get home even alone.
+    0 where one does not get home even alone. Once one tractor alone takes more than `enough_s`, which is asked of the
+    slowest first, the others are not driven, and what that one takes is returned.
     """
-    runs = [alone(mission) for mission in ungated(plan).missions]
-    if any(run.outcome != DONE for run in runs):
-        return 0.0
-    ways = [_ways_of(mission, run) for mission, run in zip(plan.missions, runs, strict=True)]
-    return OTHERWISE * max(_done_s(_Clock(plan, ways, [[0.0] * len(mission.legs) for mission in plan.missions])))
+    missions = ungated(plan).missions
+    ways: dict[int, list[_Driven]] = {}
+    for number in sorted(range(len(missions)), key=lambda number: (-_asked_s(missions[number]), number)):
+        run = alone(missions[number])
+        if run.outcome != DONE:
+            return 0.0
+        ways[number] = _ways_of(missions[number], run)
+        own_s = OTHERWISE * sum(way.seconds for way in ways[number])
+        if own_s > enough_s:
+            return own_s
+    unsaved = [[0.0] * len(mission.legs) for mission in plan.missions]
+    return OTHERWISE * max(_done_s(_Clock(plan, [ways[number] for number in range(len(missions))], unsaved)))
+
+
+def _asked_s(mission: Mission) -> float:
+    """Seconds at the speeds that are asked for."""
+    return round(math.fsum(leg.length_m / leg.speed_mps for leg in mission.legs), 3)
 
 
 def ungated(plan: Plan) -> Plan:

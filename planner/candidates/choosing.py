@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol, TypeVar
+
+import numpy as np
 
 from planner.candidates.bounds import BARE, CLOSE, Pace, alone_s, least_s
 from strategies.record import Refined
-from vehicle.missions import ROUND, Mission, Plan
+from vehicle.missions import ROUND, Leg, Mission, Plan
 from vehicle.run import Run
 
 UNSURE, UNSURE_S = 0.05, 15.0  # by so much of the rounds, and so many seconds, least times may err between two orders
@@ -43,7 +45,7 @@ class Limits:
         least = least_s(plan, self.pace)
         if least >= best_s or self.alone is None or plan.tractors == 1 or least < CLOSE * best_s:
             return least >= best_s
-        return alone_s(plan, self.alone) >= best_s
+        return alone_s(plan, self.alone, best_s) >= best_s
 
 
 def promising(
@@ -75,3 +77,23 @@ def rounds_s(plan: Plan) -> float:
     """Seconds that the rounds take whoever works longest on them, at the speed asked for."""
     legs = [[leg for leg in mission.legs if leg.task.kind == ROUND] for mission in plan.missions]
     return max(math.fsum(leg.length_m / leg.speed_mps for leg in each) for each in legs)
+
+
+def untried(choices: Sequence[Refined], tried: Sequence[Plan]) -> list[Refined]:
+    """The choices that are not driven in the very same way as a plan that was tried."""
+    return [choice for choice in choices if not any(driven_alike(choice.plan, plan) for plan in tried)]
+
+
+def driven_alike(one: Plan, other: Plan) -> bool:
+    """Whether two plans are the same leg for leg, whatever is noted of them."""
+    pairs = list(zip(one.missions, other.missions, strict=False))
+    if one.tractors != other.tractors or any(len(a.legs) != len(b.legs) for a, b in pairs):
+        return False
+    return all(_alike(a, b) for mission, another in pairs for a, b in zip(mission.legs, another.legs, strict=True))
+
+
+def _alike(one: Leg, other: Leg) -> bool:
+    if one is other:
+        return True
+    plain = (each.name for each in fields(Leg) if each.name != "points")
+    return np.array_equal(one.points, other.points) and all(getattr(one, n) == getattr(other, n) for n in plain)

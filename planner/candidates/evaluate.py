@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from fields.layout import Layout
-from planner.candidates.beaten import Beaten, Rival, beaten, from_any_corner, result_of, surely
+from planner.candidates.beaten import Beaten, Rival, contenders, from_any_corner, quickest_of, result_of, surely
 from planner.candidates.bounds import pace_of
-from planner.candidates.choosing import Limits, promising
+from planner.candidates.choosing import Limits, promising, untried
 from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.other_orders import TOLD, other_orders
 from planner.candidates.refills import check_leave, crowded, refilled
@@ -47,6 +47,7 @@ CROSSED_M = 0.02  # a width of wire
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
 SAME_LINE_M = 1e-3
+MOST_ROWS = 5_000_000  # of the records of tractors driven alone that are kept: some 300 MB
 
 
 @dataclass(frozen=True)
@@ -187,28 +188,42 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     refined, reached = built_within_reach(job, build)
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
     first: CandidateRun | None = None
+    slower: Beaten | None = None
+    tried: list[Plan] = []
     for dry in with_headland(site, job, refined):
-        choices = refilled(job, strategy, dry)
+        every = refilled(job, strategy, dry)
+        choices = untried(every, tried)
         if rival and not (first and strategy.abreast):  # another corner might do with the first passage
-            found = beaten(site, [each.plan for each in choices], rival, alone)
-            if found is not None and (surely(found) or not strategy.abreast):
-                return from_any_corner(found) if strategy.abreast else replace(found, driven=first is not None)
+            left, found = contenders(site, choices, rival, alone)
+            lost = not left and len(choices) == len(every)
+            if strategy.abreast and found is not None and lost and surely(found):
+                return from_any_corner(found)
+            if not strategy.abreast:
+                slower, choices = quickest_of(slower, found), left
+            if slower is not None and lost:
+                return replace(slower, driven=first is not None)
         runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way), limits)
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
         first = first or next(iter(runs), None)
+        tried += [each.plan for each in choices]
     assert first is not None  # a plan that cannot be written is refused
-    return first
+    return first if slower is None else replace(slower, driven=True)
 
 
 def _alone(site: Site) -> Alone:
-    """Drives one mission of this site alone; each tractor's own way once, however often it is asked for."""
+    """Drives one mission of this site alone; each tractor's own way once, however often it is asked for.
+
+    On large fields the ways of earlier plans are forgotten for those of later ones.
+    """
     known: dict[bytes, Run] = {}
 
     def alone(mission: Mission) -> Run:
         key = mission_key(mission)
         if key not in known:
+            while sum(len(run.time_s) for run in known.values()) > MOST_ROWS:
+                del known[next(iter(known))]
             world = World(
                 Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
                 position_errors=site.position_errors,

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
-from planner.ground.measure import guided_point
+from planner.ground.measure import Points, guided_point
 from planner.ground.touched import FenceCheck, ObstacleCheck
 from planner.site import Site
 from vehicle.missions import Mission
@@ -33,26 +34,61 @@ class Slip:
 
 def slips(run: Run, site: Site) -> list[Slip]:
     """Every turn of a run: how far aside its track was begun, or how far it left the field if that is worse."""
-    boundary, checks = site.layout.field.ground, (FenceCheck(site), ObstacleCheck(site))
-    shapely.prepare(boundary)
+    checks: tuple[FenceCheck | ObstacleCheck, ...] = FenceCheck(site), ObstacleCheck(site)
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
         path, at_leg, poses = guided_point(run, site, tractor), run.leg(tractor), run.poses(tractor)
-        for leg in _tracks_begun(mission):
-            begun = int(np.argmax(at_leg >= leg))
+        legs = _tracks_begun(mission)
+        starts = _reached(at_leg, [turn_start(mission, leg) for leg in legs])
+        ends = [begun + 1 for begun in _reached(at_leg, legs)]
+        beyond_m = _beyond_m(path, _rows(starts, ends, len(path)), site)
+        near = [_near(check, poses, _rows(starts, ends, len(path))) for check in checks]
+        for leg, start, end in zip(legs, starts, ends, strict=True):
             line = mission.legs[leg].points
             along = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
-            off = path[begun] - line[0]
+            off = path[end - 1] - line[0]
             aside = abs(float(along[0] * off[1] - along[1] * off[0]))
-            start = int(np.argmax(at_leg >= turn_start(mission, leg)))
-            turn = path[start : begun + 1]
-            beyond = shapely.points(turn[~shapely.contains_xy(boundary, turn)])
-            outside = float(np.max(shapely.distance(beyond, boundary), initial=0.0))
-            crossed = max(check.depth_m(poses[start : begun + 1]) for check in checks)
+            outside = float(np.max(beyond_m[start:end], initial=0.0))
+            crossed = max(
+                check.depth_m(poses[start:end]) if at[start:end].any() else 0.0
+                for check, at in zip(checks, near, strict=True)
+            )
             outside = max(outside, OUTSIDE_M + crossed if crossed else 0.0)
             left = outside > OUTSIDE_M
             turns.append(Slip(tractor, leg, max(aside, outside + ASIDE_M) if left else aside, left))
     return turns
+
+
+def _reached(at_leg: npt.NDArray[np.int64], legs: list[int]) -> list[int]:
+    """The first rows of a record on some legs or later ones; 0 for a leg that is never reached."""
+    rows = np.searchsorted(at_leg, legs)
+    rows[rows == len(at_leg)] = 0
+    return rows.tolist()  # type: ignore[no-any-return]
+
+
+def _rows(starts: list[int], ends: list[int], count: int) -> npt.NDArray[np.bool_]:
+    """Which of so many rows are in turns that begin and end like this."""
+    rows = np.zeros(count, dtype=np.bool_)
+    for start, end in zip(starts, ends, strict=True):
+        rows[start:end] = True
+    return rows
+
+
+def _beyond_m(path: Points, rows: npt.NDArray[np.bool_], site: Site) -> Points:
+    """How far (t,) the guided point is outside the field, at some rows; 0 elsewhere and inside."""
+    boundary = site.layout.field.ground
+    shapely.prepare(boundary)
+    beyond_m, looked = np.zeros(len(path)), np.flatnonzero(rows)
+    out = looked[~shapely.contains_xy(boundary, path[looked])]
+    beyond_m[out] = shapely.distance(shapely.points(path[out]), boundary)
+    return beyond_m
+
+
+def _near(check: FenceCheck | ObstacleCheck, poses: Points, rows: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """At which of some rows (t,) there is something to look at for a check."""
+    near = rows.copy()
+    near[rows] = check.reached(poses[rows])
+    return near
 
 
 def worst_aside(turns: list[Slip]) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.ground.overlays import Areas, left_of, only_areas, united, within
+from planner.ground.overlays import Areas, left_of, only_areas, united, within, without_slivers
 from planner.ground.swept import Swept, swept_ground
 from planner.site import Site
 from reports.results import MissedPiece
@@ -97,6 +97,7 @@ def _largest(missed: shapely.Geometry, neck_m: float) -> MissedPiece | None:
     Pieces are cut where missed ground is narrower than `neck_m`; a thin end stays with its piece, a thin link between
     two is a piece of its own.
     """
+    missed = shapely.multipolygons(without_slivers(shapely.get_parts(missed), min(neck_m, SLIVER_M)))
     pieces = _wide(missed, neck_m)
     thin = _wide(left_of(missed, shapely.multipolygons(pieces)), SLIVER_M)
     if not len(pieces) + len(thin):
@@ -113,7 +114,8 @@ def _largest(missed: shapely.Geometry, neck_m: float) -> MissedPiece | None:
 
 def _wide(missed: shapely.Geometry, least_m: float) -> Areas:
     """Pieces of missed ground without what is narrower than `least_m` of it, the largest first."""
-    half, missed = 0.5 * least_m, only_areas(missed)
+    half, parts = 0.5 * least_m, without_slivers(shapely.get_parts(only_areas(missed)), least_m)
+    missed = shapely.multipolygons(parts)
     core = missed.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
     parts = shapely.get_parts(within(missed, wide))

@@ -12,6 +12,7 @@ import shapely
 
 GRID_M = 1e-6
 NEAR_M = 1e-3  # corners of what is united lie in the union or so near to it
+TINY_M = 1e-6
 LOST = 1e-7  # of an area: so much may be rounding
 Areas = npt.NDArray[np.object_]
 
@@ -56,6 +57,23 @@ def left_of(whole: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry
 def within(whole: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
     """What of a geometry lies in another one, as polygons."""
     return _split(whole, part)[0]
+
+
+def without_slivers(parts: Areas, least_m: float) -> Areas:
+    """The polygons but for those that lie in a strip narrower than `least_m` along their longest reach.
+
+    Nothing that wide is lost with them. Between swaths there are thousands, and buffers and overlays take their time.
+    """
+    if not len(parts):
+        return parts
+    points, owner = shapely.get_coordinates(shapely.get_exterior_ring(parts), return_index=True)
+    first = np.searchsorted(owner, np.arange(len(parts)))
+    off = points - points[first][owner]
+    away = np.hypot(*off.T)
+    farthest = np.lexsort((away, owner))[np.append(first[1:], len(points)) - 1]
+    along = off[farthest] / np.maximum(away[farthest], TINY_M)[:, None]
+    aside = along[owner, 0] * off[:, 1] - along[owner, 1] * off[:, 0]
+    return parts[np.maximum.reduceat(aside, first) - np.minimum.reduceat(aside, first) >= least_m - TINY_M]
 
 
 def _split(whole: shapely.Geometry, part: shapely.Geometry) -> tuple[shapely.Geometry, shapely.Geometry]:

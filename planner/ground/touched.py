@@ -12,6 +12,8 @@ from vehicle.run import Run
 EVERY = 2  # rows of the 10 Hz record between looks: under half a metre of driving
 SAME_M = 1e-6
 TOUCH_M = 0.01  # overlaps thinner than this are none
+APART = 50  # parts of a shape that poses are held against one by one
+AT_ONCE = 100_000  # poses looked at together: points take ten times their room
 HOLE = "a hole of the field"
 Points = npt.NDArray[np.float64]
 Boxes = npt.NDArray[np.object_]
@@ -29,12 +31,16 @@ class FenceCheck:
         self._area = shapely.Polygon((field.outline or field.boundary).exterior)
         shapely.prepare([self._fence, self._area])
 
+    def reached(self, poses: Points) -> npt.NDArray[np.bool_]:
+        """At which of the poses (t,) a box could be at a fence; elsewhere the depth is 0."""
+        return _within_reach(poses, self._site, self._fence)
+
     def depth_m(self, poses: Points) -> float:
         """How far (m) a box reaches over a fence, or a post into a box, at poses (t, 3) of the centre of mass."""
         if self._fence.is_empty:
             return 0.0
         boxes = _near(poses, self._site, self._fence)
-        boxes = boxes[shapely.intersects(boxes, self._fence)]
+        boxes = boxes[shapely.intersects(self._fence, boxes)]
         return max(_over(boxes, self._area, self._fence), _into(boxes, self._fence)) if len(boxes) else 0.0
 
 
@@ -47,12 +53,16 @@ class ObstacleCheck:
         self._core = self._taken.buffer(-TOUCH_M)
         shapely.prepare(self._core)
 
+    def reached(self, poses: Points) -> npt.NDArray[np.bool_]:
+        """At which of the poses (t,) a box could be at an obstacle; elsewhere the depth is 0."""
+        return _within_reach(poses, self._site, self._core)
+
     def depth_m(self, poses: Points) -> float:
         """How far (m) a box reaches over an obstacle, or a corner of one into a box, at poses (t, 3) of the centre."""
         if self._core.is_empty:
             return 0.0
         boxes = _near(poses, self._site, self._core)
-        boxes = boxes[shapely.intersects(boxes, self._core)]
+        boxes = boxes[shapely.intersects(self._core, boxes)]
         if not len(boxes):
             return 0.0
         corners = shapely.points(shapely.get_coordinates(boxes))
@@ -76,7 +86,7 @@ def obstacle_touched(run: Run, site: Site) -> str | None:
     for shape, name in zip(field.solid, [*holes, *names], strict=True):
         core = shape.buffer(-TOUCH_M)
         shapely.prepare(core)
-        if any(shapely.intersects(_near(poses, site, core), core).any() for poses in courses):
+        if any(shapely.intersects(core, _near(poses, site, core)).any() for poses in courses):
             return name
     return None
 
@@ -84,13 +94,23 @@ def obstacle_touched(run: Run, site: Site) -> str | None:
 def _near(poses: Points, site: Site, shape: shapely.Geometry) -> Boxes:
     """Boxes of tractor and implement at those poses at which they could touch a shape."""
     body, axle_m = body_of(site.tractor, site.implement), site.tractor.rear_axle_m
-    reach_m = body.reach_m + axle_m
-    west, south, east, north = shape.bounds
-    x, y = poses[:, :2].T
-    poses = poses[(x > west - reach_m) & (x < east + reach_m) & (y > south - reach_m) & (y < north + reach_m)]
-    poses = poses[shapely.dwithin(shapely.points(poses[:, :2]), shape, reach_m)]
+    poses = poses[_within_reach(poses, site, shape)]
     ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     return body.placed(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
+
+
+def _within_reach(poses: Points, site: Site, shape: shapely.Geometry) -> npt.NDArray[np.bool_]:
+    """At which of the poses (t,) a box of tractor or implement could touch a shape."""
+    reach_m = body_of(site.tractor, site.implement).reach_m + site.tractor.rear_axle_m
+    near = np.zeros(len(poses), dtype=np.bool_)
+    parts = shapely.get_parts(shape)
+    for west, south, east, north in shapely.bounds(parts if len(parts) <= APART else [shape]):
+        x, y = poses[:, :2].T
+        near |= (x > west - reach_m) & (x < east + reach_m) & (y > south - reach_m) & (y < north + reach_m)
+    rows = np.flatnonzero(near)
+    for some in np.array_split(rows, 1 + len(rows) // AT_ONCE):
+        near[some] = shapely.dwithin(shape, shapely.points(poses[some, :2]), reach_m)
+    return near
 
 
 def _over(boxes: Boxes, area: shapely.Polygon, fence: shapely.Geometry) -> float:

@@ -26,10 +26,9 @@ def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
     """
     lines, row = _wheel_paths(run, site.tractor)
     finished = np.flatnonzero(~swept.on_round)
-    ground = shapely.STRtree(swept.ground[finished])
-    across = np.unique(ground.query(lines, predicate="intersects")[0])
+    across = np.unique(_met(swept.ground[finished], lines)[0])
     tyres, row = shapely.buffer(lines[across], 0.5 * TYRE_M, cap_style="flat"), row[across]
-    wheel, strip = ground.query(tyres, predicate="intersects")
+    wheel, strip = _met(swept.ground[finished], tyres)
     strip = finished[strip]
     before = swept.first[strip] < row[wheel]
     parts = _swept_before(run, site, swept, strip[before], row[wheel[before]])
@@ -38,6 +37,16 @@ def trampled_m2(run: Run, site: Site, swept: Swept) -> float:
     rounds = swept.ground[swept.on_round]
     near = np.sort(shapely.STRtree(rounds).query(inside, predicate="intersects"))
     return float(left_of(inside, united(rounds[near])).area)
+
+
+def _met(strips: Areas, short: Areas) -> tuple[Rows, Rows]:
+    """Which of many short geometries meet which strips: numbers of both, in the order of the short ones.
+
+    The strips are looked up among the short ones: their own boxes, of long ones that lie askew, hold most of the field.
+    """
+    strip, number = shapely.STRtree(short).query(strips, predicate="intersects")
+    order = np.lexsort((strip, number))
+    return number[order], strip[order]
 
 
 def _swept_before(run: Run, site: Site, swept: Swept, strip: Rows, row: Rows) -> Areas:

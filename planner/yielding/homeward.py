@@ -127,13 +127,16 @@ class Homeward:
 
 
 def _waits_of(plan: Plan, courses: list[Course]) -> tuple[dict[Stretch, list[Wait]], npt.NDArray[np.bool_]]:
+    """What stretches wait for, and who waits for whom; of a large fleet many wait for the same place."""
     waits: dict[Stretch, list[Wait]] = {}
+    passed: dict[Gate, tuple[int, float]] = {}
     others = np.zeros((len(courses), len(courses)), dtype=np.bool_)
     for one, (mission, course) in enumerate(zip(plan.missions, courses, strict=True)):
         for number, leg in enumerate(course.hold_legs[:-1]):
             for gate in mission.legs[leg].gates:
-                place = courses[gate.tractor].passes(gate.leg, gate.after_m)
-                waits.setdefault((one, number), []).append(Wait(leg, gate, gate.tractor, *place))
+                if gate not in passed:
+                    passed[gate] = courses[gate.tractor].passes(gate.leg, gate.after_m)
+                waits.setdefault((one, number), []).append(Wait(leg, gate, gate.tractor, *passed[gate]))
                 others[one, gate.tractor] = True
         for number, each in enumerate(mission.legs):
             if each.follow is not None and (wait := _kept_back(courses, one, number, each.follow)) is not None:

@@ -67,7 +67,8 @@ class RightOfWay:
         found, ways home are looked for more deeply.
         """
         for deep in (False, True):
-            self.homeward = Homeward(self.plan, self.crossings, deep=deep)
+            if deep:
+                self.homeward = Homeward(self.plan, self.crossings, deep=deep)
             if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
                 continue
             manners = MANNERS if len(self.courses) <= SMALL_FLEET else MANNERS[:1]

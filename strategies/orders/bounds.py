@@ -43,6 +43,16 @@ def held_karp(between, enough):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _nearest_outside(reach, inside):  # type: ignore[no-untyped-def]
+    """The first track with the least of `reach` (n,) that is not yet inside (n,) the tree."""
+    near = -1
+    for j in range(len(reach)):
+        if not inside[j] and (near < 0 or reach[j] < reach[near]):
+            near = j
+    return near
+
+
+@compiled
 def _ascended(between, enough):  # type: ignore[no-untyped-def]
     """As `held_karp`, with the prices of the tracks (n + 1,) that it was found with."""
     n = len(between) - 1
@@ -55,10 +65,7 @@ def _ascended(between, enough):  # type: ignore[no-untyped-def]
         for j in range(1, n):
             reach[j], parent[j] = between[0, j] + price[0] + price[j], 0
         for _ in range(n - 1):
-            near = -1
-            for j in range(n):
-                if not inside[j] and (near < 0 or reach[j] < reach[near]):
-                    near = j
+            near = _nearest_outside(reach, inside)
             inside[near] = True
             total += reach[near]
             degree[near] += 1.0
@@ -142,10 +149,7 @@ def _by_ends(ends, price, enough):  # type: ignore[no-untyped-def]
         for j in range(1, n):
             reach[j], other[j], own[j] = _nearest_ends(ends, price, 0, j)
         for _ in range(n - 1):
-            near = -1
-            for j in range(n):
-                if not inside[j] and (near < 0 or reach[j] < reach[near]):
-                    near = j
+            near = _nearest_outside(reach, inside)
             inside[near] = True
             total += reach[near]
             degree[own[near]] += 1.0

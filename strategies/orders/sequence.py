@@ -9,6 +9,7 @@ skips lines and comes back so that turns are wide.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 
@@ -83,13 +84,15 @@ def jumps(job: Job) -> list[int]:
 
 
 def order_tracks(
-    tracks: list[Track], job: Job, jump: int, corner: tuple[bool, int], last_piece: bool = False
-) -> Order:
+    tracks: list[Track], job: Job, jump: int, corner: tuple[bool, int], last_piece: bool = False,
+    cells: Sequence[Cell] | None = None,
+) -> Order:  # fmt: skip
     """One order through all tracks, starting at a corner (from the last line?, first direction).
 
-    Where the line of that corner is interrupted, it starts with its first piece or its last.
+    Where the line of that corner is interrupted, it starts with its first piece or its last. `cells` are those of the
+    tracks where they are known already.
     """
-    cells = cells_in(job.layout, tracks)
+    cells = list(cells_in(job.layout, tracks) if cells is None else cells)
     from_last, direction = corner
     outer = -1 if from_last else 0
     first = _first_cells(cells, job.layout)
@@ -152,8 +155,9 @@ def patterned(shares: list[list[Track]], job: Job, jump: int) -> list[Order]:
     the field and not on how it lies.
     """
     corners = [job.corner] if job.corner else CORNERS
+    parts = [cells_in(job.layout, share) for share in shares]
     options = [
-        [order_tracks(share, job, jump, corner, last_piece) for share in shares]
+        [order_tracks(share, job, jump, corner, last_piece, part) for share, part in zip(shares, parts, strict=True)]
         for corner, last_piece in product(corners, (False, True))
     ]
     gates = [[job.gate_time(order[0], order[-1]) for order in orders] for orders in options]
@@ -191,8 +195,9 @@ def searched(
     Without `proven` the best of few tracks is not worked out.
     """
     place = {track: index for index, track in enumerate(job.layout.tracks)}
+    cells = cells_in(job.layout, share)
     starts = [
-        [place[one.track] for one in order_tracks(share, job, jump, corner)]
+        [place[one.track] for one in order_tracks(share, job, jump, corner, cells=cells)]
         for jump, corner in product(jumps(job), CORNERS)
     ]
     distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from fields.layout import Track
 from strategies.job import Job, Pass
-from strategies.orders.tours import FAR_S, MOST_PROVEN, Tour, tour
+from strategies.orders.tours import FAR_S, MOST_PROVEN, Tour, sharpened, tour
 from strategies.ways.paths import Pose
 from strategies.ways.search import shortest_m
 
@@ -129,14 +129,15 @@ class TurnTable:
             return Tour(rows[best.passes], best.seconds, best.bound_s)
         for kicked, proof in EFFORTS[: 3 if proven and len(members) <= MOST_PROVEN else 2]:
             for _ in range(MOST_ROUNDS):
-                turns = self.seconds[np.ix_(rows, rows)]
-                best = tour(turns, first, last, inner, seed, kicked=kicked, proven=proof)
+                given = self.seconds[np.ix_(rows, rows)], first, last
+                best = tour(*given, inner, seed, kicked=kicked, proven=proof, bounded=False)
                 inner = [(best.passes // 2).tolist()]
                 order = rows[best.passes].tolist()
                 more = self.work_out(order)
                 if not more and (kicked or not self.work_out_ends(order)):
                     break  # the ways in and out are worked out while orders are cheap to search
                 first, last = self.ends()[:, rows]
+        best = sharpened(best, *given)
         return Tour(rows[best.passes], best.seconds, best.bound_s)
 
 

@@ -292,13 +292,13 @@ class Tour:
 
 def tour(
     turns: Floats, first: Floats, last: Floats, starts: list[list[int]], seed: int = 1, *, kicked: bool = True,
-    proven: bool = True,
+    proven: bool = True, bounded: bool = True,
 ) -> Tour:  # fmt: skip
     """The best order of tracks found from several to start with; the same for the same input and seed.
 
     Each start is improved until no move helps; the best is then kicked, more often for few tracks, until it is as good
     as its bound or the kicks are used up; without `kicked` it is left at that, and nothing is proven. Without `proven`
-    the best of few tracks is not worked out.
+    the best of few tracks is not worked out, without `bounded` the bound is that of the search alone (`sharpened`).
     """
     between = least_between(turns, first, last)
     promising = sorted((np.array(start) for start in starts), key=lambda start: seconds_of(start, turns, first, last))
@@ -314,9 +314,16 @@ def tour(
     passes = _directions(order, turns, first, last)
     if proven and seconds > enough and 3 < len(order) <= MOST_PROVEN:
         return _proven(turns, first, last, Tour(passes, float(seconds), float(bound)))
-    if seconds > enough:
-        bound = max(bound, bound_by_ends(turns, first, last, seconds - GAIN_S))
-    return Tour(passes, float(seconds), float(min(bound, seconds)))
+    best = Tour(passes, float(seconds), float(min(bound, seconds)))
+    return sharpened(best, turns, first, last) if bounded else best
+
+
+def sharpened(best: Tour, turns: Floats, first: Floats, last: Floats) -> Tour:
+    """An order with a better bound where its own leaves much open; that takes longer than the search of many tracks."""
+    if best.seconds <= best.bound_s * (1.0 + CLOSE):
+        return best
+    bound = bound_by_ends(turns, first, last, best.seconds - GAIN_S)
+    return Tour(best.passes, best.seconds, min(max(best.bound_s, bound), best.seconds))
 
 
 def _proven(turns: Floats, first: Floats, last: Floats, best: Tour) -> Tour:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import shapely
 
 from strategies.ways.paths import Path, Pose
-from vehicle.jit import compiled
+from strategies.ways.rubbing import rubs, stretches_of
 
 Points = npt.NDArray[np.float64]
 Box = tuple[float, float, float]
@@ -62,6 +62,7 @@ class Fence:
         self._fences, self._lines = fences, shapely.union(fences, obstacles)
         self._known: dict[tuple[Path, bool], bool] = {}  # strategies ask for the same ways
         self._away: dict[tuple[float, float, bool], float] = {}
+        self._stretches = {True: stretches_of(fences), False: stretches_of(self._lines)}
         shapely.prepare([self._fences, self._lines])
 
     def crosses(self, way: Path, *, fences_only: bool = False) -> bool:
@@ -75,11 +76,9 @@ class Fence:
         # No point of a way is nearer than half of what its ends are away together and it is not long.
         if self._away_m(way.start, fences_only) + self._away_m(way.end, fences_only) - way.length_m > 2.0 * near_m:
             return False
-        lines, points = self._fences if fences_only else self._lines, way.outline(0.1)
-        line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
-        if not shapely.dwithin(lines, line, near_m):
-            return False
-        return self._hit(_axle(way, self.body.guide_m), lines)
+        ends, boxes = np.array([way.start, way.end]), np.array(self.body.boxes, dtype=np.float64)
+        stretches, sizes = self._stretches[fences_only], (self.body.guide_m, self.body.reach_m, self.spare_m)
+        return bool(rubs(ends, way.rows(), boxes, stretches, *sizes, STEP_M))
 
     def may_cross(self, starts: Points, ends: Points, length_m: Points) -> npt.NDArray[np.bool_]:
         """Which ways of so many metres (k,) from `starts` to `ends` (k, 2+) come near enough to be looked at."""
@@ -108,32 +107,6 @@ class Fence:
         reach_m = self.body.reach_m - self.body.guide_m + self.spare_m
         near = shapely.dwithin(lines, shapely.points(poses[:, :2]), reach_m + SLACK_M)
         return bool(shapely.dwithin(lines, self.body.placed(poses[near]), self.spare_m).any())
-
-
-def _axle(way: Path, guide_m: float) -> Points:
-    """Poses (n, 3) of the rear axle on a way: forwards it trails the guided point, in reverse it keeps to the way."""
-    x, y, heading = way.start
-    poses = [np.array([[x - guide_m * math.cos(heading), y - guide_m * math.sin(heading), heading]])]
-    for gear, points in way.sample(STEP_M):
-        poses.append(trailed(poses[-1][-1, :2], points, float(gear), guide_m))
-    return np.concatenate(poses)
-
-
-@compiled
-def trailed(axle, points, gear, guide_m):  # type: ignore[no-untyped-def]
-    """Poses (n - 1, 3) of a rear axle that begins at `axle` (2,), at all points (n, 2) of the guided point but one."""
-    out = np.empty((len(points) - 1, 3))
-    x, y = axle[0], axle[1]
-    for k in range(len(out)):
-        if gear < 0.0:
-            angle = math.atan2(points[k, 1] - points[k + 1, 1], points[k, 0] - points[k + 1, 0])
-            x, y = points[k + 1, 0] - guide_m * math.cos(angle), points[k + 1, 1] - guide_m * math.sin(angle)
-        else:
-            dx, dy = points[k + 1, 0] - x, points[k + 1, 1] - y
-            angle, apart = math.atan2(dy, dx), math.hypot(dx, dy)
-            x, y = points[k + 1, 0] - guide_m * dx / apart, points[k + 1, 1] - guide_m * dy / apart
-        out[k, 0], out[k, 1], out[k, 2] = x, y, angle
-    return out
 
 
 def inside(fence: Fence | None, ways: list[Path | None], cost: Callable[[Path], float]) -> Path | None:

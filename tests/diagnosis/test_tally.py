@@ -1,6 +1,9 @@
 """How answers are counted, by hand; and that the sets of a seed are what they are said to be."""
 
+import argparse
 import json
+from collections import Counter
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -94,6 +97,24 @@ def test_sizes_and_signs_are_drawn_about_the_clear_size() -> None:
             assert 0.5 - 1e-9 <= abs(share) <= 0.5 * 1.25 + 1e-9
             signs.add(share > 0.0)
         assert signs == ({True, False} if name in EITHER_WAY else {True})
+
+
+@pytest.mark.parametrize("first", [200, 203])
+def test_a_share_meets_every_kind_of_set_equally_often_and_on_both_tractors(first: int) -> None:
+    share, met = Fraction(2, 5), Counter[tuple[int, str]]()
+    for seed in range(first, first + 10):
+        mine = diagnosis.chosen(seed, share, "")
+        assert len(mine) == 32
+        met.update((one.number, one.tractor) for one in mine)
+        clear = {one.names[0] for one in mine if len(one.names) == 1 and one.size == "clear"}
+        assert 7 <= len(clear) <= 9  # of 21 effects
+    assert len(met) == 80 * 2 and set(met.values()) == {2}
+
+
+@pytest.mark.parametrize("text", ["0", "1/2", "6/5", "-1/3", "1/0", "much"])
+def test_a_share_that_is_none_is_refused_in_words(text: str) -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="give a part of the sets above 0 and up to 1"):
+        diagnosis.share_of(text)
 
 
 def test_a_run_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -77,7 +77,8 @@ class LinearBench:
 
     @property
     def course(self) -> Any:
-        return SimpleNamespace(names=tuple(f"run {one}" for one in range(self.run_count)), rows=len(self.base) // 5)
+        names = tuple(f"run {one}" for one in range(self.run_count))
+        return SimpleNamespace(names=names, rows=len(self.base) // 5, places={})
 
     @property
     def runs(self) -> np.ndarray:

@@ -6,12 +6,12 @@ import pytest
 
 from tests.diagnosis.hiding import hidden
 from tests.measured.tables import refusal, runs, table
-from tests.truth.drives import Drive, drive, stairs, straight, triangle
+from tests.truth.drives import Drive, circles, drive, stairs, straight, triangle
 from tests.truth.model import Truth, make_logs
 from vehicle.measured.logs.constant import without_constant
 from vehicle.measured.logs.reading import Log, log_from_frame
 from vehicle.measured.logs.remarks import remarks
-from vehicle.measured.logs.sensors import set_right
+from vehicle.measured.logs.sensors import set_right, set_right_together
 
 WEAVE = drive("weave", 180.0, triangle(12.0, 14.0), 1.6)
 
@@ -44,6 +44,23 @@ def test_a_factor_of_the_speed_sensor_is_told_and_taken_out(factor: float) -> No
     assert float(np.median(log.speed_mps[log.used]) / np.median(true)) == pytest.approx(1.0, abs=0.01)
 
 
+def test_a_factor_that_straight_logs_tell_is_taken_out_of_bends_of_the_same_sensor() -> None:
+    """A circle alone tells no factor; beside a line with the same sensor it does, beside another sensor it does not."""
+    line, bend = log_of(straight(90.0, seconds=40.0)), log_of(circles(1))
+    wrong = [read(frame.assign(speed_mps=1.2 * frame.speed_mps)) for frame in (line, bend)]
+    assert wrong[0].speed_factor > 1.1 and wrong[1].doubts == ()
+    first, second = set_right_together(wrong)
+    assert first is wrong[0] and second.speed_factor == first.speed_factor
+    (told,) = second.doubts
+    assert "as in run: the same sensor" in told
+    assert second.speed_mps is not None
+    middle = float(np.median(second.speed_mps) / np.median(bend.speed_mps))
+    assert middle == pytest.approx(1.0, abs=0.02)
+    assert set_right_together([first, second])[1] is second
+    assert set_right_together([wrong[0], read(bend)])[1].doubts == ()
+    assert set_right_together([read(line), wrong[1]])[1].doubts == ()
+
+
 def test_slip_under_the_implement_is_no_factor_of_the_sensor() -> None:
     """A wheel sensor reads more while the implement pulls and right while it does not: that is slip."""
     half = drive("line", 120.0, stairs((60.0, 0.0), (60.0, 0.0)), 1.5, stairs((60.0, 0.0), (60.0, 1.0)))
@@ -52,15 +69,21 @@ def test_slip_under_the_implement_is_no_factor_of_the_sensor() -> None:
     assert read(frame).doubts == ()
 
 
-@pytest.mark.parametrize("rate", [0.004, -0.006])
-def test_clocks_that_part_are_told_and_joined(rate: float) -> None:
-    frame = log_of(WEAVE)
+def parted(frame: pd.DataFrame, rate: float) -> pd.DataFrame:
+    """The log with positions and heading stamped by a clock that runs slower by `rate`."""
     time = frame.time_s.to_numpy()
     shown = time[0] + (time - time[0]) * (1.0 - rate)
     late = frame.copy()
     for name in ("easting_m", "northing_m"):
         late[name] = np.interp(shown, time, frame[name])
     late["heading_deg"] = np.mod(np.interp(shown, time, np.unwrap(frame.heading_deg, period=360.0)), 360.0)
+    return late
+
+
+@pytest.mark.parametrize("rate", [0.004, -0.006])
+def test_clocks_that_part_are_told_and_joined(rate: float) -> None:
+    frame = log_of(WEAVE)
+    late = parted(frame, rate)
     log = read(late)
     (told,) = log.doubts
     assert f" s a minute {'later' if rate > 0 else 'earlier'} against the steering" in told
@@ -78,6 +101,23 @@ def test_a_wheel_sensor_that_is_off_costs_its_rows() -> None:
     (gone,) = [one for one in log.gated if "the sensor is off" in one.rule]
     assert abs(gone.rows - 299) <= 3
     assert log.segments == 2
+
+
+def test_a_wheel_angle_that_is_noise_is_not_logged() -> None:
+    frame = log_of(WEAVE)
+    log = read(frame.assign(steering_deg=np.random.default_rng(2).normal(0.0, 8.0, len(frame))))
+    (told,) = log.doubts
+    assert log.steering_deg is None and told.startswith("steering_deg has nothing to do with the bends of the path")
+    straight_on = log_of(straight(90.0, seconds=40.0))
+    wander = np.random.default_rng(3).normal(0.0, [[0.3], [8.0]], (2, len(straight_on)))
+    noise = read(straight_on.assign(steering_command_deg=wander[0], steering_deg=wander[1]))
+    assert noise.steering_deg is not None, "straight ahead tells nothing by itself"
+    assert set_right_together([log, noise])[1].steering_deg is None
+    assert set_right_together([log, read(straight_on)])[1].steering_deg is not None
+    late = log_of(WEAVE, **hidden(["steering_dead_time", "steering_backlash"]))
+    assert read(late).steering_deg is not None
+    alone = frame.drop(columns="steering_command_deg").assign(steering_deg=np.roll(frame.steering_deg, 35))
+    assert read(alone).steering_deg is not None, "without a command nothing else steers"
 
 
 def test_columns_that_stand_still_are_not_logged() -> None:

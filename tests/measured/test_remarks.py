@@ -38,7 +38,7 @@ def test_roll_and_pitch_cost_no_row() -> None:
     log = log_from_frame(table().assign(roll_deg=roll, pitch_deg=1.0), "run")
     assert log.rows_gated == 0
     (one,) = remarks(log)
-    assert one.startswith("run: roll_deg is missing or beyond 60 deg in 2 rows (first in line 12); it is not used")
+    assert one.startswith("run: roll_deg is missing or beyond 60 deg in 2 rows (first in line 12); the rows about")
 
 
 def test_rows_left_out_are_told_with_rule_and_line() -> None:

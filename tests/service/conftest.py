@@ -1,4 +1,4 @@
-"""A service of each test's own: folder, database, tokens, and a client on this machine."""
+"""A service of each test's own: folder, database, tokens, and a client on this machine; a browser for the pages."""
 
 import json
 from collections.abc import Iterator
@@ -6,12 +6,15 @@ from pathlib import Path
 
 import pytest
 from fastapi import FastAPI
+from playwright.sync_api import Browser, sync_playwright
 from starlette.testclient import TestClient
 
 from planner.service.api import create_app
 from planner.service.settings import Settings
 from planner.service.store import Store
 from tests.service.databases import KINDS, database
+from tests.service.fake_service import CONTROL, Made, fake_app
+from tests.service.watching import BROWSER, Watched, served
 
 HERE = "http://127.0.0.1:8765"
 SMALL = json.dumps(
@@ -69,6 +72,29 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     app = create_app(settings, inline=True)
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
         yield client, bearer(app, "control")
+
+
+@pytest.fixture(scope="module")
+def pages() -> Iterator[tuple[str, Made]]:
+    """The address of the pages with a made-up service behind them, and what is asked of it."""
+    app = fake_app()
+    with served(app) as base:
+        yield base, app.state.made
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A real browser without a window."""
+    with sync_playwright() as play:
+        found = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def watched(pages: tuple[str, Made], browser: Browser) -> Watched:
+    """A page with a token that may control; tests open what they need in it."""
+    return Watched(browser, pages[0], CONTROL)
 
 
 def bearer(app: FastAPI, scope: str) -> dict[str, str]:

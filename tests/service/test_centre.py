@@ -262,7 +262,7 @@ def test_of_two_that_stand_near_one_goes_on_when_its_way_is_clear() -> None:
     fleet.run(2)
     for state in fleet.centre.states:
         state.holds.add(NEAR)
-    fleet.run(1)
+    fleet.run(2 * Rules().release_s + 1)
     assert not any(NEAR in state.holds for state in fleet.centre.states)
     assert [e.data["tractor"] for e in fleet.events if e.what == "goes on"] == [1, 2]
 

@@ -15,12 +15,12 @@ from planner.service.centre.centre import Centre
 from planner.service.centre.core import RUNNING, STOPPED
 from planner.service.centre.errors import CentreError
 from planner.service.centre.operated import SEEN_S
-from planner.service.centre.replanning import Rest, check_still
+from planner.service.centre.remaining import Rest, check_still
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import Report
 from planner.service.links.frames import Begin, GoOn, State, StopAll, TakeLease
 from planner.service.links.outbox import Outbox
-from planner.service.links.twinning import Twins
+from planner.service.links.twinning import LEAP_S, Twins
 from planner.service.robot.driver import Driver
 from tests.service.fleets import driven, fleet_plan
 from tests.service.test_links import state
@@ -189,6 +189,24 @@ def test_a_clock_of_the_service_that_is_set_neither_stops_twins_nor_lets_them_ra
     reported(clock_s + 2.1, 21)
     made.advance(2.2, clock_s + 2.2, centre)
     assert made.items[0].state.time_s == pytest.approx(made.time_s(clock_s + 2.2), abs=0.02)
+
+
+def test_a_position_that_leaps_is_told_as_that_and_the_twin_is_not_doubted(twins: tuple[Twins, Centre]) -> None:
+    made, centre = twins
+    sentences, on = [], []
+    for tenth in range(900):
+        clock_s = 1.9e9 + 0.1 * tenth
+        at = datetime.fromtimestamp(clock_s, UTC).isoformat()
+        east = 1000.0 if tenth < 100 else 1000.4
+        frame = State.model_validate_json(json.dumps(state(tenth, time=at, easting_m=east)))
+        made.reported(0, frame, clock_s)
+        made.advance(0.1 * tenth, clock_s, centre)
+        alarms = centre.alarms.items()
+        sentences += [alarm.sentence for alarm in alarms if alarm.sentence not in sentences]
+        on.append(centre.alarms.on("leap", 0))
+    assert len(sentences) == 1 and "position of tractor 1 leapt by 0.40 m" in sentences[0]
+    assert on.index(True) == pytest.approx(100 + 10 * LEAP_S, abs=11) and not on[-1]
+    assert made.items[0] is not None and made.items[0].doubt() is None
 
 
 def rest(centre: Centre, without: tuple[int, ...]) -> Rest:

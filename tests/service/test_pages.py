@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser
 
 from planner.service.api import create_app
 from planner.service.settings import Settings
-from tests.service.fake_service import CONTROL, NASTY, Made, fake_app
+from tests.service.fake_service import CONTROL, NASTY, Made
 from tests.service.test_files import HERE_M, shapefile
-from tests.service.watching import NARROW, WIDE, Watched, painted, served, until, wide_by
+from tests.service.watching import NARROW, WIDE, Watched, needs_browser, painted, served, told_by, wide_by
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
-pytestmark = pytest.mark.skipif(
-    BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"), reason="no browser is installed"
-)
+pytestmark = needs_browser
 PAGES = {
     "/": "text=waits for tractor 1",
     "/fleet/f1": "text=To the deadline",
@@ -43,27 +35,6 @@ EMPTY = {
     "/replay": "text=Nothing was recorded yet",
 }
 """The same of a service that is new."""
-
-
-@pytest.fixture(scope="module")
-def service() -> Iterator[tuple[str, Made]]:
-    app = fake_app()
-    with served(app) as base:
-        yield base, app.state.made
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as play:
-        found = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
-        yield found
-        found.close()
-
-
-@pytest.fixture(scope="module")
-def watched(service: tuple[str, Made], browser: Browser) -> Watched:
-    """A page with a token that may control; tests open what they need in it."""
-    return Watched(browser, service[0], CONTROL)
 
 
 @pytest.mark.parametrize(("path", "whole"), PAGES.items())
@@ -120,91 +91,12 @@ def test_every_tab_is_reached_by_keys_with_a_visible_focus(watched: Watched) -> 
     page.keyboard.press("Enter")
 
 
-def test_a_fleet_is_watched_and_ordered(watched: Watched, service: tuple[str, Made]) -> None:
-    page, made = watched.open("/fleet/f1"), service[1]
-    page.wait_for_selector("text=waits for tractor 1")
-    tiles = page.locator(".tractor").all_inner_texts()
-    assert len(tiles) == 3 and "connection broken" in tiles[2] and "fix 42" in tiles[2].replace("\xa0", " ")
-    page.click("text=Acknowledge")
-    page.wait_for_selector("text=seen by office")
-    page.click("text=STOP ALL")
-    page.click("summary:has-text('Failures, obstacles')")
-    page.select_option("select[aria-label='Tractor that failed']", "3")
-    page.click("text=Plan without it")
-    page.click("button:text-is('Accept')")
-    wanted = [
-        {"kind": "acknowledge", "alarm": 1},
-        {"kind": "stop_all"},
-        {"kind": "fail", "tractor": 3},
-        {"kind": "replan", "without": [3]},
-        {"kind": "accept", "proposal": 7},
-    ]
-    until(page, lambda: len(made.frames) >= len(wanted))
-    assert made.frames == wanted
-    made.frames.clear()
-    page.click("text=Mark an obstacle")
-    box = page.locator(".map canvas").bounding_box()
-    assert box is not None
-    for x, y in ((0.5, 0.4), (0.6, 0.4), (0.55, 0.5)):
-        page.locator(".map canvas").click(position={"x": box["width"] * x, "y": box["height"] * y})
-    page.click("text=Block it")
-    until(page, lambda: bool(made.frames))
-    corners = made.frames.pop()["polygon_m"]
-    assert len(corners) == 3 and all(499_990 < east < 500_140 for east, _ in corners), "metres of the grid"
-    watched.well()
-
-
-def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, service: tuple[str, Made]) -> None:
-    page, made = watched.open("/fleet/f1/tractor/1"), service[1]
-    made.frames.clear()
-    page.keyboard.press("Space")
-    page.click("text=Take control")
-    page.wait_for_selector("text=the yard drives this tractor")
-    page.click("text=Take over")
-    page.wait_for_selector("text=You drive this tractor")
-    page.focus("[aria-label='Remote control']")
-    page.keyboard.down("ArrowUp")
-    page.keyboard.down("ArrowRight")
-    page.wait_for_timeout(250)
-    still = [frame for frame in made.frames if frame["kind"] == "command"]
-    assert all(frame["speed_command_mps"] == 0 and frame["start"] == 0 for frame in still), "nobody holds the switch"
-    page.keyboard.down("Space")
-    page.wait_for_selector("text=Driving by keys")
-    until(page, lambda: made.frames[-1].get("steering_command_deg", 0) >= 28)
-    held = made.frames[-1]
-    assert held["speed_command_mps"] == pytest.approx(0.4 * 1.4) and held["shuttle"] == 1 and held["start"] == 1
-    assert held["steering_command_deg"] == pytest.approx(28.0), "to the right is positive, at full lock of the machine"
-    page.evaluate("window.dispatchEvent(new Event('blur'))")
-    page.wait_for_selector("text=Let go: it stands")
-    until(page, lambda: made.frames[-1]["speed_command_mps"] == 0)
-    page.locator(".pad").scroll_into_view_if_needed()
-    pad = page.locator(".pad").bounding_box()
-    assert pad is not None
-    page.mouse.move(pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] * 0.9)
-    page.mouse.down()
-    page.wait_for_selector("text=Driving by touch")
-    until(page, lambda: made.frames[-1]["shuttle"] == -1)
-    page.mouse.up()
-    page.wait_for_selector("text=Let go: it stands")
-    watched.well()
-
-
-def test_a_twin_in_doubt_is_diagnosed_and_mended(watched: Watched) -> None:
-    page = watched.open("/fleet/f1/tractor/2")
-    page.click("text=Find the cause")
-    page.wait_for_selector("text=The diagnosis of its recording is ready.")
-    assert page.get_attribute("text=Read the diagnosis", "href") == "#/diagnose/old"
-    page.click("text=Take it into the tractor file")
-    page.wait_for_selector("text=Saved as the tractor file eg105 mended")
-    watched.well()
-
-
-def test_without_a_token_nothing_can_be_sent(service: tuple[str, Made], browser: Browser) -> None:
-    looking = Watched(browser, service[0])
+def test_without_a_token_nothing_can_be_sent(pages: tuple[str, Made], browser: Browser) -> None:
+    looking = Watched(browser, pages[0])
     page = looking.open("/fleet/f1")
     page.wait_for_selector("text=waits for tractor 1")
     assert page.locator("button.stop").is_disabled() and page.locator("text=Pause all").is_disabled()
-    page.goto(f"{service[0]}#/access")
+    page.goto(f"{pages[0]}#/access")
     page.fill("input[name=token]", CONTROL)
     page.click("text=Use it in this tab")
     page.wait_for_selector("text=The service takes this token")
@@ -215,8 +107,8 @@ def test_without_a_token_nothing_can_be_sent(service: tuple[str, Made], browser:
     page.context.close()
 
 
-def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: Watched, service: tuple[str, Made]) -> None:
-    page, made = watched.open("/plan"), service[1]
+def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: Watched, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/plan"), pages[1]
     page.select_option("select[name=fields]", NASTY)
     page.fill("input[name=width]", "-1")
     page.fill("input[name=before]", "17:00")
@@ -258,19 +150,19 @@ def test_any_plan_of_the_table_is_played(watched: Watched) -> None:
     watched.well()
 
 
-def test_a_job_is_cancelled_and_a_failure_is_told_in_its_sentence(watched: Watched, service: tuple[str, Made]) -> None:
-    service[1].polls = 0
+def test_a_job_is_cancelled_and_a_failure_is_told_in_its_sentence(watched: Watched, pages: tuple[str, Made]) -> None:
+    pages[1].polls = 0
     page = watched.open("/plan/made")
     page.click("text=Cancel")
     page.wait_for_selector("text=It was cancelled.")
-    service[1].polls = 0
+    pages[1].polls = 0
     watched.open("/access")
     watched.open("/plan/bad")
     page.wait_for_selector("text=use a narrower implement")
 
 
-def test_a_field_is_drawn_by_keys_and_uploaded(watched: Watched, service: tuple[str, Made]) -> None:
-    page, made = watched.open("/plan"), service[1]
+def test_a_field_is_drawn_by_keys_and_uploaded(watched: Watched, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/plan"), pages[1]
     made.requests.clear()
     page.click("summary:has-text('Draw a field')")
     for east, north in ((0, 0), (100, 0), (100, 50), (0, 50)):
@@ -296,24 +188,16 @@ def test_a_log_without_a_needed_column_is_refused_in_a_sentence(watched: Watched
     watched.well()
 
 
-def told_by(page: Page, expression: str) -> Any:
-    """What an expression comes to, with modules of the page as `m`."""
-    return page.evaluate(f"""async () => {{
-      const m = {{}};
-      for (const name of ["words", "control", "player", "camera", "drawfield", "livemap", "files"]) {{
-        Object.assign(m, await import(`./static/js/${{name}}.js`));
-      }}
-      return {expression};
-    }}""")
-
-
 def test_modules_by_their_closed_forms(watched: Watched) -> None:
     page = watched.open("/access")
-    assert told_by(page, "[m.clock(3723), m.span(45), m.percent(9.96), m.percent(99.96), m.number(null)]") == [
+    shares = "[9.96, 99.96, 99.75, 100].map(m.percent)"
+    assert told_by(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == [
         "1:02:03",
         "45\xa0s",
         "10.0\xa0%",
         "99.9\xa0%",
+        "99.8\xa0%",
+        "100\xa0%",
         "\u2013",
     ]
     assert told_by(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
@@ -327,82 +211,6 @@ def test_modules_by_their_closed_forms(watched: Watched) -> None:
       return [one.pixel(one.see(20, 0, 0)), one.pixel(one.see(20, -3, 0)), one.pixel(one.see(40, 0, 0))]; })()""",
     )
     assert seen[0][0] == pytest.approx(300) and seen[1][0] > 300 and seen[2][1] < seen[0][1], "ahead, right, farther"
-
-
-def test_fields_far_apart_stand_beside_each_other_on_one_map(watched: Watched) -> None:
-    page = watched.open("/access")
-    fields = """[{ grid: "a", box: [0, 0, 200, 100] }, { grid: "b", box: [9000, 0, 9300, 100] },
-      { grid: "a", box: [500, 0, 700, 100] }, { grid: "a", box: [90000, 0, 90100, 100] }]"""
-    placed = told_by(page, f"m.arranged({fields})")
-    assert [one["group"] for one in placed] == [0, 1, 0, 2]
-    assert placed[0]["shift"] == placed[2]["shift"] == [0, 0], "neighbours keep their distance, the first its place"
-    boxes = [[0, 0, 700, 100], [9000, 0, 9300, 100], [90000, 0, 90100, 100]]
-    shown = [
-        [west + x, south + y, east + x, north + y]
-        for (west, south, east, north), (x, y) in zip(boxes, (placed[k]["shift"] for k in (0, 1, 3)), strict=True)
-    ]
-    for k, one in enumerate(shown):
-        for other in shown[:k]:
-            apart = max(one[0] - other[2], other[0] - one[2], one[1] - other[3], other[1] - one[3])
-            assert apart == pytest.approx(105) or apart > 105, "a gap of 15 % of the largest side"
-    assert max(abs(value) for one in shown for value in one) < 1500
-    assert told_by(page, "m.arranged([{ grid: 'a', box: [7, 8, 9, 10] }])") == [{"group": 0, "shift": [0, 0]}]
-
-
-def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_there_is(watched: Watched) -> None:
-    page = watched.open("/access")
-    told = told_by(
-        page,
-        """(() => { const box = document.createElement("div");
-          const pad = { connected: true, axes: [0.5, 0.04], buttons: [] }, limits = { limit_mps: 2, steering_deg: 30 };
-          for (let k = 0; k < 8; k++) pad.buttons.push({ pressed: false, value: 0 });
-          navigator.getGamepads = () => [null, pad];
-          let hidden = false;
-          Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
-          const hands = new m.Hands({ surface: box, pad: box, ready: () => true });
-          const said = [m.commandOf(hands.read(), limits)];
-          pad.buttons[5].pressed = true;
-          said.push(m.commandOf(hands.read(), limits));
-          pad.buttons[6].value = 0.5;
-          said.push(m.commandOf(hands.read(), limits));
-          for (const away of [() => dispatchEvent(new Event("blur")), () => { hidden = true; }]) {
-            away();
-            said.push(m.commandOf(hands.read(), limits));
-            hidden = false;
-            said.push(m.commandOf(hands.read(), limits));
-            pad.buttons[5].pressed = false;
-            hands.read();
-            pad.buttons[5].pressed = true;
-            said.push(m.commandOf(hands.read(), limits));
-          }
-          pad.connected = false;
-          said.push(m.commandOf(hands.read(), limits));
-          hands.close();
-          delete document.hidden;
-          return said; })()""",
-    )
-    still = {"steering_command_deg": 0, "speed_command_mps": 0, "shuttle": 0, "start": 0}
-    assert told[0] == told[9] == still, "no button held, and no gamepad any more"
-    assert told[3] == told[4] == told[6] == told[7] == still, "the page was left, and the button not let go since"
-    assert told[5] == told[8] == told[2], "pressed anew"
-    assert told[1] == {"steering_command_deg": 15, "speed_command_mps": 0, "shuttle": 0, "start": 0}
-    assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}
-
-
-def test_commands_are_numbered_and_dated_by_the_clock_of_the_service(watched: Watched) -> None:
-    page = watched.open("/access")
-    told = told_by(
-        page,
-        """(() => { const clock = new m.ServiceClock(), stamp = new m.Stamp(clock), said = [stamp.next(0)];
-          clock.heard("2026-06-01T08:00:00.700Z", 1000);
-          clock.heard("2026-06-01T08:00:01.900Z", 2000);
-          clock.heard("2026-06-01T08:00:01.950Z", 3000);
-          said.push(stamp.next(3000), stamp.next(3100));
-          return said; })()""",
-    )
-    assert told[0] is None, "nothing is said before the clock is known"
-    assert [one["sequence"] for one in told[1:]] == [0, 1]
-    assert told[1]["time"] == "2026-06-01T08:00:02.899Z", "a frame that was held up does not set the clock back"
 
 
 def test_the_pages_speak_with_the_service_itself(
@@ -462,37 +270,8 @@ def _add_files(watched: Watched, folder: Path) -> None:
     page.wait_for_selector("h1:has-text('two b')")
 
 
-def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: Watched) -> None:
-    page = watched.page
-    told = [("f1", "08:00", "running"), ("f2", "09:00", "running"), ("f3", "10:00", "ready")]
-    items = [
-        {"id": id, "name": id, "created": f"2026-11-20T{at}:00Z", "fleet": {"state": state}, "tractors": []}
-        for id, at, state in told
-    ]
-    page.route("**/api/v1/fleets", lambda route: route.fulfill(json={"items": items}))
-    watched.open("/")
-    page.wait_for_selector(".rest .tile")
-    found = page.eval_on_selector_all(".rest .tile", "all => all.map((one) => one.getAttribute('href'))")
-    page.unroute("**/api/v1/fleets")
-    assert found == ["#/fleet/f2", "#/fleet/f1", "#/fleet/f3"]
-
-
-def test_stop_all_goes_another_way_where_the_link_does_not_answer(watched: Watched, service: tuple[str, Made]) -> None:
-    page, made = watched.open("/fleet/f1"), service[1]
-    page.wait_for_selector("text=waits for tractor 1")
-    for deaf, wanted in ((False, []), (True, [("fleets/f1/stop", None)])):
-        made.deaf = deaf
-        made.frames.clear()
-        made.requests.clear()
-        page.click("text=STOP ALL")
-        page.wait_for_timeout(800)
-        assert made.requests == wanted and made.frames == [{"kind": "stop_all"}]
-    made.deaf = False
-    watched.well()
-
-
-def test_a_plan_is_saved_for_a_terminal(watched: Watched, service: tuple[str, Made]) -> None:
-    page, made = watched.open("/plan/old"), service[1]
+def test_a_plan_is_saved_for_a_terminal(watched: Watched, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/plan/old"), pages[1]
     page.click("summary:has-text('Guidance for terminals')")
     page.select_option("select[name=form]", "agopengps")
     page.select_option("select[name=of]", "2")
@@ -501,31 +280,4 @@ def test_a_plan_is_saved_for_a_terminal(watched: Watched, service: tuple[str, Ma
         page.click("text=Save for the terminal")
     assert saved.value.suggested_filename.endswith("-tractor-2-plan-agopengps.zip")
     assert made.requests == [("plans/old/results/plan.json/export", {"to": "agopengps", "tractor": 2})]
-    watched.well()
-
-
-def test_names_of_a_chart_never_run_into_its_title(watched: Watched) -> None:
-    page = watched.open("/fleet/f1/tractor/2")
-    page.wait_for_selector("text=larger than noise")
-    drawn = """async (width) => {
-      const { StripChart } = await import("./static/js/charts.js");
-      const series = [{ name: "ahead", colour: "t2" }, { name: "right", colour: "t3" }];
-      const chart = new StripChart("Corrections", { unit: "cm", series }), place = chart.node;
-      place.style.cssText = `display:block;width:${width}px;height:120px`;
-      document.body.append(place);
-      const seen = [], draw = CanvasRenderingContext2D.prototype.fillText;
-      CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
-        const wide = this.measureText(words).width, left = this.textAlign === "right" ? x - wide : x;
-        seen.push([words, left, left + wide, y]);
-      };
-      chart.set([[0, -12.3, 10.4]]);
-      CanvasRenderingContext2D.prototype.fillText = draw;
-      chart.close();
-      place.remove();
-      return seen.filter(([, , , y]) => y < 30); }"""
-    for width in (600, 220, 190):
-        words = page.evaluate(drawn, width)
-        assert len(words) == 3 and all(left >= 0.0 for _, left, _, _ in words)
-        for one, left, right, y in words:
-            assert not any(o != one and abs(h - y) < 10 and a < right and b > left for o, a, b, h in words), words
     watched.well()

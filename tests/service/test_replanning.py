@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,9 +17,10 @@ from planner.service.centre.centre import Centre
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.progress import progress_of, restore
-from planner.service.centre.replanning import Proposal, replanned, rest_of
+from planner.service.centre.remaining import check_still, rest_of
+from planner.service.centre.replanning import Proposal, replanned
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import Report
+from planner.service.centre.tractors import WAITS, Report
 from planner.service.links.converting import report_of
 from planner.service.links.frames import OF_ROLE
 from planner.service.robot.driver import Driver
@@ -168,8 +171,63 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
     assert centre.done_m() == pytest.approx(plan.worked_m)
 
 
-def test_nobody_is_told_to_wait_on_what_it_drives_already(plan: FleetPlan) -> None:
+def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(plan: FleetPlan) -> None:
     centre = at(plan, 0.3)
     centre.fail("anna", 2, 1.0)
-    with pytest.raises(CentreError, match="would have to wait on what it drives already; ask again"):
+    with pytest.raises(CentreError, match="have to wait on what is driven already: pause tractor 2 and ask again"):
         replanned(rest_of(centre, [], 100.0))
+    stand(centre)
+    rest = rest_of(centre, [], 100.0)
+    made = replanned(rest).plan
+    state = centre.states[1]
+    (gate,) = made.courses[1].legs[state.leg].gates
+    assert gate.tractor == 0 and state.leg < state.released
+    assert not any(gate.tractor == 2 for course in made.courses for leg in course.legs for gate in leg.gates)
+    check_still(rest, centre, made)
+    centre.adopt("anna", made, 101.0, rest.without)
+    centre.resume("anna", None, 103.0)
+    centre.taken()
+    centre.tick(103.2)
+    assert state.holds == {WAITS} and state.standing_ordered and not centre.states[0].holds
+    assert centre.waits_for(1) == [(gate.tractor, gate.leg)]
+    assert 0.0 < centre.finish_in_s[0] < centre.finish_in_s[1] < math.inf
+    kept = Centre(centre.plan, Rules())
+    restore(kept, json.loads(json.dumps(progress_of(centre, 103.2, 0.0))), 0.0, 0.0)
+    kept.tick(0.2)
+    assert kept.states[1].holds == {WAITS}, "a restart does not let it go"
+    centre.states[0].leg, centre.states[0].leg_m = gate.leg, gate.after_m + 0.1
+    centre.tick(103.4)
+    assert not state.holds and not state.standing_ordered and centre.waits_for(1) == []
+
+
+def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_gone_on(plan: FleetPlan) -> None:
+    centre = at(plan, 0.3)
+    centre.fail("anna", 2, 1.0)
+    stand(centre)
+    rest = rest_of(centre, [], 100.0)
+    made = replanned(rest).plan
+    moving = replace(centre.states[1].report, speed_mps=1.0)  # type: ignore[type-var]
+    centre.states[1].report = moving
+    with pytest.raises(CentreError, match="Tractor 2 drives already where it would have to wait"):
+        centre.adopt("anna", made, 101.0, rest.without)
+    centre.states[1].report = replace(moving, speed_mps=0.0, x_m=moving.x_m + 3.0)
+    with pytest.raises(CentreError, match=r"Tractor 2 was to wait where it stood and has moved 3\.0 m"):
+        check_still(rest, centre, made)
+
+
+def stand(centre: Centre) -> None:
+    """Everybody is paused, and stands."""
+    centre.pause("anna", None, 2.0)
+    for state in centre.states:
+        assert state.report is not None
+        state.report = replace(state.report, speed_mps=0.0, mode="stopped")
+
+
+def test_a_plan_with_refills_is_refused_with_what_to_do(plan: FleetPlan) -> None:
+    centre = at(plan, 0.3)
+    course = plan.courses[0]
+    legs = (*course.legs[:-1], replace(course.legs[-1], stand_s=300.0))
+    refilling = replace(course, mission=replace(course.mission, legs=legs))
+    centre.plan = replace(plan, courses=(refilling, *plan.courses[1:]))
+    with pytest.raises(CentreError, match=r"refill.*draw what stays open as a field on the page Plan"):
+        rest_of(centre, [1], 100.0)

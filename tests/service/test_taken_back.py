@@ -11,8 +11,9 @@ import pytest
 from planner.service.centre.core import DONE
 from planner.service.centre.errors import CentreError
 from planner.service.centre.obstacles import MOST
-from planner.service.centre.replanning import check_still, rest_of
-from planner.service.centre.tractors import DRIVEN, FAILED, GIVEN, OBSTACLE, PAUSED, Report
+from planner.service.centre.remaining import check_still, rest_of
+from planner.service.centre.seeing import UNREAD_CODE
+from planner.service.centre.tractors import DRIVEN, FAILED, GIVEN, OBSTACLE, UNREAD, Report
 from planner.service.errors import ServiceError
 from planner.service.links.frames import State
 from planner.service.links.recording import MOST_AHEAD, Recorder
@@ -119,12 +120,16 @@ def test_a_tractor_that_sees_what_cannot_be_kept_stands() -> None:
     with pytest.raises(CentreError, match="100 obstacles already"):
         fleet.centre.obstacle("tractor 1", ring(0.0, 10.0), "deer", fleet.now, 0)
     fleet.obey()
-    assert fleet.standing == [True, False] and fleet.centre.states[0].holds == {PAUSED}
+    assert fleet.standing == [True, False] and fleet.centre.states[0].holds == {UNREAD}
     assert "sees an obstacle that could not be taken" in fleet.centre.alarms.items()[-1].sentence
+    fleet.run(1)
+    fleet.centre.resume("anna", None, fleet.now)
+    fleet.obey()
+    assert fleet.standing == [True, False], "who lets all go on has not looked"
     fleet.centre.resume("anna", 0, fleet.now)
     fleet.obey()
     assert fleet.standing == [False, False]
-    assert all(a.over for a in fleet.centre.alarms.items() if a.code == "unknown obstacle")
+    assert all(a.over for a in fleet.centre.alarms.items() if a.code == UNREAD_CODE)
 
 
 def test_no_plan_is_made_or_accepted_of_who_was_led_off_its_leg() -> None:

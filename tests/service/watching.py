@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 import uvicorn
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page
 
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
+needs_browser = pytest.mark.skipif(
+    BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"), reason="no browser is installed"
+)
 WIDE, NARROW = {"width": 1280, "height": 860}, {"width": 390, "height": 844}
 
 
@@ -80,3 +88,14 @@ def painted(page: Page) -> int:
       for (let k = 0; k < data.length; k += 4 * 7) seen.add(`${data[k]},${data[k + 1]},${data[k + 2]}`);
       return seen.size; }""")
     return found
+
+
+def told_by(page: Page, expression: str) -> Any:
+    """What an expression comes to, with modules of the page as `m`."""
+    return page.evaluate(f"""async () => {{
+      const m = {{}};
+      for (const name of ["words", "control", "player", "camera", "drawfield", "livemap", "files"]) {{
+        Object.assign(m, await import(`./static/js/${{name}}.js`));
+      }}
+      return {expression};
+    }}""")

@@ -36,6 +36,22 @@ EAST, NORTH, HEADING, SIDEWAYS, SPIN, FRONT_Y, REAR_Y, WHEEL_SPEED, ACTUATOR, SL
 STATES = 10
 
 
+class Ground(NamedTuple):
+    """Ground that is no plane, and what it does to a tractor.
+
+    It falls by `fall_east` and `fall_north` (m/m) on the whole, with waves `wave_m` high and `length_m` long on top.
+    The tractor is carried aside by `drift` metres per metre driven and slope across the way, and loses the share
+    `climb` of its speed per slope that it drives up.
+    """
+
+    fall_east: float = 0.0
+    fall_north: float = 0.0
+    wave_m: float = 0.0
+    length_m: float = 50.0
+    drift: float = 0.0
+    climb: float = 0.0
+
+
 class Hidden(NamedTuple):
     """What the effects do to the body, in SI except the steering angles (deg)."""
 
@@ -68,6 +84,7 @@ class Hidden(NamedTuple):
     wind: float
     wind_bearing: float
     clock: float
+    ground: Ground = Ground()
 
 
 class Loop(NamedTuple):
@@ -80,6 +97,17 @@ class Loop(NamedTuple):
     latency_steps: int
     antenna_forward: float
     antenna_right: float
+
+
+@numba.njit(cache=True)
+def falls(east: float, north: float, heading: float, ground: Ground) -> tuple[float, float]:
+    """Slope of the ground (m/m) to the right of and ahead of a tractor; positive where it falls that way."""
+    turn = 2.0 * math.pi / ground.length_m
+    steep = ground.wave_m * turn
+    to_east = ground.fall_east + steep * math.sin(turn * east) * math.sin(0.7 * turn * north + 1.0)
+    to_north = ground.fall_north - 0.7 * steep * math.cos(turn * east) * math.cos(0.7 * turn * north + 1.0)
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return to_east * cosine - to_north * sine, to_east * sine + to_north * cosine
 
 
 @numba.njit(cache=True)
@@ -150,6 +178,10 @@ def rates(
     out[ACTUATOR] = valve_rate(command - state[ACTUATOR], slewing, h.lag, h.rate, h.dead_band)
     out[WHEEL_SPEED] = min(max((target - state[WHEEL_SPEED]) / h.speed_lag, -ACCELERATION), ACCELERATION)
     u = state[WHEEL_SPEED] * (1.0 - h.slip) * (1.0 - h.implement_slip * down)
+    fall_right = 0.0
+    if h.ground.drift != 0.0 or h.ground.climb != 0.0:
+        fall_right, fall_ahead = falls(state[EAST], state[NORTH], state[HEADING], h.ground)
+        u *= 1.0 + h.ground.climb * fall_ahead * (1.0 if u > 0.0 else -1.0)
     v, r = state[SIDEWAYS], state[SPIN]
     wheel = min(max(play, state[ACTUATOR] - h.half_play), state[ACTUATOR] + h.half_play)
     wheel += h.offset + h.pull * u * u + h.wobble * math.sin(2.0 * math.pi * time / h.wobble_period)
@@ -167,7 +199,7 @@ def rates(
     out[SPIN] = (front * FRONT - rear * REAR) / INERTIA
     heading = state[HEADING]
     out[HEADING] = r + push * u / MAP_SPEED_MPS
-    side = h.slope * abs(u) * math.sin(h.slope_bearing - heading)
+    side = h.slope * abs(u) * math.sin(h.slope_bearing - heading) + h.ground.drift * abs(u) * fall_right
     out[SLIDE] = (side - state[SLIDE]) * abs(u) / SLIDE_LENGTH_M
     moving = math.tanh(abs(u) / 0.1) * h.wind
     across = v + state[SLIDE]

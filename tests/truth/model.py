@@ -58,6 +58,7 @@ class Truth:
     `seed` fixes every draw. `origin` (m) is added to the logged positions; the place of a grip patch is meant before
     that. `soil_deg_per_s` is the yaw noise of the ground at 5 km/h. `terrain` (grade, bearing downhill in degrees) adds
     the columns roll_deg (right side down) and pitch_deg (nose up) and moves nothing: that is for cross_slope_drift.
+    `ground` is ground that is no plane: it moves the tractor, and adds the same columns with noise, mounting and lean.
     `mirrored` drives every programme with left and right exchanged. `drop` names columns to leave out.
     """
 
@@ -71,6 +72,7 @@ class Truth:
     uneven: float = 0.0
     gaps: int = 0
     terrain: tuple[float, float] | None = None
+    ground: body.Ground | None = None
     drop: tuple[str, ...] = ()
     step_s: float = 0.004
 
@@ -95,6 +97,8 @@ class Truth:
         columns = self._measured(trace, times, rng) | self._switches(drive, times)
         if self.terrain is not None:
             columns |= self._terrain(trace, times)
+        if self.ground is not None:
+            columns |= self._tilt(trace, times, self.ground)
         columns["time_s"] = np.round(times + rng.integers(0, 1000), 3)
         frame = pd.DataFrame({name: columns[name] for name in COLUMNS if name in columns and name not in self.drop})
         frame.attrs["name"] = drive.name
@@ -126,12 +130,17 @@ class Truth:
         states, held, wheels = body.integrate(
             state, dt, signal, drive.speed(time) * drive.shuttle(time), signal, drive.implement(time),
             np.interp(time, grid, pushes), np.interp(time, grid, seen), ticks,
-            round(values["steering_dead_time"]["time_s"] / dt), hidden(values, clock_s),
+            round(values["steering_dead_time"]["time_s"] / dt),
+            hidden(values, clock_s)._replace(ground=self.ground or body.Ground()),
             self._loop(drive, start, values), *steady_table(),
         )  # fmt: skip
         slip = 1.0 - values["wheel_slip"]["ratio"]
         working = 1.0 - values["implement_slip"]["ratio"] * drive.implement(time)
-        return Trace(time, states, held, wheels, states[:, body.WHEEL_SPEED] * slip * working)
+        speed = states[:, body.WHEEL_SPEED] * slip * working
+        if self.ground is not None:
+            ahead = np.array([body.falls(*row[: body.HEADING + 1], self.ground)[1] for row in states])
+            speed = speed * (1.0 + self.ground.climb * ahead * np.sign(speed))
+        return Trace(time, states, held, wheels, speed)
 
     def _loop(self, drive: Drive, start: tuple[float, float, float], values: dict[str, dict[str, float]]) -> body.Loop:
         forward = ANTENNA_FORWARD_M + values["antenna_forward"]["distance_m"]
@@ -175,6 +184,19 @@ class Truth:
         turn = math.radians(bearing) - np.interp(times, trace.time_s, trace.column(body.HEADING))
         roll, pitch = np.arctan(grade * np.sin(turn)), -np.arctan(grade * np.cos(turn))
         return {"roll_deg": np.round(np.degrees(roll), 2), "pitch_deg": np.round(np.degrees(pitch), 2)}
+
+    def _tilt(self, trace: Trace, times: Array, ground: body.Ground) -> dict[str, Array]:
+        """Roll and pitch as a sensor has them; its draws are its own, so that no other column depends on it."""
+        rng, tool = np.random.default_rng([self.seed, len(times), 3]), self.instruments
+        states = [np.interp(times, trace.time_s, trace.column(k)) for k in (body.EAST, body.NORTH, body.HEADING)]
+        falls = np.array([body.falls(*pose, ground) for pose in zip(*states, strict=True)])
+        side = np.interp(times, trace.time_s, trace.speed_mps * trace.column(body.SPIN))
+        right, ahead = np.degrees(np.arctan(falls)).T
+        right += (
+            tool.roll_mounting_deg - tool.lean_deg_per_mps2 * side + tool.tilt_deg * rng.standard_normal(len(times))
+        )
+        ahead -= tool.pitch_mounting_deg + tool.tilt_deg * rng.standard_normal(len(times))
+        return {"roll_deg": np.round(right, 2), "pitch_deg": np.round(-ahead, 2)}
 
 
 COLUMNS = (

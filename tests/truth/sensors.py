@@ -14,7 +14,10 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Instruments:
-    """Noise (standard deviations), drift (standard deviation, one minute of memory) and resolution of the sensors."""
+    """Noise (standard deviations), drift (standard deviation, one minute of memory) and resolution of the sensors.
+
+    `tilt_deg` is the noise of roll and pitch on ground that is no plane; the tractor leans out of bends.
+    """
 
     position_m: float = 0.010
     position_drift_m: float = 0.015
@@ -27,6 +30,10 @@ class Instruments:
     steering_deg: float = 0.03
     steering_digit_deg: float = 0.1
     drift_s: float = 60.0
+    tilt_deg: float = 0.4
+    roll_mounting_deg: float = 0.0
+    pitch_mounting_deg: float = 0.0
+    lean_deg_per_mps2: float = 0.4
 
 
 PERFECT = Instruments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

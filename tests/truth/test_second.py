@@ -54,6 +54,14 @@ def test_circles_have_the_measured_radius(tractor: str, angle: float) -> None:
     assert mass_curvature(rolled, until_s=most) == pytest.approx(bend, rel=2e-3)
 
 
+@pytest.mark.parametrize("tractor", TRACTORS)
+def test_the_programme_reaches_a_friction_limit_of_the_clear_size_on_both_sides(tractor: str) -> None:
+    for run in three_speeds_programme()[2:4]:
+        rolled = quiet(tractor=tractor).roll(run)
+        most = np.max(np.abs(rolled.speed_mps * rolled.column(rolling.YAW_RATE)))
+        assert most > CLEAR_SIZES["side_slip"]["limit_g"] * rolling.GRAVITY
+
+
 def test_the_programme_is_steady_in_the_step_of_integration() -> None:
     """A kinematic tractor must end where its heading says: the way is the integral of the speed along the heading."""
     rolled = quiet().roll(three_speeds_programme()[2])

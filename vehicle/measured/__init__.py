@@ -6,6 +6,7 @@ logs: reading
     motion                 what the positions alone say
     conventions            wrong units and signs, with conversions, bends, directions and gears: recognised and fixed
     constant, sensors      columns that stand still; instruments that contradict each other, set right in words
+    levelling, tilt, grade the fall of the ground by a sensor of roll or pitch; across the way, and what speed it takes
     size                   whether logs can be of a tractor at all, and the size they suggest
     reading, remarks       the door: read_log, read_logs, log_from_frame; what a reader should know of a log
 

@@ -22,6 +22,11 @@ OUTLIER = 4.0
 LEAST_SOIL, MOST_SOIL = 2e-4, 0.05
 # Chosen, m per root second: no drive line holds its speed better.
 LEAST_ALONG = 0.003
+# Standard deviation, s: how far off in time sensors, and the turning of the tractor, are. A speed that is a mean over
+# the last 0.1 s is 0.05 s late, and half a ton on tyres of the base model turns 0.03 to 0.06 s after its wheels.
+SENSORS_S = 0.05
+# Chosen, usual differences between tractors: what takes more is something else.
+MOST_USUAL = 3.0
 # Of all that the logs say of a coordinate: less is not being told by other runs, and their own other half stands in.
 TOLD = 0.02
 
@@ -38,6 +43,11 @@ ABOVE_CHANCE = 1.5
 # Chosen, 3 standard deviations: a candidate that promises less is not simulated further. Saves time, decides nothing
 # while it is below LEAST_GAIN and a promise is not far too low.
 HOPELESS = 9.0
+# Chosen, of the gain that a candidate must have to count: one that promises less is not simulated further either.
+FAR_LESS = 0.36
+# Chosen, times LEAST_GAIN: a part that by a straight line takes more away is not left out to see whether it is needed.
+# Saves time, decides nothing while no slope is wrong by so much.
+PLAINLY = 16.0
 # Chosen: bounds the time; what more causes leave is said to be unexplained.
 MOST_PARTS = 8
 # Chosen: the best of some thousand circles gains more by chance than an effect with one number.

@@ -6,6 +6,7 @@ twin          the virtual tractor of a real one: fed with commands, corrected by
 ways          the two ways of correction: the thesis's, and prediction over a fix's age
 rolling       the tractor rolled along held commands, with what was learnt of it on the way
 belief        a Kalman filter over pose, turn and slip, and how surprising each fix is
+leaps         fixes that are suddenly elsewhere, which say nothing of the tractor
 doubt         the sequential test that says when a twin is wrong
 record        a run as a log in the project's columns
 cause         from the recorded log to the cause, and to the amended tractor

@@ -90,6 +90,11 @@ class Belief:
         sure = [position_m, position_m, heading_rad, spec[0], spec[2], spec[5], spec[6], spec[6], LATER_SD, LATER_SD]
         self.cov[:] = np.diag(np.square(sure))
 
+    def unsure_of_place(self, position_m: float) -> None:
+        """Believe that the tractor may be so much farther away; of all else as before."""
+        self.cov[0, 0] += position_m**2
+        self.cov[1, 1] += position_m**2
+
 
 @compiled
 def spread(  # type: ignore[no-untyped-def]
@@ -226,7 +231,9 @@ def measure(  # type: ignore[no-untyped-def]
         shown[2, LATE] = -sizes[LATE] * spin
     whitened[:] = 0.0
     means[:] = 0.0
-    for i in range(seen):
+    for i in (2, 0, 1, 3):  # the heading first: a place that leaps says nothing of it
+        if i >= seen:
+            continue
         left = surprise[i] - rows[i] @ (estimate - first)
         whitened[i] = scalar_update(estimate, cov, rows[i], left, variance[i], shifts, shown[i], means[i])
     return True

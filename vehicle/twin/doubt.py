@@ -6,6 +6,10 @@ whose expectation is 1. Their Shiryaev-Roberts sums, R <- (R + seconds waited) *
 and no more, and so does their mean over all effects: it passes a limit of A seconds no oftener than once in A seconds
 on average (optional stopping; Shin, Ramdas and Rinaldo, "E-detectors", 2024), whatever the steering does. One further
 ratio is for surprises that are only larger than they should be, whatever the cause.
+
+Either hypothesis has it that a few fixes leap (vehicle.twin.leaps), and so no single one is much evidence: what an
+effect explains no better than a leap does has the ratio 1. Where no fix ever leaps, the expectation of a ratio is below
+1. As one leap may look like an effect by chance, the limit has to be passed for SURE fixes in a row.
 """
 
 from __future__ import annotations
@@ -19,11 +23,13 @@ from vehicle.effects import effect
 from vehicle.jit import compiled
 from vehicle.tractor import Tractor
 from vehicle.twin.belief import SEEN, SHIFTS, SIZE
+from vehicle.twin.leaps import log_density, noise_share
 from vehicle.twin.motion import Array
 
 FALSE_ALARM_S = 200.0 * 3600.0  # at most one false alarm in so long a drive on average, if noise is as it is said to be
 FACTORS = np.array([-2.0, -0.7, 0.7, 2.0])  # of the typical size: both ways, small and large
 WIDER = 1.5  # of surprises without a direction
+SURE = 3  # fixes
 # The effect each shift of belief stands for, in the order of its columns there.
 EFFECTS = (
     "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "wheel_slip", "cross_slope_drift",
@@ -73,21 +79,17 @@ def gather(  # type: ignore[no-untyped-def]
     The last row of `logs`, `best` and `since` uses its first column: surprises that are only larger.
     """
     kinds = means.shape[1]
+    east, north, turned = whitened[0], whitened[1], whitened[2]
+    expected = log_density(east, north, turned, 1.0)
     for k in range(kinds + 1):
-        along = power = 0.0
-        if k < kinds:
-            for i in range(3):
-                along += means[i, k] * whitened[i]
-                power += means[i, k] * means[i, k]
-            fits[k, 0] += along
-            fits[k, 1] += power
+        share = 0.0
         for j in range(len(factors) if k < kinds else 1):
             if k < kinds:
-                ratio = factors[j] * along - 0.5 * factors[j] * factors[j] * power
+                left_east, left_north = east - factors[j] * means[0, k], north - factors[j] * means[1, k]
+                ratio = log_density(left_east, left_north, turned - factors[j] * means[2, k], 1.0) - expected
+                share = max(share, noise_share(left_east, left_north))
             else:
-                ratio = 0.0
-                for i in range(3):
-                    ratio += 0.5 * whitened[i] * whitened[i] * (1.0 - 1.0 / (wider * wider)) - math.log(wider)
+                ratio = log_density(east, north, turned, wider) - expected
             low, high = math.log(waited), logs[k, j]
             if low > high:
                 low, high = high, low
@@ -95,6 +97,10 @@ def gather(  # type: ignore[no-untyped-def]
             if best[k, j] <= 0.0:
                 best[k, j], since[k, j] = 0.0, time
             best[k, j] += ratio
+        if k < kinds:
+            for i in range(3):
+                fits[k, 0] += share * means[i, k] * whitened[i]
+                fits[k, 1] += share * means[i, k] * means[i, k]
 
 
 class Test:
@@ -113,7 +119,7 @@ class Test:
         self.logs, self.best = np.full(shape, -math.inf), np.zeros(shape)
         self.since, self.fits = np.full(shape, time_s), np.zeros((SHIFTS, 2))
         self.time_s, self.told_s = time_s, math.nan
-        self.squares = [0.0, 0]
+        self.squares, self._last_square, self._passed = [0.0, 0], 0.0, 0
 
     @property
     def seconds(self) -> float:
@@ -124,16 +130,22 @@ class Test:
             return 0.0
         return math.exp(min(top + math.log(float(np.mean(np.exp(sums - top)))), 690.0))
 
-    def take(self, time_s: float) -> None:
-        """Count the surprises in `whitened` and `means`, of a fix at a time."""
+    def take(self, time_s: float, leapt: bool = False) -> None:
+        """Count the surprises in `whitened` and `means`, of a fix at a time; by it the one before may be known to have
+        `leapt`."""
         waited = max(time_s - self.time_s, 1e-3)
         gather(
             self.whitened, self.means, FACTORS, waited, time_s, WIDER, self.logs, self.best, self.since, self.fits
         )  # fmt: skip
         self.time_s = time_s
-        self.squares[0] += float(self.whitened[:3] @ self.whitened[:3])
+        if leapt:
+            self.squares[0] -= self._last_square
+            self.squares[1] -= 3
+        self._last_square = float(self.whitened[:3] @ self.whitened[:3])
+        self.squares[0] += self._last_square
         self.squares[1] += 3
-        if math.isnan(self.told_s) and self.seconds > FALSE_ALARM_S:
+        self._passed = self._passed + 1 if self.seconds > FALSE_ALARM_S else 0
+        if math.isnan(self.told_s) and self._passed >= SURE:
             self.told_s = time_s
 
     def doubt(self) -> Doubt | None:

@@ -13,6 +13,7 @@ from vehicle.layout import DT_S
 from vehicle.tractor import Implement, Tractor
 from vehicle.twin.belief import Belief, tracking, witnessing
 from vehicle.twin.doubt import Doubt, Test
+from vehicle.twin.leaps import Leap
 from vehicle.twin.motion import Array, Noise, make_machine, new_body, new_state
 from vehicle.twin.record import Recording
 from vehicle.twin.rolling import PIECE, Commands, Rolled, antenna_of
@@ -263,6 +264,11 @@ class Twin:
     def evidence_s(self) -> float:
         """Noise alone would say as much against the twin once in so many seconds (vehicle.twin.doubt)."""
         return self._test.seconds
+
+    @property
+    def leaps(self) -> tuple[Leap, ...]:
+        """Where fixes were suddenly elsewhere: no evidence against the tractor's file (vehicle.twin.leaps)."""
+        return tuple(self._anchor.leaps.told)
 
     @property
     def rejected(self) -> int:

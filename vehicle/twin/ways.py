@@ -14,6 +14,7 @@ import numpy as np
 from vehicle.layout import DT_S
 from vehicle.twin.belief import SIZE, Belief, measure
 from vehicle.twin.doubt import Test
+from vehicle.twin.leaps import ANEW_M, Leaps, leapt
 from vehicle.twin.motion import Array
 from vehicle.twin.rolling import Commands, Rolled, antenna_of, roll_believing
 
@@ -33,6 +34,7 @@ class Anchor:
         self._before = np.zeros(2)
         self._absurd = 0
         self.rejected = 0
+        self.leaps = Leaps()
         self.taken = 0
         self.clear = np.zeros((4, 0))
 
@@ -61,34 +63,57 @@ class Anchor:
         One that is not `telling`, because too little is known of what was commanded before it, says nothing for or
         against the tractor's file: the witness begins anew at the place.
         """
-        rolled, tracker, machine = self.rolled, self.tracker, self.rolled.machine
-        off = self._apart(fix)
-        pose, forward, spin = rolled.body[:3].copy(), rolled.forward_mps, float(rolled.body[5])
-        whitened = np.zeros(4)
-        none = np.zeros((0, SIZE))
-        lever = machine.ahead_m, machine.right_m
-        good = measure(
-            tracker.estimate, tracker.cov, tracker.spec, fix, *lever, forward, spin, self._before[1], none,
-            np.zeros(0), GATE, whitened, self.clear,
-        )  # fmt: skip
-        if not good:
-            self._lost(fix, time_s)
+        rolled, tracker = self.rolled, self.tracker
+        off, pose = self._apart(fix), rolled.body[:3].copy()
+        kept = tracker.estimate.copy(), tracker.cov.copy()
+        if not self._tracked(fix):
+            self._lost(fix, time_s, off)
             return off
-        self._absurd = 0
+        again, self._absurd = self._absurd > 0, 0
         self.taken += 1
+        if telling and self._told(fix, time_s, off, again):
+            tracker.estimate[:], tracker.cov[:] = kept
+            tracker.unsure_of_place(ANEW_M)
+            self._tracked(fix)
         moved = tracker.estimate[:3] - pose
         rolled.shift(float(moved[0]), float(moved[1]), float(moved[2]))
-        test = self.test
         if not telling:
             self.witness.start(tracker.estimate[:3], LOST_M, LOST_RAD)
-            test.shifts[:] = 0.0
-            return off
-        measure(
-            self.witness.estimate, self.witness.cov, self.witness.spec, fix, *lever, forward, spin, -1.0,
-            test.shifts, test.sizes, math.inf, test.whitened, test.means,
-        )  # fmt: skip
-        test.take(time_s)
+            self.test.shifts[:] = 0.0
         return off
+
+    def _tracked(self, fix: Array) -> bool:
+        """Correct the tracker; False, and nothing is changed, by a fix that is absurd."""
+        tracker, rolled, machine = self.tracker, self.rolled, self.rolled.machine
+        return measure(
+            tracker.estimate, tracker.cov, tracker.spec, fix, machine.ahead_m, machine.right_m, rolled.forward_mps,
+            float(rolled.body[5]), self._before[1], np.zeros((0, SIZE)), np.zeros(0), GATE, np.zeros(4), self.clear,
+        )  # fmt: skip
+
+    def _told(self, fix: Array, time_s: float, off: Array, again: bool) -> bool:
+        """Correct the witness, and count its surprise for or against the file: whether the fix may have leapt.
+
+        With `again` it comes after absurd ones, whose leap is told already.
+        """
+        witness, test = self.witness, self.test
+        kept = witness.estimate.copy(), witness.cov.copy(), test.shifts.copy()
+        self._witnessed(fix, test.whitened, test.means)
+        sudden = leapt(test.whitened)
+        if sudden:  # the place is believed, and of what it says no more than its surprise counts
+            witness.estimate[:], witness.cov[:], test.shifts[:] = kept
+            witness.unsure_of_place(ANEW_M)
+            self._witnessed(fix, np.zeros(4), np.zeros_like(test.means))
+        before, this = self.leaps.take(time_s, off, sudden and not again)
+        test.take(time_s, before)
+        return this or (again and sudden)
+
+    def _witnessed(self, fix: Array, whitened: Array, means: Array) -> None:
+        """Correct the witness, and what effects would have shifted; surprises and what effects make of them go out."""
+        witness, rolled, machine, test = self.witness, self.rolled, self.rolled.machine, self.test
+        measure(
+            witness.estimate, witness.cov, witness.spec, fix, machine.ahead_m, machine.right_m, rolled.forward_mps,
+            float(rolled.body[5]), -1.0, test.shifts, test.sizes, math.inf, whitened, means,
+        )  # fmt: skip
 
     def _apart(self, fix: Array) -> Array:
         """How far a fix lies from what is foretold: ahead, to the right (m), turned (rad)."""
@@ -100,9 +125,11 @@ class Anchor:
             east * cosine + north * sine, east * sine - north * cosine, math.atan2(math.sin(turned), math.cos(turned)),
         ])
 
-    def _lost(self, fix: Array, time_s: float) -> None:
+    def _lost(self, fix: Array, time_s: float, off: Array) -> None:
         """An absurd fix: left out, unless several in a row are; then the tractor is where they say."""
         self.rejected += 1
+        if self._absurd == 0:
+            self.leaps.absurd(time_s, off)
         self._absurd += 1
         if self._absurd < PATIENCE:
             return

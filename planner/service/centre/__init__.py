@@ -4,9 +4,12 @@ Nothing here knows a network or a clock; times are handed in.
 
     centre        the whole: reports, and what time brings about
     operated      what operators order
+    seeing        obstacles that are told of, and those that nobody can read
     core          plan, states, orders and events that wait to be taken
     fleet_plan    a saved plan with machines, times and ground
+    remaining     what is left of a fleet, taken out of it
     replanning    the rest of a failed tractor's tracks for the others, simulated
+    waiting       where tractors of such a plan may wait
     handing_over  who takes over which of them
     course        the legs of one tractor: lengths, times, places on them
     tractors      report and state of one tractor, and what may hold it
@@ -17,6 +20,7 @@ Nothing here knows a network or a clock; times are handed in.
     obeying       who drives on though told to stand
     plausible     who cannot be where it says
     guard         fence, distances, and what a remote command may do
+    nearness      how long those that are too near stand
     obstacles     what stands in the way, and which legs it blocks
     leases        who drives which tractor
     alarms        what has to be seen

@@ -17,7 +17,18 @@ from planner.service.centre.obeying import AGAIN_S, disobeys
 from planner.service.centre.operated import Operated
 from planner.service.centre.plausible import fault_of
 from planner.service.centre.releasing import base_end, closed_gates
-from planner.service.centre.tractors import ASTRAY, AUTOMATIC, BROKEN, DRIVEN, FENCE, HALTED, NEAR, Report, TractorState
+from planner.service.centre.tractors import (
+    ASTRAY,
+    AUTOMATIC,
+    BROKEN,
+    DRIVEN,
+    FENCE,
+    HALTED,
+    NEAR,
+    WAITS,
+    Report,
+    TractorState,
+)
 from planner.service.centre.tractors import STOPPED as STOOD
 from vehicle.speed import follower_speed
 
@@ -155,6 +166,8 @@ class Centre(Operated):
             self._watched_s = now
             self._watch(now)
             self._look_again()
+            self.read_again(now)
+        self._wait()
         self._settle()
         for number in range(self.plan.tractors):
             self._insist(number, now)
@@ -228,11 +241,14 @@ class Centre(Operated):
 
     def _watch(self, now: float) -> None:
         """Hold those in danger, let go those out of it."""
-        dangers = self.guard.dangers(self.states, self.courses)
+        dangers = [danger for danger in self.guard.dangers(self.states, self.courses) if not self.near.parts(danger)]
         for danger in dangers:
             self._warn(danger, now)
-        close = {(d.first, d.second) for d in dangers if d.second is not None}
-        self._out_of_danger(close, {d.first for d in dangers if d.second is None})
+        self._inside({danger.first for danger in dangers if danger.second is None})
+        pairs = [(i, j) for i in range(self.plan.tractors) for j in range(i + 1, self.plan.tractors)
+                 if self.alarms.on(_near(j), i)]  # fmt: skip
+        if pairs or any(NEAR in state.holds for state in self.states):
+            self._part(pairs, now)
 
     def _warn(self, danger: Danger, now: float) -> None:
         one, other = danger.first, danger.second
@@ -240,8 +256,9 @@ class Centre(Operated):
             told = f"Tractor {one + 1} leaves the fence in {danger.in_s:.1f} s."
             hold, code = FENCE, "fence"
         else:
+            self.near.endangered(one, other)
             told = f"Tractors {one + 1} and {other + 1} come within {danger.metres:.2f} m in {danger.in_s:.1f} s."
-            hold, code = NEAR, f"near {other + 1}"
+            hold, code = NEAR, _near(other)
         self._alarm(code, one, CRITICAL if danger.urgent else WARNING, told, now)
         if not danger.urgent:
             return
@@ -251,28 +268,39 @@ class Centre(Operated):
                 self.note(CENTRE, hold, tractor=number + 1)
                 self._stand(number, hold)
 
-    def _out_of_danger(self, close: set[tuple[int, int]], outside: set[int]) -> None:
+    def _inside(self, leaving: set[int]) -> None:
+        """Those within the fence, and not about to leave it, do not stand for it any more."""
         for number, state in enumerate(self.states):
-            for other in range(number + 1, self.plan.tractors):
-                if (number, other) not in close:
-                    self.alarms.ended(f"near {other + 1}", number)
-            if number not in outside:
+            if number not in leaving:
                 self.alarms.ended("fence", number)
                 if self.guard.inside(state):
                     state.holds.discard(FENCE)
-        close_to = {n for pair in close for n in pair}
+
+    def _part(self, pairs: list[tuple[int, int]], now: float) -> None:
+        """Of those that are too near, or were: whose alarm is over, and who goes on."""
+        close = self.guard.close(self.states, self.courses)
+        for one, other in self.near.over(pairs, close, now):
+            self.alarms.ended(_near(other), one)
         for number, state in enumerate(self.states):
-            if DRIVEN in state.holds and number not in close_to:
+            on = [pair for pair in pairs if number in pair and self.alarms.on(_near(pair[1]), pair[0])]
+            if DRIVEN in state.holds and not on:
                 state.holds.discard(NEAR)  # what its operator may do is asked at every command
-        waiting = [n for n, state in enumerate(self.states) if NEAR in state.holds]
+        waiting = [n for n, state in enumerate(self.states) if NEAR in state.holds and DRIVEN not in state.holds]
         reports = [self.states[n].report for n in waiting]
-        if any(report is not None and report.speed_mps > MOVING_MPS for report in reports):
-            return  # whoever goes on must know where the others stand
-        for number in sorted(waiting, key=lambda n: (-self._free_m(n, waiting), n)):
-            if self.guard.may_go(number, self.states, self.courses):
-                self.states[number].holds.discard(NEAR)
-                self.note(CENTRE, "goes on", tractor=number + 1)
-                break  # the next one only once it is seen how this one drives
+        moving = any(report is not None and report.speed_mps > MOVING_MPS for report in reports)
+        ways = {n: not moving and self.guard.may_go(n, self.states, self.courses) for n in waiting}
+        free = self.near.free(ways, now)  # whoever goes on must know where the others stand
+        if free:
+            first = min(free, key=lambda n: (-self._free_m(n, waiting), n))
+            self.states[first].holds.discard(NEAR)
+            self.near.goes(first, close)
+            self.note(CENTRE, "goes on", tractor=first + 1)
+        for one, other in sorted(close):
+            held = [n for n in (one, other) if n in ways]
+            if held and not moving and all(self.near.stuck(n, now) for n in held):
+                told = (f"Tractors {one + 1} and {other + 1} stand {close[one, other]:.2f} m apart, and no way on is "
+                        "clear: look there, and lead one away by remote control.")  # fmt: skip
+                self._alarm(_near(other), one, CRITICAL, told, now)
 
     def _free_m(self, number: int, others: list[int]) -> float:
         """Metres that a tractor drives before it has to wait for one of these; infinite for one that never has to."""
@@ -283,7 +311,7 @@ class Centre(Operated):
         return math.inf
 
     def _forecast(self) -> None:
-        halted = [self.state != RUNNING or bool(s.holds - {NEAR}) or bool(self.blocked[n]) or s.failed
+        halted = [self.state != RUNNING or bool(s.holds - {NEAR, WAITS}) or bool(self.blocked[n]) or s.failed
                   for n, s in enumerate(self.states)]  # fmt: skip
         places = [self._place(number) for number in range(self.plan.tractors)]
         self.finish_in_s = [s / self.rules.times for s in finish_in_s(self.courses, self.states, halted, places)]
@@ -297,3 +325,8 @@ class Centre(Operated):
         if seen is None or state.mode != AUTOMATIC or state.done:
             return None
         return self.courses[number].onward(state.leg, state.leg_m, state.released, seen)
+
+
+def _near(other: int) -> str:
+    """The code of the alarm of a tractor with a later one that it comes too near."""
+    return f"near {other + 1}"

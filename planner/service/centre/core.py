@@ -12,12 +12,13 @@ from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.foresight import NoTwins, Virtual
 from planner.service.centre.guard import Guard
 from planner.service.centre.leases import Leases
+from planner.service.centre.nearness import STUCK_S, Nearness
 from planner.service.centre.obstacles import Obstacles
 from planner.service.centre.orders import Event, Order
 from planner.service.centre.painting import Painting
-from planner.service.centre.releasing import waits_for
+from planner.service.centre.releasing import waits_for, waits_here
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import DRIVEN, OBSTACLE, REMOTE, TractorState
+from planner.service.centre.tractors import DRIVEN, OBSTACLE, REMOTE, WAITS, TractorState
 
 READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
 CENTRE = "centre"
@@ -38,6 +39,7 @@ class Core:
         self.blocked: list[dict[int, str]] = [{} for _ in plan.courses]
         self.painting = Painting(plan.tractors)
         self.guard = Guard(plan, rules, self.twins)
+        self.near = Nearness(rules.release_s / rules.times, STUCK_S / rules.times)
         self.finish_in_s = [math.inf] * plan.tractors
         self._orders: list[Order] = []
         self._events: list[Event] = []
@@ -69,6 +71,15 @@ class Core:
                 f"Tractor {number + 1} is not in this fleet of {self.plan.tractors}; use 1 to {self.plan.tractors}.",
                 parameter="tractor",
             )
+
+    def _wait(self) -> None:
+        """Who has to wait where it is, by a plan made anew, stands until what it waits for has been driven."""
+        for number, state in enumerate(self.states):
+            if state.done or state.out or not waits_here(self.courses[number], state, self.states):
+                state.holds.discard(WAITS)
+            elif WAITS not in state.holds:
+                state.holds.add(WAITS)
+                self._stand(number, WAITS)
 
     def _settle(self) -> None:
         """Tell every tractor to stand or to go on, where that has changed."""

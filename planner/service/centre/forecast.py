@@ -78,8 +78,8 @@ class _Row:
     def _begin(self, rows: Sequence[_Row], states: Sequence[TractorState]) -> float | None:
         begin = self.ends[-1] if self.ends else self.free_s
         for gate in self.course.legs[self.next_leg].gates:
-            if self.next_leg < self.state.released or passed(gate, states):
-                continue
+            if passed(gate, states) or (self.ends and self.next_leg < self.state.released):
+                continue  # of the legs that are released only the present one may still be waited on
             opens = rows[gate.tractor].passing_s(gate)
             if opens is None:
                 return None

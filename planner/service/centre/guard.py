@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,13 +35,16 @@ Array = npt.NDArray[np.float64]
 AWAY_M = 0.01  # rounding, of distances that must not become smaller
 MOVING_MPS = 0.05
 FORESEEN_M, CONTACT_M = 0.15, 0.05  # error of poses foreseen along legs; as good as touching
+KEPT = 0.9  # of how near two come by the plan: no more is asked of those that go on, as they would stand for ever
+BOTH = np.ones(2, dtype=np.bool_)
 
 
 @dataclass(frozen=True)
 class Danger:
     """Two tractors that will be too near, or one that leaves the fence (`second` is None): in how many seconds.
 
-    `urgent` where no more time is left than it takes to stand.
+    `urgent` where no more time is left than it takes to stand. Of two, `metres` is how near they come first that is too
+    near, and `least_m` the nearest of all that is foreseen.
     """
 
     first: int
@@ -49,6 +52,7 @@ class Danger:
     in_s: float
     metres: float
     urgent: bool
+    least_m: float = 0.0
 
 
 class Guard:
@@ -60,6 +64,8 @@ class Guard:
         self.boxes = footprint(plan.tractor, plan.implement)
         self.clearance_m = min(rules.clearance_m, plan.clearance_m)
         self.beside_m = min(rules.beside_m, self.clearance_m)
+        more_m = max(min(rules.release_m, KEPT * plan.near_m - self.clearance_m), 0.0)
+        self.release = self.clearance_m + more_m, self.beside_m + more_m
         self.fence = shapely.buffer(plan.ground, rules.fence_margin_m, quad_segs=4)
         shapely.prepare(self.fence)
 
@@ -83,14 +89,16 @@ class Guard:
         """Everything that would go wrong within the time foreseen if nobody did anything."""
         there, paths = self.there(states, courses), self.paths(states, courses)
         speeds = [0.0 if s.report is None else abs(s.report.speed_mps) for s in states]
-        found = self._meetings(centres(paths, self.tractor), there, states)
+        poses = centres(paths, self.tractor)
+        found = self._meetings(poses, there, states)
         dangers = []
         for i, j, k, metres in found:
             if max(speeds[i], speeds[j]) < MOVING_MPS and k == 0:
                 continue
             in_s = k * STEP_S
             urgent = in_s <= braking_s(max(speeds[i], speeds[j]), self.rules) + STEP_S
-            dangers.append(Danger(i, j, in_s, metres, urgent))
+            least_m = float(distances(poses[i], poses[j], self.model).min())
+            dangers.append(Danger(i, j, in_s, metres, urgent, least_m))
         return dangers + self._outside(there, paths, speeds)
 
     def _meetings(
@@ -101,11 +109,21 @@ class Guard:
         For two that both drive by the plan that is nearer than the plan itself comes, by as much as what is foreseen
         of them may be wrong: their gates keep them apart.
         """
-        alone = [s.report is not None and s.report.mode == AUTOMATIC for s in states]
         least_m = max(self.clearance_m - FORESEEN_M, CONTACT_M)
         planned = approaches(poses, there, self.model, least_m, min(self.beside_m, least_m))
         free = approaches(poses, there, self.model, self.clearance_m, self.beside_m)
-        return planned + [found for found in free if not (alone[found[0]] and alone[found[1]])]
+        return planned + [found for found in free if not _by_plan(found, states)]
+
+    def close(self, states: Sequence[TractorState], courses: Sequence[Course]) -> dict[tuple[int, int], float]:
+        """Pairs that are or will be nearer than those that are out of danger: the metres between them now.
+
+        That is farther than what stops them, by `release_m` or by what two that drive by the plan may be wrong.
+        """
+        there, poses = self.there(states, courses), centres(self.paths(states, courses), self.tractor)
+        planned = approaches(poses, there, self.model, self.clearance_m, self.beside_m)
+        free = approaches(poses, there, self.model, *self.release)
+        found = planned + [found for found in free if not _by_plan(found, states)]
+        return {(i, j): float(distances(poses[i, :1], poses[j, :1], self.model)[0]) for i, j, _, _ in found}
 
     def _outside(self, there: npt.NDArray[np.bool_], paths: Array, speeds: list[float]) -> list[Danger]:
         inside = shapely.contains_xy(self.fence, paths[:, :, 0], paths[:, :, 1])
@@ -122,16 +140,47 @@ class Guard:
         return report is None or bool(shapely.contains_xy(self.fence, report.x_m, report.y_m))
 
     def may_go(self, number: int, states: Sequence[TractorState], courses: Sequence[Course]) -> bool:
-        """Whether one that stands because another is near could drive on past all others as these go, or stand, now."""
+        """Whether one that stands because another is near could drive on past all others as these go, or stand, now.
+
+        It keeps the release distance to each, or parts from one that is nearer. One that touches another, or overlaps
+        it by what they report, never goes on by itself: nobody knows which way is out.
+        """
         report = states[number].report
         if report is None or courses[number].off_m(states[number].leg, (report.x_m, report.y_m)) > self.rules.rejoin_m:
             return False  # whoever put it there takes it away
         going = foreseen(states[number], courses[number], self.tractor, self.rules, going=True)
-        return self._clear(number, going, states, courses)
+        own = centres(going, self.tractor)
+        return all(self._free_of(own, theirs) for theirs in self._others(number, states, courses))
+
+    def _free_of(self, own: Array, theirs: Array) -> bool:
+        """Whether a way (steps, 3) keeps the release distance to another one, or leads away to that from where it is
+        nearer."""
+        found = approaches(np.array([own, theirs]), BOTH, self.model, *self.release)
+        if not found:
+            return True
+        metres = distances(own, theirs, self.model)
+        if found[0][2] > 0 or metres[0] <= CONTACT_M or metres.min() < metres[0] - AWAY_M:
+            return False
+        return not approaches(np.array([own[-1:], theirs[-1:]]), BOTH, self.model, *self.release)
+
+    def _others(self, number: int, states: Sequence[TractorState], courses: Sequence[Course]) -> Iterator[Array]:
+        """Ways (steps, 3) of the centres of all others on the field; who stands for one near it goes on standing."""
+        there, paths = self.there(states, courses), self.paths(states, courses)
+        for other in np.flatnonzero(there).tolist():
+            report = states[other].report
+            if other == number or report is None:
+                continue
+            theirs = standing(report, self.rules) if NEAR in states[other].holds else paths[other]
+            yield centres(theirs, self.tractor)
 
     def allows(
-        self, number: int, velocity_mps: float, steering_rad: float, states: Sequence[TractorState],
-        courses: Sequence[Course], obstacles: Sequence[shapely.Geometry] = (),
+        self,
+        number: int,
+        velocity_mps: float,
+        steering_rad: float,
+        states: Sequence[TractorState],
+        courses: Sequence[Course],
+        obstacles: Sequence[shapely.Geometry] = (),
     ) -> str | None:
         """Why a remote command would do harm; None when it does not, or leads away from it."""
         report = states[number].report
@@ -158,20 +207,16 @@ class Guard:
                 return True
         return False
 
-    def _clear(
-        self, number: int, path: Array, states: Sequence[TractorState], courses: Sequence[Course]
-    ) -> bool:
-        there, others = self.there(states, courses), self.paths(states, courses)
+    def _clear(self, number: int, path: Array, states: Sequence[TractorState], courses: Sequence[Course]) -> bool:
+        """Whether a way keeps clear of all others, or leads away from one that is nearer, out of one it overlaps."""
         own = centres(path, self.tractor)
-        for other in np.flatnonzero(there).tolist():
-            if other == number:
-                continue
-            report = states[other].report
-            assert report is not None
-            theirs = standing(report, self.rules) if NEAR in states[other].holds else others[other]
-            metres = distances(own, centres(theirs[: len(path)], self.tractor), self.model)
+        for theirs in self._others(number, states, courses):
+            theirs = theirs[: len(own)]
+            metres = distances(own, theirs, self.model)
             least = self.beside_m if metres[0] < self.clearance_m else self.clearance_m
             if metres[1:].min(initial=np.inf) < min(least, metres[0] - AWAY_M):
+                return False
+            if metres[0] <= 0.0 and self._at_obstacle(own, [_placed(self.boxes, theirs[0])]):
                 return False
         return True
 
@@ -184,6 +229,11 @@ def footprint(tractor: Tractor, implement: Implement) -> shapely.MultiPolygon:
         shapely.box(box["tail"], -half, box["nose"], half),
         shapely.box(box["tool_tail"], -tool, box["tool_front"], tool),
     ])  # fmt: skip
+
+
+def _by_plan(found: tuple[int, int, int, float], states: Sequence[TractorState]) -> bool:
+    """Whether both of a pair drive by the plan."""
+    return all(states[number].mode == AUTOMATIC for number in found[:2])
 
 
 def _placed(boxes: shapely.MultiPolygon, pose: Array) -> shapely.Geometry:

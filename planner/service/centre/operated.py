@@ -1,25 +1,26 @@
-"""What operators order: start, pause, resume, stop, remote control, obstacles, tractors that have failed."""
+"""What operators order: start, pause, resume, stop, remote control, tractors that have failed, another plan."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from planner.service.centre.alarms import CRITICAL, WARNING
-from planner.service.centre.core import READY, RUNNING, STOPPED, Core
+from planner.service.centre.alarms import CRITICAL
+from planner.service.centre.core import READY, RUNNING, STOPPED
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan
 from planner.service.centre.guard import MOVING_MPS, Guard
-from planner.service.centre.obstacles import Block, Ring
 from planner.service.centre.releasing import passed
+from planner.service.centre.remaining import stands
+from planner.service.centre.seeing import Seeing
 from planner.service.centre.tractors import DRIVEN, FAILED, GIVEN, HALTED, ONLINE, PAUSED, SAFE_TO_DRIVE, TractorState
 
 SEEN_S = 1.0  # in which a stop is shown to all who watch, and seen
 REJOIN_RAD = math.radians(45.0)  # between the heading of a tractor that goes on by itself and that of its leg
 
 
-class Operated(Core):
+class Operated(Seeing):
     """A fleet that takes orders; `who` gave each is in the log."""
 
     def start(self, who: str, now: float) -> None:
@@ -44,10 +45,12 @@ class Operated(Core):
 
     def resume(self, who: str, number: int | None, now: float) -> None:
         """One tractor or all go on by themselves; raises CentreError for one that stands too far off its leg, or
-        across it, and right after somebody else has told them to stand."""
+        across it, and right after somebody else has told them to stand. Who lets one go on has looked what it sees."""
         self._check_stopped(who, number, now)
         for each in self._chosen(number):
             self._rejoin(each, alone=number is not None)
+        if number is not None:
+            self.looked(who, number)
         if self.state in (READY, STOPPED) and number is None:
             self.started_s = now if self.started_s is None else self.started_s
             self.state = RUNNING
@@ -87,7 +90,6 @@ class Operated(Core):
         state.holds -= {PAUSED, HALTED}
         state.doubtful = False
         self.alarms.ended("stood", number)
-        self.alarms.ended("unknown obstacle", number)
         if not held and off_m <= self.rules.rejoin_m and off_rad <= REJOIN_RAD:
             state.holds.discard(DRIVEN)
 
@@ -165,42 +167,6 @@ class Operated(Core):
             return "nobody knows where it is now"
         return self._harm(number, speed_mps, steering_rad)
 
-    def obstacle(self, who: str, ring: Ring, name: str, now: float, seen_by: int | None = None) -> Block:
-        """Something stands there: legs that it touches are released no more, who is driving at it stands.
-
-        What the same one has told of already is no new one. Raises CentreError for what cannot be kept; the tractor
-        that it is `seen_by` then stands, as nobody knows where it may drive.
-        """
-        known = self.obstacles.known(ring, who)
-        if known is not None:
-            return known
-        try:
-            block = self.obstacles.add(ring, name, who)
-        except CentreError:
-            self._cannot_know(seen_by, now)
-            raise
-        self._reblock()
-        touched = sum(len(blocked) for blocked in self.blocked)
-        self._alarm(f"obstacle {block.id}", None, WARNING, f"Obstacle {name!r} blocks {touched} legs.", now)
-        self.note(who, "obstacle", obstacle=block.id, name=name, legs=touched)
-        return block
-
-    def _cannot_know(self, number: int | None, now: float) -> None:
-        """A tractor has told of an obstacle that is not kept."""
-        if number is None or PAUSED in self.states[number].holds:
-            return
-        self.states[number].holds.add(PAUSED)
-        told = f"Tractor {number + 1} sees an obstacle that could not be taken: it is paused. Look what is there."
-        self._alarm("unknown obstacle", number, CRITICAL, told, now)
-        self._stand(number, PAUSED)
-
-    def clear(self, who: str, number: int, now: float) -> None:
-        """An obstacle is gone."""
-        self.obstacles.clear(number)
-        self.alarms.ended(f"obstacle {number}", None)
-        self.note(who, "cleared", obstacle=number)
-        self._reblock()
-
     def fail(self, who: str, number: int, now: float) -> None:
         """A tractor drives no more; who waits for it waits until the rest is planned anew."""
         self.check_number(number)
@@ -235,11 +201,6 @@ class Operated(Core):
         self.note(who, "repaired", tractor=number + 1)
         self._settle()
 
-    def acknowledge(self, who: str, alarm: int, now: float) -> None:
-        """Somebody has seen an alarm."""
-        self.alarms.acknowledge(alarm, who)
-        self.note(who, "acknowledge", alarm=alarm)
-
     def adopt(self, who: str, plan: FleetPlan, now: float, without: Sequence[int] = ()) -> None:
         """Go on by another plan, whose released legs are the same; raises CentreError where they are not.
 
@@ -253,7 +214,9 @@ class Operated(Core):
                     f"Tractor {number + 1} has gone on since the plan was made; plan the rest anew.",
                     parameter="proposal",
                 )
-            if not state.out and any(_newly_closed(old, new, leg, self.states) for leg in range(state.released)):
+            waits_at = {state.leg} if stands(state) else set()
+            closed = (_newly_closed(old, new, leg, self.states) for leg in range(state.released) if leg not in waits_at)
+            if not state.out and any(closed):
                 raise CentreError(
                     f"Tractor {number + 1} drives already where it would have to wait now; plan the rest anew.",
                     parameter="proposal",
@@ -269,6 +232,7 @@ class Operated(Core):
             state.done = state.done and state.leg >= len(self.courses[number].legs) - 1
             self._order(number, "plan", released=state.released)
         self.note(who, "accept", version=self.version)
+        self._wait()
         self._reblock()
         self._forecast_s = -math.inf
 

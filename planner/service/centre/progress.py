@@ -8,10 +8,10 @@ from typing import Any
 from planner.service.centre.alarms import Alarm
 from planner.service.centre.centre import Centre
 from planner.service.centre.core import READY
-from planner.service.centre.tractors import AUTOMATIC, NEAR, OBSTACLE, Report, TractorState
+from planner.service.centre.tractors import AUTOMATIC, NEAR, OBSTACLE, WAITS, Report, TractorState
 
 LASTING = ("leg", "leg_m", "released", "update", "done", "failed", "driving_s", "driven_plan_s")
-PASSING = frozenset({NEAR, OBSTACLE})
+PASSING = frozenset({NEAR, OBSTACLE, WAITS})
 """Holds that are found out anew."""
 
 

@@ -25,6 +25,11 @@ def closed_gates(course: Course, leg: int, states: Sequence[TractorState]) -> li
     return [gate for gate in course.legs[leg].gates if not passed(gate, states)]
 
 
+def waits_here(course: Course, state: TractorState, states: Sequence[TractorState]) -> list[Gate]:
+    """The gates not open yet for which a tractor stands on a leg that is released: those of a plan made anew."""
+    return closed_gates(course, state.leg, states) if state.leg < state.released else []
+
+
 def base_end(
     number: int, courses: Sequence[Course], states: Sequence[TractorState], blocked: Mapping[int, str], rules: Rules
 ) -> int:
@@ -46,6 +51,9 @@ def waits_for(
 ) -> list[tuple[int, int]]:
     """(tractor, leg) whose progress keeps a tractor back at the end of what it may drive, when it is near that end."""
     state, course = states[number], courses[number]
+    here = [] if state.done else waits_here(course, state, states)
+    if here:
+        return [(gate.tractor, gate.leg) for gate in here]
     if state.done or state.released >= len(course.legs):
         return []
     if course.before_m[state.released] - _at_m(state, course) > _reach_m(state, course, rules):

@@ -1,11 +1,10 @@
 """The rest of the work when tractors have failed: their tracks for the others, simulated from where everybody is.
 
-`rest_of` takes what is needed out of a centre; `replanned` works on that alone, for seconds, in a process of its own.
+`replanned` works on what planner.service.centre.remaining takes out of a centre, for seconds, in a process of its own.
 """
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,14 +15,13 @@ import shapely.ops
 
 from fields.errors import HeadlandError
 from planner.candidates.evaluate import beside_clearance_m
-from planner.service.centre.core import Core
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, timed
-from planner.service.centre.foresight import braking_m
 from planner.service.centre.handing_over import Hand, Piece, hand_over, pieces_left, pose_at
 from planner.service.centre.releasing import passed
-from planner.service.centre.tractors import DRIVEN, MANUAL, REMOTE, TractorState
+from planner.service.centre.remaining import LEAST_M, Rest
+from planner.service.centre.waiting import waiting_where_it_can
 from planner.site import Site, prepare
 from planner.yielding.deconflict import without_conflicts
 from planner.yielding.giving_way import Rules as WayRules
@@ -37,25 +35,11 @@ from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
 from vehicle.world import World
 
-LEAST_M = 0.05
-MOVED_M = 1.0  # of a tractor that stands
 STUB_M = 0.02  # a tractor that has failed is one that drives so far: it stands in the way of the others
 OBSTACLE_M = 0.5
 ROAD_M = 1e4
 MOST_SINGLE = 5
 OPEN = 0.02  # of the work: where no more is left, no other attempt is made
-
-
-@dataclass(frozen=True, eq=False)
-class Rest:
-    """A fleet as it is: plan, tractors, who drives no more, and what stands in the way."""
-
-    plan: FleetPlan
-    states: tuple[TractorState, ...]
-    without: tuple[int, ...]
-    obstacles: tuple[shapely.Polygon, ...]
-    driven_s: float
-    times: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,77 +57,6 @@ class Proposal:
     left_m: float
     blocked_m: float = 0.0
     sentence: str | None = None
-
-
-def rest_of(centre: Core, without: Sequence[int], now: float) -> Rest:
-    """What is left of a fleet without these tractors and those that have failed. Raises CentreError."""
-    gone = tuple(sorted({*without, *(n for n, state in enumerate(centre.states) if state.out)}))
-    if not gone and not centre.obstacles.items:
-        raise CentreError("No tractor has failed and nothing stands in the way; say without whom to plan.",
-                          parameter="without")  # fmt: skip
-    if len(gone) == len(centre.states):
-        raise CentreError("No tractor is left to take over; leave one in.", parameter="without")
-    if centre.plan.field is None:
-        raise CentreError("The field of this plan is not known here; make the fleet with its field file.",
-                          parameter="field")  # fmt: skip
-    if any(leg.stand_s for course in centre.courses for leg in course.legs):
-        raise CentreError("Tractors of this plan refill; the rest of such a plan cannot be worked out yet.")
-    _check_on_legs(centre, gone)
-    states = tuple(copy.copy(state) for state in centre.states)
-    driven_s = 0.0 if centre.started_s is None else (now - centre.started_s) * centre.rules.times
-    shapes = tuple(block.shape for block in centre.obstacles.items.values())
-    return Rest(centre.plan, states, gone, shapes, driven_s, centre.rules.times)
-
-
-def _check_on_legs(centre: Core, gone: Sequence[int]) -> None:
-    """Raise CentreError for a tractor that is to drive on and was led off its leg: a plan would begin on the leg."""
-    for number, (state, course) in enumerate(zip(centre.states, centre.courses, strict=True)):
-        report = state.report
-        led = DRIVEN in state.holds or state.mode in (REMOTE, MANUAL)
-        if number in gone or state.done or report is None or not led:
-            continue
-        off_m = course.off_m(state.leg, (report.x_m, report.y_m))
-        if off_m > centre.rules.rejoin_m:
-            raise CentreError(
-                f"Tractor {number + 1} stands {off_m:.1f} m off its leg; drive it back to within "
-                f"{centre.rules.rejoin_m:g} m, or plan without it.", parameter="without",
-            )  # fmt: skip
-
-
-def check_still(rest: Rest, centre: Core) -> None:
-    """Raise CentreError where a plan of this rest is no plan for the fleet as it is now.
-
-    That is for another plan, for a tractor that has failed since, and for one that was to drive no more and is not
-    where it was, rolling to a stand aside. How far the others are is seen when the plan is adopted.
-    """
-    if centre.plan is not rest.plan:
-        raise CentreError("Another plan is driven since this one was made; plan the rest anew.", parameter="proposal")
-    for number, (state, before) in enumerate(zip(centre.states, rest.states, strict=True)):
-        if state.failed and number not in rest.without:
-            raise CentreError(f"Tractor {number + 1} has failed since the plan was made; plan the rest anew.",
-                              parameter="proposal")  # fmt: skip
-        moved = state.leg > before.leg or _moved_m(before, state) > _rolls_m(before, rest, centre)
-        if number in rest.without and moved:
-            raise CentreError(
-                f"Tractor {number + 1} has moved {_moved_m(before, state):.1f} m since the plan was made without it; "
-                "stop it and plan the rest anew.", parameter="proposal",
-            )  # fmt: skip
-    _check_on_legs(centre, rest.without)
-
-
-def _moved_m(before: TractorState, state: TractorState) -> float:
-    """How far a tractor is from where it was; one that is heard of for the first time might be anywhere."""
-    if state.report is None:
-        return 0.0
-    if before.report is None:
-        return math.inf
-    return math.dist((state.report.x_m, state.report.y_m), (before.report.x_m, before.report.y_m))
-
-
-def _rolls_m(before: TractorState, rest: Rest, centre: Core) -> float:
-    """How far it may have rolled until it stood."""
-    speed = 0.0 if before.report is None else before.report.speed_mps
-    return MOVED_M + speed * centre.rules.reaction_s * rest.times + braking_m(speed, centre.rules)
 
 
 def replanned(rest: Rest) -> Proposal:
@@ -189,8 +102,7 @@ def _attempt(rest: Rest, site: Site, blocked: shapely.Geometry, helpers: Sequenc
     hands = [_hand(rest, number, ends[number]) for number in helpers]
     unreached = hand_over(pieces, hands, job)
     missions = _missions(rest, job, hands, ends)
-    run = _without_meetings(site, _from_here(rest, missions))
-    _check_released(rest, run.plan)
+    run = _without_meetings(rest, site, _from_here(rest, missions))
     moved = sum(piece.work_m for piece in pieces) - sum(piece.work_m for piece in unreached)
     left = sum(piece.work_m for piece in unreached)
     blocked_m = sum(metres for _, metres in shares)
@@ -198,17 +110,6 @@ def _attempt(rest: Rest, site: Site, blocked: shapely.Geometry, helpers: Sequenc
     eta_s = float(max(run.finish_s[n] for n in others)) / rest.times
     told = _told(rest, left, blocked_m)
     return Proposal(_whole_plan(rest, missions, run), tuple(ends), eta_s, moved, left, blocked_m, told)
-
-
-def _check_released(rest: Rest, plan: Plan) -> None:
-    """Nobody has to wait on what is released, as that is not taken back. Raises CentreError."""
-    for number, mission in enumerate(plan.missions):
-        state = rest.states[number]
-        own = max(state.released - state.leg, 1 if _begun(rest, number) else 0)
-        if any(leg.gates for leg in mission.legs[:own]):
-            raise CentreError(
-                f"Tractor {number + 1} would have to wait on what it drives already; ask again when it has gone on."
-            )
 
 
 def _told(rest: Rest, left_m: float, blocked_m: float) -> str | None:
@@ -235,16 +136,10 @@ def _blocked(rest: Rest, site: Site, keep_m: float) -> shapely.Geometry:
     return shapely.buffer(shapely.union_all(shapes), keep_m)
 
 
-def _begun(rest: Rest, number: int) -> bool:
-    """Whether a tractor has driven anything of its plan."""
-    state = rest.states[number]
-    return state.leg > 0 or state.leg_m > LEAST_M
-
-
 def _outside(rest: Rest, number: int) -> bool:
     """Whether a tractor stands on the road: not in by the entrance yet, or out by it again."""
     state, mission = rest.states[number], rest.plan.plan.missions[number]
-    return (mission.enters and not _begun(rest, number)) or (mission.leaves and state.done)
+    return (mission.enters and not rest.begun(number)) or (mission.leaves and state.done)
 
 
 def _pose(rest: Rest, number: int) -> Pose:
@@ -354,7 +249,7 @@ def _gates(leg: Leg, rest: Rest) -> list[Gate]:
     for gate in leg.gates:
         if gate.tractor not in rest.without:
             gates.append(gate)
-        elif leg.task.kind == ENTER and not _begun(rest, gate.tractor):
+        elif leg.task.kind == ENTER and not rest.begun(gate.tractor):
             gates += _gates(rest.plan.courses[gate.tractor].legs[0], rest)
     return gates
 
@@ -366,7 +261,7 @@ def _from_here(rest: Rest, missions: Sequence[tuple[Leg, ...]]) -> Plan:
         if number in rest.without or (state.done and state.leg >= len(legs) - 1):
             heres.append(Mission((_stub(rest, number, legs),)))
             continue
-        here = _cut(legs[state.leg], state.leg_m) if _begun(rest, number) else legs[0]
+        here = _cut(legs[state.leg], state.leg_m) if rest.begun(number) else legs[0]
         rows = [here, *legs[state.leg + 1 :]]
         heres.append(Mission(tuple(_shifted(leg, rest, -1) for leg in rows)))
     return Plan(tuple(heres), {"strategy": "rest"})
@@ -389,21 +284,25 @@ def _cut(leg: Leg, driven_m: float) -> Leg:
 
 
 def _shifted(leg: Leg, rest: Rest, sign: int) -> Leg:
-    """A leg whose gates name legs counted from the present ones (`sign` -1), or from the start again (1)."""
+    """A leg whose gates name legs counted from the present ones (`sign` -1), or from the start again (1).
+
+    Who drives no more is waited for by nobody: that a simulated one has driven its stub says nothing of the real one.
+    """
 
     def moved(tractor: int, number: int, metres: float) -> tuple[int, float]:
         state = rest.states[tractor]
         first = number == (state.leg if sign < 0 else 0)
         return number + sign * state.leg, max(metres + (sign * state.leg_m if first else 0.0), 0.0)
 
-    gates = tuple(Gate(g.tractor, *moved(g.tractor, g.leg, g.after_m)) for g in leg.gates)
+    waited = (gate for gate in leg.gates if gate.tractor not in rest.without)
+    gates = tuple(Gate(g.tractor, *moved(g.tractor, g.leg, g.after_m)) for g in waited)
     follow = leg.follow
     if follow is not None:
         follow = Follow(follow.tractor, moved(follow.tractor, follow.leg, 0.0)[0], follow.gap_m)
     return replace(leg, gates=gates, follow=follow)
 
 
-def _without_meetings(site: Site, plan: Plan) -> Run:
+def _without_meetings(rest: Rest, site: Site, plan: Plan) -> Run:
     """The plan simulated, with tractors giving way; raises CentreError where they meet all the same."""
     clearance_m, beside_m = site.scenario.clearance_m, beside_clearance_m(site)
     rehearsal = Rehearsal(
@@ -426,21 +325,24 @@ def _without_meetings(site: Site, plan: Plan) -> Run:
         raise CentreError(f"The rest cannot be planned: {refusal}") from None
     if why is not None or run.outcome != DONE:
         raise CentreError(f"The rest cannot be planned: {why or run.outcome}.")
-    return run
+    return waiting_where_it_can(rest, run, lambda what: rehearsal.simulate(what, patience_s(what)))
 
 
 def _whole_plan(rest: Rest, missions: Sequence[tuple[Leg, ...]], run: Run) -> FleetPlan:
     """Legs driven so far, and those of the run, as one plan."""
-    plan, here, wholes, courses = rest.plan, timed(run.plan, run), [], []
+    plan, times, wholes, courses = rest.plan, timed(run.plan, run), [], []
     for number, legs in enumerate(missions):
         at, old = rest.states[number].leg, plan.courses[number]
         still = number in rest.without or (rest.states[number].done and at >= len(legs) - 1)
-        first = 1 if _begun(rest, number) else 0
+        first = 1 if rest.begun(number) else 0
         driven = tuple(replace(leg, gates=(), follow=None) for leg in legs[: len(legs) if still else at + first])
+        if first and not still:  # who stands may have to wait where it is
+            here_gates = _shifted(run.plan.missions[number].legs[0], rest, 1).gates
+            driven = (*driven[:-1], replace(driven[-1], gates=here_gates))
         ahead = () if still else tuple(_shifted(leg, rest, 1) for leg in run.plan.missions[number].legs[first:])
         whole = Mission((*driven, *ahead))
         wholes.append(whole)
-        seconds = (*old.seconds[: len(driven)], *here[number].seconds[first : first + len(ahead)])
+        seconds = (*old.seconds[: len(driven)], *times[number].seconds[first : first + len(ahead)])
         courses.append(Course(whole, seconds))
     saved = replace(plan.saved, plan=Plan(tuple(wholes), {**plan.plan.notes, "replanned": True}))
     finish = tuple(rest.driven_s + float(seconds) for seconds in run.finish_s)

@@ -9,6 +9,7 @@ from typing import Any
 from planner.service.centre.errors import CentreError
 
 KMH = 1.0 / 3.6
+MAY_BE_NONE = frozenset({"fence_margin_m", "clearance_m", "beside_m", "release_m", "release_s", "obstacle_margin_m"})
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,9 @@ class Rules:
     must say so again within `dead_man_s`, and goes no faster than `remote_mps`. Tractors keep inside the fence, the
     outline of what they drive widened by `fence_margin_m`. Paths are foreseen `ahead_s`; two that would come nearer to
     each other than `clearance_m` are told of, and stopped when `reaction_s` and the way to brake at
-    `deceleration_mps2` are left. `times` is how much faster than real time the fleet runs.
+    `deceleration_mps2` are left. Who stands for that goes on once its way has been clear of `release_m` more for
+    `release_s` of the fleet's clock, see planner.service.centre.nearness. `times` is how much faster than real time
+    the fleet runs.
     """
 
     silence_s: float = 1.0
@@ -33,6 +36,8 @@ class Rules:
     ahead_s: float = 5.0
     clearance_m: float = 0.5
     beside_m: float = 0.5
+    release_m: float = 0.15
+    release_s: float = 2.0
     reaction_s: float = 0.5
     deceleration_mps2: float = 0.7
     obstacle_margin_m: float = 0.5
@@ -41,7 +46,7 @@ class Rules:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            least = 0.0 if name in ("fence_margin_m", "clearance_m", "beside_m", "obstacle_margin_m") else 1e-3
+            least = 0.0 if name in MAY_BE_NONE else 1e-3
             if not (math.isfinite(value) and value >= least):
                 raise CentreError(f"{name} is {value}; it must be a number of at least {least:g}.", parameter=name)
         if self.times > 100.0:

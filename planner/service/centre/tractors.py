@@ -9,11 +9,12 @@ AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
 MODES = (AUTOMATIC, REMOTE, MANUAL, STOPPED)
 ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
 # What keeps a tractor from driving its legs; while any holds, it stands.
-PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY, GIVEN = (
+PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY, GIVEN, UNREAD, WAITS = (
     "paused", "stopped by stop-all", "too near another", "outside the fence", "obstacle on its way", "failed",
     "remote control", "not where it can be", "its tracks were given to others",
+    "an obstacle that cannot be read", "waits for another by the plan",
 )  # fmt: skip
-SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY, GIVEN})
+SAFE_TO_DRIVE = frozenset({DRIVEN, OBSTACLE, NEAR, FENCE, ASTRAY, GIVEN, WAITS})
 """Holds under which an operator may still drive by remote control; away from danger only, which the guard sees to."""
 
 
@@ -55,7 +56,9 @@ class TractorState:
     linked. `doubtful` is one that drove when the centre's memory ends, and may have been told to stand after that.
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
     guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move
-    though it was told to stand, `told_again_s` when it was told once more.
+    though it was told to stand, `told_again_s` when it was told once more. `unread_s` and `read_s` are when it told
+    last of an obstacle that could not be read, and of one that could; `looked_at` where it stood when somebody had
+    looked.
     """
 
     report: Report | None = None
@@ -80,6 +83,9 @@ class TractorState:
     remote_command: tuple[float, float] = (0.0, 0.0)
     drives_on_since: tuple[float, float] | None = None
     told_again_s: float = -math.inf
+    unread_s: float = -math.inf
+    read_s: float = -math.inf
+    looked_at: tuple[float, float] | None = None
 
     @property
     def mode(self) -> str:

@@ -14,7 +14,8 @@ SCHEMAS = "#/components/schemas/{model}"
 ROLES = (
     "The first frame is hello. A tractor sends state, obstacle and goodbye; an operator (control) every other frame; "
     "viewers and twins send nothing but goodbye. Tractors and operators need a token of the scope control, in the "
-    "header Authorization or in hello. A frame that cannot be used is answered with refused and changes nothing."
+    "header Authorization or in hello. A frame that cannot be used is answered with refused and changes nothing; only "
+    "a tractor that tells of an obstacle in it stands until an operator has looked or it tells of one that can be read."
 )
 
 

@@ -69,7 +69,8 @@ class Diagnosing:
         name = f"fleet {live.id[:6]} tractor {number + 1} {secrets.token_hex(3)}"
         self.store.add_file("log", name, log_csv(holding(rows)).encode())
         self.store.add_file("tractor", name, tractor_toml(live.twins.tractors[number]).encode())
-        body = DiagnosisRequest.model_validate({"name": name, "logs": [name], "tractor": name})
+        told = f"{live.name[:60].strip()} tractor {number + 1}"
+        body = DiagnosisRequest.model_validate({"name": told, "logs": [name], "tractor": name})
         return ask(self.store, self.reader, KIND, body, who).id
 
     async def _found(self, live: LiveFleet, number: int, now: float) -> None:

@@ -6,6 +6,7 @@ angles are degrees: headings clockwise from north, steering positive to the righ
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -13,6 +14,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, V
 LARGEST_FRAME = 64 * 1024
 VERSION = 1
 MOST_TRACTORS = 999
+OBSTACLE_NAMED = re.compile(r'"kind"\s*:\s*"obstacle"|"polygon_m"\s*:')
 
 
 class Frame(BaseModel):
@@ -81,7 +83,11 @@ class Goodbye(Frame):
 
 
 class ObstacleSeen(Frame):
-    """Something stands there."""
+    """Something stands there.
+
+    A tractor that tells of it in a frame that is refused stands until an operator has looked, or it tells of one that
+    can be read.
+    """
 
     kind: Literal["obstacle"]
     polygon_m: Polygon
@@ -446,6 +452,11 @@ TOLD: tuple[type[Told], ...] = (
     Welcome, Refused, Ack, Beat, Release, Command, Stop, Resume, PlanChanged, LeaseTold, Scene, Tick, Painted,
     AlarmsTold, ProposalTold, EventTold,
 )  # fmt: skip
+
+
+def names_obstacle(text: str) -> bool:
+    """Whether a frame of a tractor that cannot be used says that it is about an obstacle, even one that is cut off."""
+    return OBSTACLE_NAMED.search(text, 0, LARGEST_FRAME) is not None
 
 
 def told_why(error: ValidationError) -> str:

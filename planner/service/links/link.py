@@ -128,7 +128,10 @@ async def _text(websocket: WebSocket) -> str | None:
 
 
 def _take(fleet: LiveFleet, client: Client, text: str | None) -> None:
-    """One frame of a client; what is wrong with it is told and nothing else happens."""
+    """One frame of a client; what is wrong with it is told, and nothing else happens.
+
+    Save for a tractor that tells of an obstacle: it is held, see planner.service.centre.seeing.
+    """
     frame: Any = None
     try:
         if text is None:
@@ -137,19 +140,26 @@ def _take(fleet: LiveFleet, client: Client, text: str | None) -> None:
             raise ServiceError(f"The frame has {len(text)} characters; at most {frames.LARGEST_FRAME} are taken.")
         frame = frames.OF_ROLE[client.role].validate_json(text)
         _carry_out(fleet, client, frame)
+        return
     except ValidationError as error:
         sentence = frames.told_why(error)
         if client.role not in (TRACTOR, CONTROL):
             sentence = f"A {client.role} only watches; nothing but goodbye is taken of it."
-        client.tell({"kind": "refused", "sentence": sentence, "sequence": None})
-        client.refusals += 1
-        if client.role not in (TRACTOR, CONTROL) and client.refusals >= MOST_REFUSED:
-            client.turn_out(TALKS.format(count=client.refusals))
+            client.refusals += 1
     except HeadlandError as refusal:
-        client.tell({"kind": "refused", "sentence": _said(refusal), "sequence": getattr(frame, "sequence", None)})
+        sentence = _said(refusal)
     except Exception:  # a fault of the service; whoever is linked keeps the link, and so can be told to stand
         logging.getLogger(__name__).exception("A frame of %s", client.who)
-        client.tell({"kind": "refused", "sentence": FAULT, "sequence": getattr(frame, "sequence", None)})
+        sentence = FAULT
+    _refuse(fleet, client, frame, text, sentence)
+
+
+def _refuse(fleet: LiveFleet, client: Client, frame: Any, text: str | None, sentence: str) -> None:
+    client.tell({"kind": "refused", "sentence": sentence, "sequence": getattr(frame, "sequence", None)})
+    if client.role == TRACTOR and text is not None and frames.names_obstacle(text):
+        fleet.unread(client, sentence, time.monotonic())
+    if client.refusals >= MOST_REFUSED:
+        client.turn_out(TALKS.format(count=client.refusals))
 
 
 def _carry_out(fleet: LiveFleet, client: Client, frame: Any) -> None:

@@ -18,7 +18,7 @@ from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, timing_of
 from planner.service.centre.orders import Event, Order
 from planner.service.centre.progress import progress_of
-from planner.service.centre.replanning import check_still
+from planner.service.centre.remaining import check_still
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import ONLINE
 from planner.service.links import frames, telling
@@ -221,6 +221,12 @@ class LiveFleet:
         ring = metres_of(self.centre.plan.saved, frame.polygon_m)
         self.centre.obstacle(client.who, ring, frame.name, now, client.tractor if client.role == TRACTOR else None)
 
+    def unread(self, client: Client, sentence: str, now: float) -> None:
+        """A tractor tells of an obstacle in a frame that is refused with this sentence: it stands."""
+        assert client.tractor is not None
+        self.centre.unreadable(client.tractor, sentence, now)
+        self.flush()
+
     def replan(self, who: str, without: list[int]) -> int:
         """Ask for the rest of the work planned for the others; the number of the proposal. Raises CentreError."""
         for number in without:
@@ -232,7 +238,7 @@ class LiveFleet:
     def accept(self, who: str, proposal: int, now: float) -> None:
         """Go on by a proposal. Raises CentreError for one that is not ready, or too old."""
         rest, plan = self.proposals.plan(proposal)
-        check_still(rest, self.centre)
+        check_still(rest, self.centre, plan)
         self.centre.adopt(who, plan, now, rest.without)
         self.proposals.accepted(proposal, self.show)
         saved = self.centre.plan.saved

@@ -13,7 +13,8 @@ from planner.service.centre.centre import Centre
 from planner.service.centre.course import leg_told
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan
-from planner.service.centre.replanning import Proposal, Rest, replanned, rest_of
+from planner.service.centre.remaining import Rest, rest_of
+from planner.service.centre.replanning import Proposal, replanned
 
 Work = Callable[..., Awaitable[Any]]
 Show = Callable[[dict[str, Any]], None]

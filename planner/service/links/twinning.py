@@ -22,6 +22,7 @@ AHEAD_S = 0.1  # between two poses of a foretold path
 OLDEST_S = 4.0  # on the wall, of a state that a twin can still use
 SET_S = 0.5  # by which a clock differs from one that only goes on where somebody has set it
 DOUBT_S = 1.0  # between two looks at whether a twin is wrong
+LEAP_S, LEAP_ON_S = 5.0, 60.0  # after which a leap of the fix is told, and for how long
 
 Array = npt.NDArray[np.float64]
 
@@ -80,13 +81,26 @@ class Twins:
                 twin.advance(time_s)
         if now - self._doubt_s >= DOUBT_S:
             self._doubt_s = now
-            for number, twin in enumerate(self.items):
-                doubt = None if twin is None else twin.doubt()
-                if doubt is None:
-                    centre.alarms.ended("doubt", number)
-                else:
-                    told = f"The twin of tractor {number + 1} is wrong: {doubt.words}"
-                    centre.alarms.raised("doubt", number, WARNING, told, now)
+            for number in range(len(self.items)):
+                self._look(number, time_s, centre, now)
+
+    def _look(self, number: int, time_s: float, centre: Centre, now: float) -> None:
+        """Tell of a twin that is wrong, or of a fix that leapt; for seconds one may look like the other."""
+        twin = self.items[number]
+        doubt = None if twin is None else twin.doubt()
+        if doubt is None:
+            centre.alarms.ended("doubt", number)
+        else:
+            told = f"The twin of tractor {number + 1} is wrong: {doubt.words}"
+            centre.alarms.raised("doubt", number, WARNING, told, now)
+        leaps = () if twin is None or doubt is not None else twin.leaps[-2:]
+        fresh = [leap for leap in leaps if LEAP_S <= time_s - leap.time_s <= LEAP_S + LEAP_ON_S]
+        if not fresh:
+            centre.alarms.ended("leap", number)
+            return
+        told = (f"The position of tractor {number + 1} leapt by {fresh[-1].metres:.2f} m; its twin follows and is not "
+                "doubted for it. Look at its receiver, its corrections and what shades the sky.")  # fmt: skip
+        centre.alarms.raised("leap", number, WARNING, told, now)
 
     def _check_clock(self, now: float, clock_s: float) -> None:
         """Begin all twins anew where the clock was set, or nobody looked for long: they would stand still, or drive all

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from fields.errors import FieldError
-from fields.formats.archive import Members, is_archive
-from fields.formats.shapefile import PARTS
+from fields.formats.archive import Members
+from fields.formats.shapefile import PARTS, shapefiles_at
 from fields.projection import is_longitude_latitude, project
 from planner.works.forms.form import Form
 from planner.works.forms.rows import cleaned
@@ -36,12 +36,7 @@ CLOCKS = ("%m/%d/%Y %I:%M:%S %p", "%Y-%m-%d %H:%M:%S", "%Y/%m/%d %H:%M:%S")
 
 
 def _read(path: str, label: str) -> Found:
-    place = Path(path)
-    whole = place.is_dir() or is_archive(place)
-    members = Members(place) if whole else Members(place.parent, 0)
-    names = [one for one in members if one.lower().endswith(".shp")]
-    if not whole:
-        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
+    members, names = shapefiles_at(Path(path))
     runs, notes = [], []
     for name in names:
         try:

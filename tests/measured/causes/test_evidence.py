@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.measured.benches import eg105, linear_bench
-from vehicle.measured.causes.evidence import held_out_losses, helps, is_nameable, robust_covariance
+from vehicle.measured.causes.evidence import held_out_losses, helps, is_nameable, of_few, robust_covariance
 from vehicle.measured.fit.fitting import Fit, refined
 
 
@@ -54,6 +54,30 @@ def test_the_covariance_is_that_of_least_squares_and_wider_where_blocks_scatter(
     assert robust_covariance(bench, fit) == pytest.approx(12 * 30.0**2 / 120.0**2)
     calm = replace(fit, surprise=np.zeros(len(column)) + 1e-9)
     assert robust_covariance(bench, calm) == pytest.approx(1.0 / 120.0)
+
+
+def test_a_scatter_of_few_pieces_is_students() -> None:
+    """Quantiles of Student's distribution for 95 % of two and of eleven freedoms: 4.303 and 2.201."""
+    for pieces, quantile in ((3, 4.303), (12, 2.201)):
+        same = np.ones((pieces, 1, 1))
+        wider = of_few(same, np.array([[1.0 / pieces]]))
+        assert wider == pytest.approx([quantile / 1.96 * (pieces / (pieces - 1)) ** 0.5], rel=1e-3)
+    # A piece that tells next to nothing is no piece.
+    unlike = of_few(np.array([1.0, 1.0, 1.0, 1e-6]).reshape(4, 1, 1), np.array([[1.0 / 3.0]]))
+    assert unlike == pytest.approx(of_few(np.ones((3, 1, 1)), np.array([[1.0 / 3.0]])), rel=1e-4)
+
+
+def test_bent_slopes_of_others_do_not_decide_where_an_effect_does_not_reach() -> None:
+    """Columns of an effect in one channel: what another coordinate does in the others is no harm of it."""
+    bench = linear_bench(steering_offset=1.0)
+    channel = np.arange(len(bench.base)) >= 4 * bench.course.rows
+    mine = np.where(channel, bench.columns["steering_offset"], 0.0)
+    shown = replace(bench, columns=bench.columns | {"steering_offset": mine})
+    smaller = shown.fit("heading_bias", at=0.0)
+    larger = refined(shown, shown.fit("heading_bias", "steering_offset"))
+    bent = replace(larger, slope=larger.slope * np.where(channel[:, None], 1.0, [[0.0, 1.0]]))
+    spoilt = replace(bent, surprise=np.where(channel, bent.surprise, 3.0 * bent.surprise))
+    assert helps(shown, smaller, spoilt, 12.0)
 
 
 def test_a_name_takes_more_than_the_tolerance_and_clearly_more_than_nothing() -> None:

@@ -64,9 +64,10 @@ def test_the_gain_of_the_disc_is_all_that_is_left() -> None:
     bench, fit = field_of_bends(0.3)
     response = Plain(bench, fit)
     loss = float(fit.surprise @ fit.surprise)
-    assert patches._gain(response, (*PLACE, RADIUS)) == pytest.approx(loss)
     # A disc twice as wide turns four times as much, of which a quarter is wrong.
-    assert patches._gain(response, (*PLACE, 2.0 * RADIUS)) == pytest.approx(0.25 * loss, rel=0.1)
+    same, wide = patches._gains(response, [(*PLACE, RADIUS), (*PLACE, 2.0 * RADIUS)])
+    assert same == pytest.approx(loss) and wide == pytest.approx(0.25 * loss, rel=0.1)
+    assert patches._gains(response, [(-99.0, 0.0, 1.0)]) == [0.0], "nobody drove there"
 
 
 def test_a_long_stretch_in_pieces_says_what_it_says_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,7 +84,7 @@ def test_a_long_stretch_in_pieces_says_what_it_says_as_a_whole(monkeypatch: pyte
         pieces, cells = list(patches._pieces((stretch,))), patches._Cells(response)
         assert [piece.begin for piece in pieces[1:]] == [piece.end for piece in pieces[:-1]]
         assert (pieces[0].begin, pieces[-1].end) == (0, stretch.rows) and len(pieces) == max(round(400.0 / length), 1)
-        told.append((patches._gain(response, place), cells.side, cells.square, cells.turned))
+        told.append((patches._gains(response, [place])[0], cells.side, cells.square, cells.turned))
     whole, cut = told
     assert cut[0] == pytest.approx(whole[0], rel=0.01) and whole[0] > 1.0
     for one, other in zip(whole[1:], cut[1:], strict=True):

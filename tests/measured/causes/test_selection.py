@@ -1,11 +1,15 @@
 """Choosing causes: what the simulator drove is chosen and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.measured.benches import bench_of, eg105, knobs
+from tests.measured.benches import bench_of, eg105, knobs, linear_bench
+from vehicle.measured.causes import selection
+from vehicle.measured.causes.evidence import promised_costs
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, without
-from vehicle.measured.causes.selection import _rank, pruned, scan, select
+from vehicle.measured.causes.selection import _rank, ended, pruned, scan, select
 from vehicle.measured.causes.trial import Tried
 from vehicle.measured.fit.fitting import empty_fit, refined
 from vehicle.measured.surprise.bench import Bench
@@ -29,14 +33,40 @@ def test_a_circle_must_gain_clearly_more_than_a_plain_effect() -> None:
 
 
 def test_the_hidden_effect_is_first_and_alone(bench: Bench) -> None:
-    selection = select(bench, eg105())
-    assert selection.ids == {"steering_offset"} and selection.unnamed == ()
-    assert float(selection.fit.parts[0][1][0]) == pytest.approx(1.0, abs=0.02)
+    chosen = select(bench, eg105())
+    assert chosen.ids == {"steering_offset"} and chosen.unnamed == ()
+    assert float(chosen.fit.parts[0][1][0]) == pytest.approx(1.0, abs=0.02)
     best = scan(bench, empty_fit(bench), eg105(), {"steering_offset"})
     assert all(one.knobs.id != "steering_offset" for one in best)
     assert [one.gain for one in best if one.knobs.id != "grip_patch"] == sorted(
         (one.gain for one in best if one.knobs.id != "grip_patch"), reverse=True
     )
+
+
+def test_candidates_that_were_only_begun_are_tried_to_their_end_when_asked(bench: Bench) -> None:
+    fit = empty_fit(bench)
+    found = scan(bench, fit, eg105(), set(), first=["steering_offset"])
+    assert found[0].knobs.id == "steering_offset" and found[0].ended
+    assert {one.knobs.id for one in found if not one.ended}, "others promise something, far less than the offset gains"
+    whole = ended(bench, fit, found)
+    assert all(one.ended for one in whole) and whole[0].knobs.id == "steering_offset"
+    gains = {one.knobs.id: one.gain for one in found}
+    assert all(one.gain >= gains[one.knobs.id] - 1e-9 for one in whole)
+    assert any(one.gain > gains[one.knobs.id] + LEAST_GAIN for one in whole)
+
+
+def test_a_plain_cause_is_not_fitted_away(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a straight line promises is what a fit without the part comes to, where it is linear."""
+    parts = ((knobs("steering_offset"), np.array([1.0])), (knobs("heading_bias"), np.array([0.0])))
+    fit = refined(bench, restarted(bench, parts, None))
+    costs = promised_costs(fit)
+    assert costs["steering_offset"] > LEAST_GAIN > costs["heading_bias"] >= 0.0
+    come_back = without(bench, fit, "steering_offset").loss - fit.loss
+    assert costs["steering_offset"] == pytest.approx(come_back, rel=0.2)
+    alone = without(bench, fit, "heading_bias")
+    monkeypatch.setattr(selection, "PLAINLY", 2.0)
+    monkeypatch.setattr(selection, "without", None)
+    assert pruned(bench, alone) is alone, "nothing was fitted"
 
 
 def test_what_the_others_make_superfluous_is_left_out(bench: Bench) -> None:
@@ -64,3 +94,12 @@ def test_a_model_that_is_wrong_everywhere_is_judged_by_longer_ways() -> None:
     assert eased.noise.heading / plain.heading == pytest.approx(eased.noise.position / plain.position)
     path = eased.path_surprise(eased.path({}), {})
     assert float(np.mean(path * path)) < WRONG_EVERYWHERE
+
+
+def test_a_part_is_not_left_out_because_the_others_had_not_come_to_their_best() -> None:
+    """The heading bias is off by 2: without the offset it alone comes to its best, which leaves less than before."""
+    bench = linear_bench(steering_offset=1.0, heading_bias=1.0)
+    parts = ((knobs("steering_offset"), np.array([1.0])), (knobs("heading_bias"), np.array([3.0])))
+    fit = replace(bench.fit("steering_offset", "heading_bias"), parts=parts,
+                  surprise=bench.surprise({one.id: one.values(at) for one, at in parts}))  # fmt: skip
+    assert set(pruned(bench, fit).settings) == {"steering_offset", "heading_bias"}

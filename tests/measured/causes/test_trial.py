@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from tests.measured.benches import knobs, linear_bench
 from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
+from vehicle.measured.thresholds import FAR_LESS, HOPELESS
 
 
 def left_by(columns: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -44,6 +45,21 @@ def test_what_promises_nothing_is_simulated_once() -> None:
     bench.asked.clear()
     one = tried(bench.change, fit, knobs("steering_offset"), Projector(fit.slope))
     assert bench.asked == [frozenset({"wheel to path"})] and one.gain == 0.0 and one.at.tolist() == [0.0]
+
+
+def test_what_promises_far_less_than_others_is_only_begun() -> None:
+    bench = linear_bench(steering_offset=5.0)
+    fit = bench.fit()
+    whole, begun, near = (
+        tried(bench.change, fit, knobs("steering_offset"), Projector(fit.slope), worth) for worth in (0.0, 1e6, 1.0)
+    )
+    assert whole.ended and near.ended and near.gain == whole.gain > HOPELESS
+    assert not begun.ended and begun.gain == 0.0 and begun.at.tolist() == [0.0]
+    less = tried(bench.change, fit, knobs("steering_offset"), Projector(fit.slope), 0.9 * whole.gain / FAR_LESS)
+    assert less.ended and less.gain == whole.gain
+    nothing = linear_bench()
+    hopeless = tried(nothing.change, nothing.fit(), knobs("steering_offset"), Projector(nothing.fit().slope), 1e6)
+    assert hopeless.ended, "what is hopeless by itself would come to no more"
 
 
 def test_strength_is_the_gain_where_blocks_scatter_as_noise_does() -> None:

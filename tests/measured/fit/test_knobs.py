@@ -22,10 +22,10 @@ def test_starts_are_those_of_the_catalogue_or_shares_of_the_file() -> None:
 
 def test_a_patch_is_fixed_for_what_is_searched_and_for_nothing_else() -> None:
     patch = (10.0, 5.0, 16.0)
-    assert knobs_for(eg105(), "grip_patch", patch).values(np.array([1.3])) == {
+    assert knobs_for(eg105(), "grip_patch", {"grip_patch": patch}).values(np.array([1.3])) == {
         "ratio": 1.3, "east_m": 10.0, "north_m": 5.0, "radius_m": 16.0
     }  # fmt: skip
-    assert knobs_for(eg105(), "steering_offset", patch).fixed == ()
+    assert knobs_for(eg105(), "steering_offset", {"grip_patch": patch}).fixed == ()
 
 
 def test_coordinates_stay_inside_what_a_tractor_can_have() -> None:

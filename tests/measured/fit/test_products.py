@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vehicle.measured.fit.products import crossed, squared, without
+from vehicle.measured.fit.products import crossed, squared, squares, without
 
 
 def test_products_are_those_of_the_columns() -> None:
@@ -11,6 +11,9 @@ def test_products_are_those_of_the_columns() -> None:
     one, two, left = rng.normal(size=(500, 3)), rng.normal(size=(4, 500)).T, rng.normal(size=500)
     assert crossed(one, two) == pytest.approx(one.T @ two)
     assert crossed(two, left) == pytest.approx(two.T @ left) and crossed(two, left).shape == (4,)
+    assert crossed(one[:, :1], two[:, :1]) == pytest.approx(one[:, :1].T @ two[:, :1])
+    assert crossed(one, two[:, :2]) == pytest.approx(one.T @ two[:, :2]), "fewer columns than the first has"
+    assert squares(two) == pytest.approx(np.diag(two.T @ two))
     assert squared(left) == pytest.approx(float(left @ left))
     assert without(left, one[:, ::2], np.array([2.0, -1.0])) == pytest.approx(left - 2.0 * one[:, 0] + one[:, 2])
 

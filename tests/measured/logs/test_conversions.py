@@ -23,17 +23,18 @@ BY_HAND = {
     Fix.STEERING_RADIANS: ("steering_deg", 0.1, math.degrees(0.1)),
     Fix.STEERING_LEFT: ("steering_command_deg", 7.0, -7.0),
     Fix.IMPLEMENT_REVERSED: ("implement", 1.0, 0.0),
+    Fix.ROLL_LEFT: ("roll_deg", 3.0, -3.0),
 }
 
 
 @pytest.mark.parametrize("fix", BY_HAND)
 def test_one_number_by_hand(fix: Fix) -> None:
     column, given, meant = BY_HAND[fix]
-    columns = {column: np.array([given]), "roll_deg": np.array([3.0])}
+    columns = {"roll_deg": np.array([3.0]), "pitch_deg": np.array([2.0]), column: np.array([given])}
     if fix is Fix.POSITION_KM:
         columns["northing_m"] = np.array([1.0])
     result = apply_fixes(columns, frozenset({fix}))
-    assert result[column] == pytest.approx([meant]) and result["roll_deg"] == [3.0]
+    assert result[column] == pytest.approx([meant]) and result["pitch_deg"] == [2.0]
     assert columns[column] == [given], "what is given stays as it is"
 
 

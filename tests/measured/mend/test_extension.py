@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import rest_knobs
 from vehicle.measured.fit.openloop import OpenLoop, Term, fitted
 from vehicle.measured.mend.extended import Alike, extended_tractor
-from vehicle.measured.mend.extension import Extension, of_fit, of_mended, value_interval
+from vehicle.measured.mend.extension import Extension, of_fit, of_mended, off_in_time, value_interval
 from vehicle.measured.mend.mending import Mended
 from vehicle.measured.surprise.bench import Bench
 from vehicle.tractor import EffectSetting, load_tractor
@@ -45,9 +44,12 @@ def test_intervals_come_from_the_scatter_of_blocks_and_the_tolerance(bench: Benc
     fit = refined(bench, Fit(tuple((knobs(name), np.zeros(1)) for name in names), surprise,
                              np.zeros((len(surprise), 0))))  # fmt: skip
     added = of_fit(bench, fit, ["steering_offset"])
-    value, sigma = float(fit.parts[0][1][0]), math.sqrt(robust_covariance(bench, fit)[0, 0])
+    value, sigma = float(fit.parts[0][1][0]), math.sqrt(robust_covariance(bench, fit, few=True)[0, 0])
     wide = math.hypot(1.96 * sigma, 0.12)
-    assert added.intervals["steering_offset"] == {"angle_deg": pytest.approx((value - wide, value + wide))}
+    assert added.tolerant["steering_offset"] == {"angle_deg": pytest.approx((value - wide, value + wide))}
+    told = 1.96 * sigma
+    assert added.intervals["steering_offset"] == {"angle_deg": pytest.approx((value - told, value + told))}
+    assert told < wide
     assert added.ids == {"steering_offset"} and set(added.intervals) == set(names)
     # The circle to the right is simulated with what the one to the left tells, and the other way.
     (right, _), (left, _) = added.held_out[0], added.held_out[1]
@@ -57,9 +59,19 @@ def test_intervals_come_from_the_scatter_of_blocks_and_the_tolerance(bench: Benc
 
 def test_an_amount_of_the_rest_has_no_tolerance() -> None:
     term = Term(rest_knobs()[0][0], np.array([0.5]))
-    assert value_interval(SimpleNamespace(), term, np.array([[0.01]])) == {
+    assert value_interval(term, np.array([[0.01]]), 0.0) == {
         "angle_by_speed": pytest.approx((0.5 - 0.196, 0.5 + 0.196))
     }
+
+
+def test_a_time_of_the_steering_is_no_surer_than_the_beat_of_commands_and_half_a_row(bench: Bench) -> None:
+    """0.02 s of a controller and an even spread over the 0.1 s of a row, both as standard deviations."""
+    late = Term(knobs("steering_dead_time"), np.array([0.2]))
+    assert off_in_time(bench, late) == pytest.approx(1.96 * math.hypot(0.02, 0.1 / math.sqrt(12.0)))
+    latency = Term(knobs("gnss_latency"), np.array([0.2]))
+    assert off_in_time(bench, latency) == 0.0  # the fit leaves free how far sensors are off
+    assert off_in_time(bench, latency, open_loop=True) == pytest.approx(1.96 * 0.05)
+    assert off_in_time(bench, offset(1.0)) == 0.0
 
 
 def test_what_lowers_the_open_loop_error_is_told_with_its_interval() -> None:
@@ -69,6 +81,16 @@ def test_what_lowers_the_open_loop_error_is_told_with_its_interval() -> None:
     low, high = added.intervals["steering_offset"]["angle_deg"]
     assert low < 1.0 < high and high - low == pytest.approx(2 * 0.12, abs=0.01)  # no noise: the tolerance alone
     assert added.held_out[0][0]["steering_offset"]["angle_deg"] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_two_extensions_are_one_with_what_each_tells_of_its_own_effects() -> None:
+    half, other = {"steering_offset": {"angle_deg": 1.0}}, {"wheel_slip": {"ratio": 0.1}}
+    told = {"steering_offset": {"angle_deg": (0.8, 1.2)}, "heading_bias": {"angle_deg": (0.0, 1.0)}}
+    first = Extension((offset(1.0),), told, {0: (half, {})}, {})
+    slip = Term(knobs("wheel_slip"), np.array([0.1]))
+    both = first.beside(Extension((slip,), {"wheel_slip": {"ratio": (0.05, 0.15)}}, {0: (other, other)}))
+    assert both.ids == {"steering_offset", "wheel_slip"} == set(both.intervals)
+    assert both.held_out == {0: ({**half, **other}, other)}
 
 
 def test_the_file_gets_values_intervals_and_their_logs(bench: Bench, tmp_path: Path) -> None:

@@ -8,7 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.measured.replay.anchoring import HEADING_TRUST_RAD, POSITION_TRUST_M, anchor_pieces, best_motion
+from vehicle.measured.replay.anchoring import (
+    HEADING_TRUST_RAD,
+    POSITION_TRUST_M,
+    add_off_middle,
+    anchor_pieces,
+    best_motion,
+)
 
 Array = npt.NDArray[np.float64]
 TWO = np.array([-1.0, 1.0])
@@ -19,9 +25,7 @@ ZERO = np.zeros(2)
 def test_a_rigid_motion_is_found_again(turn: float, east: float, north: float) -> None:
     x, y, angle = np.array([0.0, 3.0, 5.0, 4.0]), np.array([0.0, 1.0, -1.0, 6.0]), np.array([0.1, 0.2, -0.3, 0.4])
     c, s = math.cos(turn), math.sin(turn)
-    turned, pe, pn, qe, qn = best_motion(
-        0, 4, c * x - s * y + east, s * x + c * y + north, angle + turn, x, y, angle
-    )
+    turned, pe, pn, qe, qn = best_motion(0, 4, c * x - s * y + east, s * x + c * y + north, angle + turn, x, y, angle)
     assert math.remainder(turned - turn, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
     assert (qe, qn) == pytest.approx((3.0, 1.5))
     assert (pe, pn) == pytest.approx((c * 3.0 - s * 1.5 + east, s * 3.0 + c * 1.5 + north))
@@ -35,6 +39,13 @@ def test_positions_decide_against_headings_by_their_trust() -> None:
     assert math.tan(turn) == pytest.approx(2.0 * trust * math.sin(0.3) / (2.0 + 2.0 * trust * math.cos(0.3)))
     standing = best_motion(0, 2, ZERO, ZERO, ZERO + 0.3, ZERO, ZERO, ZERO)[0]
     assert standing == pytest.approx(0.3), "where nothing moves, only headings say anything"
+
+
+def test_values_are_added_about_the_middle_of_their_piece() -> None:
+    out = np.full((6, 3), 1.0)
+    add_off_middle(np.array([0, 2]), np.array([2, 5]), np.array([1.0, 3.0, 10.0, 20.0, 60.0, 7.0]), out[:, 1])
+    assert out[:, 1] == pytest.approx([0.0, 2.0, -19.0, -9.0, 31.0, 1.0]), "middles 2 and 30; no piece, no change"
+    assert np.all(out[:, ::2] == 1.0)
 
 
 def errors(east: Array, north: Array, heading: Array, x: Array, y: Array, angle: Array) -> Array:

@@ -1,6 +1,7 @@
 """Replayed states and what instruments show of them, for motions that can be written down."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,8 +52,10 @@ def test_a_measured_wheel_angle_gives_the_measured_radius() -> None:
     states = replay(rig(), one, {}, from_sensor=True, from_speed=True)
     antenna = seen(rig(), one, states, {})[0][100:]
     way = float(np.hypot(*np.diff(antenna, axis=0).T).sum())
-    turned = abs(float(np.interp(one.time[-1], DT_S * np.arange(len(states)), states[:, ANGLE])) - float(
-        np.interp(one.time[100], DT_S * np.arange(len(states)), states[:, ANGLE])))
+    turned = abs(
+        float(np.interp(one.time[-1], DT_S * np.arange(len(states)), states[:, ANGLE]))
+        - float(np.interp(one.time[100], DT_S * np.arange(len(states)), states[:, ANGLE]))
+    )
     assert way / turned == pytest.approx(radius, rel=0.01)
 
 
@@ -134,6 +137,16 @@ def test_places_in_the_field_are_moved_to_the_origin_of_the_course() -> None:
     patch = {"grip_patch": {"ratio": 0.5, "east_m": 10.0, "north_m": 20.0, "radius_m": 5.0}}
     model = make_rig(EG105, "soil", (4.0, 15.0)).with_effects(patch)
     assert (model[0]["patch_east"], model[0]["patch_north"]) == (6.0, 5.0)
+
+
+def test_a_model_is_made_once_for_its_settings_and_origin() -> None:
+    rig = make_rig(EG105, "soil", (4.0, 15.0))
+    patch = {"grip_patch": {"ratio": 0.5, "east_m": 10.0, "north_m": 20.0, "radius_m": 5.0}}
+    assert rig.effective(patch) is rig.effective({**patch}) and rig.effective(patch)["patch_east"] == 6.0
+    moved = replace(rig, origin=(0.0, 0.0))
+    assert moved.effective(patch)["patch_east"] == 10.0 and rig.effective({})["patch"] == 1.0
+    many = [rig.effective({"wheel_slip": {"ratio": 0.001 * number}})["slip"] for number in range(40)]
+    assert many == pytest.approx(0.001 * np.arange(40)) and rig.effective(patch)["patch_east"] == 6.0
 
 
 def test_commands_drive_where_sensors_are_left_out() -> None:

@@ -25,6 +25,7 @@ from vehicle.measured.causes.selection import Selection, select
 from vehicle.measured.fit.fitting import empty_fit
 from vehicle.measured.fit.openloop import settings_in
 from vehicle.measured.logs.record import Array, Log
+from vehicle.measured.logs.sensors import set_right_together
 from vehicle.measured.mend.extended import Alike, extended_tractor
 from vehicle.measured.mend.extension import Extension
 from vehicle.measured.mend.levels import clear_levels, driven_seconds
@@ -48,6 +49,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     and VehicleError for an unknown ground.
     """
     count = _Counter(progress)
+    logs = set_right_together(logs)
     course = make_course(logs)
     rig = make_rig(tractor, ground, course.origin)
     bench = prepare(course, rig, {})

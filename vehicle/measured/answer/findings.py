@@ -97,9 +97,11 @@ def _spoken_for(case: Case, entry: Effect) -> bool:
         return True
     tractor, row_s = case.tractor, case.bench.row_s
     sizes = [knobs.deviation(at) for knobs, at in case.fit.parts if knobs.id == entry.id]
-    if not sizes and case.fit.extra is not None and not entry.kind.searched:
+    extra = case.fit.extra
+    if not sizes and extra is not None and extra.amounts[extra.terms].size and not entry.kind.searched:
         # Terms without a name may have taken up what an effect explains: it is asked what it would take without them.
-        one = tried(case.bench.change, case.plain, knobs_for(tractor, entry.id), Projector(case.plain.slope))
+        knobs = knobs_for(tractor, entry.id, case.bench.course.places)
+        one = tried(case.bench.change, case.plain, knobs, Projector(case.plain.slope))
         sizes = [one.knobs.deviation(one.at)] if one.gain > LEAST_GAIN else []
     return any(size > finest_of(tractor, entry.id, row_s) for size in sizes)
 
@@ -111,7 +113,8 @@ def visible(case: Case, entry: Effect) -> float | None:
     parts = [part for part in fit.parts if part[0].id != entry.id]
     bare = bench.surprise(settings)
     project = Projector(fit.slope[:, _others(fit, entry.id)])
-    knobs = knobs_for(tractor, entry.id, _middle(bench))
+    places = bench.course.places
+    knobs = knobs_for(tractor, entry.id, {**places, entry.id: _middle(bench)} if entry.kind.searched else places)
     for share in TRIAL_SHARES:
         at = knobs.inside(np.array(knobs.neutral) + share * np.array(knobs.typical))
         trace = project(bench.change(settings_of([*parts, (knobs, at)]), bare, frozenset({entry.block})) - bare)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
 from vehicle.measured.answer.case import Case, case_of, noise_share, within_noise
+from vehicle.measured.causes.challenge import make_up, stands_alone
 from vehicle.measured.causes.evidence import helps, is_nameable
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
@@ -43,9 +46,12 @@ class Explained:
 
 
 def nameable(selection: Selection, tractor: Tractor) -> list[str]:
-    """Effects that may carry a name: clearly beyond tolerance, and not in the shadow of an unnamed dependence."""
+    """Effects that may carry a name: clearly beyond tolerance, alone as well, and in no shadow of an unnamed one."""
     bench, fit = selection.bench, selection.fit
-    names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, fit, tractor, knobs.id)]
+    names = [
+        knobs.id for knobs, _ in fit.parts
+        if is_nameable(bench, fit, tractor, knobs.id) and stands_alone(bench, fit, knobs.id)
+    ]  # fmt: skip
     if not selection.unnamed:
         return names
     shadow = unnamed_gain(fit) * ABOVE_UNNAMED
@@ -57,9 +63,10 @@ def unnamed_gain(fit: Fit) -> float:
     """Loss that the unnamed terms take away, the other coordinates following."""
     if fit.extra is None:
         return 0.0
+    terms = fit.extra.terms
     first = fit.slope.shape[1] - fit.extra.columns.shape[1]
-    project = Projector(fit.slope[:, :first])
-    removed = project(fit.extra.columns @ fit.extra.amounts)
+    project = Projector(fit.slope[:, : first + terms.start])
+    removed = project(fit.extra.columns[:, terms] @ fit.extra.amounts[terms])
     return float(removed @ removed)
 
 
@@ -84,15 +91,39 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
 def _mended_with(
     selection: Selection, case: Case, names: list[str], tractor: Tractor, step: Step
 ) -> tuple[list[str], Mended, Case]:
-    """Names that hold beside all that mends, from a mending that began with these alone."""
+    """Names that hold beside all that mends, from a mending that began with these as they are."""
     while True:
-        start = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names)
-        mended = mend(selection.bench, tractor, start, step, case.tolerated)
-        beside = case_of(selection, of_mended(mended))
-        kept = [name for name in names if holds(beside, name)]
+        settled = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names)
+        mended = mend(selection.bench, tractor, settled, step, case.tolerated)
+        beside = _case_of_mended(selection, mended)
+        alike = told_alike(mended, tractor)
+        kept = [name for name in names if name in alike and holds(beside, name)]
         if kept == names:
             return names, mended, beside
         names = kept
+
+
+def told_alike(mended: Mended, tractor: Tractor) -> set[str]:
+    """Settled effects that the open-loop error tells as well, were it free to: beyond tolerance, to the same side."""
+    loop, settled = mended.loop, mended.loop.settled
+    if not settled:
+        return set()
+    free = fitted(replace(loop, settled=()), (*settled, *mended.model.terms))
+    at = {term.knobs.id: term.at for term in free.terms[: len(settled)]}
+    alike = set()
+    for term in settled:
+        name, neutral = term.knobs.id, np.array(term.knobs.neutral)
+        same_side = float((at[name] - neutral) @ (term.at - neutral)) > 0.0
+        if same_side and term.knobs.deviation(at[name]) > finest_of(tractor, name, loop.bench.row_s):
+            alike.add(name)
+    return alike
+
+
+def _case_of_mended(selection: Selection, mended: Mended) -> Case:
+    """The case of what was settled, as the surprises tell it, and of what lowers the error beside it."""
+    settled = [term.knobs.id for term in mended.loop.settled]
+    told = of_fit(selection.bench, selection.fit, settled)
+    return case_of(selection, told.beside(of_mended(mended)))
 
 
 def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
@@ -104,7 +135,7 @@ def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
     whole = of_fit(bench, fit, fit.settings)
     return [
         name for name in fit.settings
-        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name)
+        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name) and stands_alone(bench, fit, name)
         and helps(bench, without(bench, fit, name), fit, selection.threshold)
     ]  # fmt: skip
 
@@ -113,22 +144,25 @@ def is_likely(case: Case, name: str) -> bool:
     """Whether an effect is clearly not neutral and lowers the error of runs held out.
 
     One of the steering takes as much off the wheel as a name must, and costs the path no more.
-    One that ran as far as a tractor can have it stands for something else.
+    One that ran as far as a tractor can have it stands for something else, and so does one that lowers the error where
+    the surprises of runs held out speak against it.
     """
+    if name in case.refused:
+        return False
     term = case.main_terms[name]
     clear = clear_of_neutral(case.extension, case.tractor, name)
     far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
     of_wheel = effect(name).block == STEERING and case.bench.has_wheel
-    if not clear or not far or at_a_limit((term,)):
+    if not clear or not far or reaches_a_limit(case, name):
         return False
     gain = case.gain_of(name)[0]
     return case.worth_of(name) >= WORTH_OF_WHEEL_PCT and gain > -HARM_PCT if of_wheel else gain > 0.0
 
 
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:
-    """Whether the 95 % interval of an effect leaves neutral out."""
+    """Whether the 95 % interval of an effect, as wide as its tolerance at least, leaves neutral out."""
     size = effect(name).size.name
-    low, high = extension.intervals[name][size]
+    low, high = extension.tolerant.get(name, extension.intervals[name])[size]
     return not low <= neutral(name, tractor.steering)[size] <= high
 
 
@@ -139,14 +173,35 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     doubtful = {
         name for name in case.main_terms
         if name not in BY_NAME and name not in told.names
-        and not (is_likely(case, name) and case.gain_of(name)[0] > 0.0)
+        and (_beside_its_like(selection, told, name) or not is_likely(case, name) or case.gain_of(name)[0] <= 0.0)
     }  # fmt: skip
     if not doubtful:
         return told
     kept = tuple(term for term in mended.model.terms if term.knobs.id not in doubtful)
     smaller = Mended(mended.loop, fitted(mended.loop, kept))
-    case = case_of(selection, of_mended(smaller))
+    case = _case_of_mended(selection, smaller)
     return _without_doubtful(selection, Explained(case, [name for name in told.names if holds(case, name)], smaller))
+
+
+def reaches_a_limit(case: Case, name: str) -> bool:
+    """Whether an effect may be as far as a tractor can have it: its value is, or its interval holds that limit.
+
+    A small end that comes from the file, as of a lag that is nearly none, is no limit: only the value itself is asked.
+    """
+    if at_a_limit((case.main_terms[name],)):
+        return True
+    size = effect(name).size.for_wheelbase(case.tractor.wheelbase_m)
+    zero = neutral(name, case.tractor.steering)[size.name]
+    low, high = case.extension.intervals[name][size.name]
+    return high >= size.high > zero or (size.neutral is not None and low <= size.low < zero)
+
+
+def _beside_its_like(selection: Selection, told: Explained, name: str) -> bool:
+    """Whether an effect is beside a named one of the same make-up and does not stand alone: see stands_alone."""
+    mine = make_up(name)
+    if mine is None or not any(make_up(other) == mine for other in told.names):
+        return False
+    return name not in selection.ids or not stands_alone(selection.bench, selection.fit, name)
 
 
 def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[list[str], Case]:
@@ -165,7 +220,7 @@ def holds(case: Case, name: str) -> bool:
     One that ran as far as a tractor can have it stands for something else.
     """
     worth, least = case.worth_of(name), _least_worth(case.bench, name)
-    beyond = clear_of_neutral(case.extension, case.tractor, name) and not at_a_limit((case.main_terms[name],))
+    beyond = clear_of_neutral(case.extension, case.tractor, name) and not reaches_a_limit(case, name)
     return beyond and worth >= least and case.gain_of(name)[0] > -HARM_PCT
 
 

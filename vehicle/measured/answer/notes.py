@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from vehicle.measured.answer.verdict import Diagnosis
 from vehicle.measured.logs.record import Log
 from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.logs.sensors import CLOCKS_FROM_S
 from vehicle.measured.surprise.bench import Bench
 from vehicle.tractor import Tractor
 
+TIMES = ("steering_dead_time", "gnss_latency")  # what two clocks that part would be taken for
 ON_OWN_GROUND = (
     "The figures after are for every run on its own ground, told from the other half of the run; the tractor file has "
     "one ground and does worse on the other."
@@ -18,13 +22,13 @@ ON_OWN_GROUND = (
 
 def notes(logs: Sequence[Log], bench: Bench, tractor: Tractor, answer: Diagnosis) -> tuple[str, ...]:
     """All sentences, those of the logs first."""
-    told = (*_of_logs(logs, bench), *_of_file(tractor, answer))
+    told = (*_of_logs(logs, bench), *_of_clocks(logs, answer), *_of_file(tractor, answer))
     return (*told, ON_OWN_GROUND) if answer.grounds else told
 
 
 def _of_logs(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
     """What the reader should know about the rows and columns."""
-    told = [line for log in logs for line in remarks(log)]
+    told = [line for log in logs for line in remarks(log)] + list(bench.course.remarks)
     if not bench.has_wheel:
         told.append(
             "No wheel angle was logged: faults of the steering system and of the path cannot be told apart well."
@@ -36,6 +40,19 @@ def _of_logs(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
     if len(logs) == 1:
         told.append("One run only: its own 20 s windows stand in for runs not used for fitting.")
     return tuple(told)
+
+
+def _of_clocks(logs: Sequence[Log], answer: Diagnosis) -> list[str]:
+    """Where a time was found, that logs too short for it were not asked whether two clocks part."""
+    late = [one.id for one in answer.findings if one.id in TIMES and one.value is not None]
+    short = sum(float(np.ptp(log.time_s[log.used])) < CLOCKS_FROM_S for log in logs)
+    if not late or not short:
+        return []
+    which = "The log is" if len(logs) == 1 else f"{short} of {len(logs)} logs are"
+    return [
+        f"{which} too short (under {CLOCKS_FROM_S:.0f} s) to tell whether the clocks of two sources part: what is said "
+        f"of {' and '.join(late)} takes one clock for granted."
+    ]
 
 
 def _of_file(tractor: Tractor, answer: Diagnosis) -> tuple[str, ...]:

@@ -72,7 +72,7 @@ def _rivals(bench: Bench, fit: Fit, name: str) -> tuple[Fit | None, Alike]:
     slack = LOOK_ALIKE + LOOK_ALIKE_SHARE * gain
     held_out = float(held_out_losses(bench, fit).sum())
     better, alike = fit, {}
-    for other in _in_place(bench, rest, (*fit.settings,), effect(name).block)[:REFITTED]:
+    for other in _in_place(bench, rest, (*fit.settings,), effect(name).block, gain - slack)[:REFITTED]:
         if other.gain < gain - slack or other.knobs.deviation(other.at) <= finest_of(tractor, other.knobs.id):
             continue
         full = refined(bench, enlarged(bench, rest, other))
@@ -84,11 +84,14 @@ def _rivals(bench: Bench, fit: Fit, name: str) -> tuple[Fit | None, Alike]:
     return (None, alike) if better is fit else (better, {})
 
 
-def _in_place(bench: Bench, rest: Fit, skip: Iterable[str], block: str) -> list[Tried]:
-    """Every effect beside a block on top of what is left, each from several starts, the best first."""
-    project, blocks = Projector(rest.slope), beside(bench, block)
+def _in_place(bench: Bench, rest: Fit, skip: Iterable[str], block: str, worth: float) -> list[Tried]:
+    """Every effect beside a block on top of what is left, each from several starts, the best first.
+
+    Those that promise far less than the gain that is `worth` something are only begun.
+    """
+    project, blocks, tractor = Projector(rest.slope), beside(bench, block), bench.rig.tractor
     found = [
-        tried(bench.change, rest, with_more_starts(knobs_for(bench.rig.tractor, entry.id)), project)
+        tried(bench.change, rest, with_more_starts(knobs_for(tractor, entry.id, bench.course.places)), project, worth)
         for entry in CATALOGUE
         if entry.block in blocks and entry.id not in skip and not entry.kind.searched
     ]
@@ -116,10 +119,36 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
         rest = plain if name is None else without(bench, plain, name)
         blocks = {PATH} if name is None else {effect(name).block}
         for block in blocks:
-            for other in _in_place(bench, rest, (*plain.settings,), block)[:2]:
-                if rest.loss - other.gain > fit.loss + LOOK_ALIKE_SHARE * (rest.loss - fit.loss) + LEAST_GAIN:
+            worth = (1.0 - LOOK_ALIKE_SHARE) * (rest.loss - fit.loss) - LEAST_GAIN
+            for other in _in_place(bench, rest, (*plain.settings,), block, worth)[:2]:
+                if other.gain < worth:
                     continue
                 full = refined(bench, enlarged(bench, rest, other))
                 if full.loss < fit.loss + LEAST_GAIN and (best is None or full.loss < best.loss):
                     best = full
     return best
+
+
+def stands_alone(bench: Bench, fit: Fit, name: str) -> bool:
+    """Whether a part is beyond its tolerance, to the same side, without each other part of the same make-up.
+
+    How a valve moves wheels, and how tyres come to slide, differs from make to make in more than the effects say. Two
+    effects that undo each other may make up for that, and then neither is a fault.
+    """
+    knobs, at = next(part for part in fit.parts if part[0].id == name)
+    neutral, finest = np.array(knobs.neutral), finest_of(bench.rig.tractor, name, bench.row_s)
+    for other in fit.settings:
+        if other == name or make_up(other) is None or make_up(other) != make_up(name):
+            continue
+        there = next(place for one, place in without(bench, fit, other).parts if one.id == name)
+        if float((there - neutral) @ (at - neutral)) <= 0.0 or knobs.deviation(there) <= finest:
+            return False
+    return True
+
+
+def make_up(name: str) -> str | None:
+    """What an effect belongs to that is shaped otherwise in every make: the steering, and the tyres on their ground."""
+    entry = effect(name)
+    if entry.block == STEERING:
+        return STEERING
+    return PATH if entry.block == PATH and entry.of_ground else None

@@ -7,14 +7,14 @@ giving a name would be wrong, and what the error depends on is said instead.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vehicle.effects import PATH, SPEED, effect_fields
 from vehicle.measured.fit.fitting import Fit
-from vehicle.measured.fit.products import crossed
+from vehicle.measured.fit.products import crossed, squares
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.replaying import antenna_lever
@@ -25,6 +25,7 @@ from vehicle.measured.surprise.whitening import Increments, innovations, turn_re
 PERIODS_S = tuple(np.geomspace(2.5, 80.0, 36).tolist())
 FEWEST_ROWS_PER_PERIOD = 8.0  # chosen: a wave of fewer cannot be told from another
 LONGEST_PERIOD = 1.3  # of the longest run: chosen, a longer one is a straight line in it
+MOST_TOGETHER, MOST_ROWS = 8, 200_000  # terms, and times rows: chosen, 80 MB of columns; more save no time
 DISTANCE, ALWAYS = "a change of the distance driven", "always"
 Terms = list[Increments]
 Products = tuple[Array, Array, Array]
@@ -173,11 +174,20 @@ def scores(bench: Bench, fit: Fit) -> list[Score]:
     response = Response(bench, fit)
     bends = [_per_angle(bench, stretch) for stretch in bench.course.stretches]
     ranked = []
-    for terms in dependences(bench):
-        made = [terms.make(s, m, b) for s, m, b in zip(bench.course.stretches, response.moves, bends, strict=True)]
-        gain, freedoms = response.gain(made, terms.per_run)
-        ranked.append(Score(terms, gain, freedoms))
+    every, together = dependences(bench), _together(bench)
+    for some in (every[first : first + together] for first in range(0, len(every), together)):
+        parts = []
+        for index, (stretch, move, bend) in enumerate(zip(bench.course.stretches, response.moves, bends, strict=True)):
+            parts.append(response.sums(index, [terms.make(stretch, move, bend) for terms in some]))
+        for terms, mine in zip(some, zip(*parts, strict=True), strict=True):
+            ranked.append(Score(terms, *response.gain(mine, terms.per_run)))
     return sorted(ranked, key=lambda one: one.freedoms - one.gain)
+
+
+def _together(bench: Bench) -> int:
+    """Unnamed terms that go through the filter at once."""
+    longest = max(stretch.rows for stretch in bench.course.stretches)
+    return max(min(MOST_TOGETHER, MOST_ROWS // longest), 1)
 
 
 def columns(bench: Bench, fit: Fit, terms: Dependence) -> Array:
@@ -221,8 +231,17 @@ class Response:
 
     def local(self, index: int, terms: Terms) -> Array:
         """Columns of one stretch (3 k, c): the filter is linear, so any size of a term will do."""
-        if any(term.ahead.any() or term.aside.any() for term in terms):
-            return self._moved(index, terms)
+        on_the_way = np.array([term.ahead.any() or term.aside.any() for term in terms])
+        if not on_the_way.any():
+            return self._turned_by(index, terms)
+        out = np.empty((3 * self.bench.course.stretches[index].rows, len(terms)))
+        for moved, made in ((True, self._moved), (False, self._turned_by)):
+            mine = np.flatnonzero(on_the_way == moved)
+            if len(mine):
+                out[:, mine] = made(index, [terms[place] for place in mine])
+        return out
+
+    def _turned_by(self, index: int, terms: Terms) -> Array:
         return self.turned(index, np.stack([term.turned for term in terms]))
 
     def turned(self, index: int, turns: Array, first: int = 0) -> Array:
@@ -244,9 +263,20 @@ class Response:
             parts.append(self._surprise(index, moved) - now)
         return np.stack(parts, axis=1)
 
-    def sums(self, index: int, terms: Terms) -> Products:
-        """Products of the columns of terms in one stretch."""
-        return self.products(index, self.local(index, terms))
+    def sums(self, index: int, each: Sequence[Terms]) -> list[Products]:
+        """Products of the columns of several lists of terms in one stretch, per list."""
+        made = self.local(index, [term for terms in each for term in terms])
+        square, side, cross = self.products(index, made)
+        ends = np.cumsum([len(terms) for terms in each])
+        mine = [slice(int(end) - len(terms), int(end)) for end, terms in zip(ends, each, strict=True)]
+        return [(square[one, one], side[one], cross[one]) for one in mine]
+
+    def products_of_each(self, index: int, made: Array, first: int = 0) -> Products:
+        """As products, of every column alone: squares (c,), products with what is left (c,) and with the fit (c, m)."""
+        start = self.places[index].start + 3 * first
+        place = slice(start, start + len(made))
+        left, slope = self.fit.surprise[place], self.fit.slope[place]
+        return squares(made), crossed(made, left), crossed(made, slope)
 
     def products(self, index: int, made: Array, first: int = 0) -> Products:
         """Squares of columns (3 k, c), products with what is left, and with the columns of the fit, of one stretch.
@@ -258,9 +288,8 @@ class Response:
         left, slope = self.fit.surprise[place], self.fit.slope[place]
         return crossed(made, made), crossed(made, left), crossed(made, slope)
 
-    def gain(self, made: list[Terms], per_run: bool) -> tuple[float, int]:
-        """Loss that columns (one list of terms per stretch) take away beyond the fit, and how many are free."""
-        parts = [self.sums(index, terms) for index, terms in enumerate(made)]
+    def gain(self, parts: Sequence[Products], per_run: bool) -> tuple[float, int]:
+        """Loss that columns take away beyond the fit, from their products per stretch, and how many are free."""
         square, side, cross = (np.stack([part[k] for part in parts]) for k in range(3))
         if per_run:
             return float(explained(square, side).sum()), side.size

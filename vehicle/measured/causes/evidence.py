@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+from scipy.special import stdtrit
+
+from vehicle.kinds import HELD, SURE
 from vehicle.measured.fit.fitting import Fit, block_sums
 from vehicle.measured.fit.knobs import finest_of
+from vehicle.measured.fit.products import crossed
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import (
@@ -41,19 +46,54 @@ def held_out_losses(bench: Bench, fit: Fit) -> Array:
     return losses
 
 
-def robust_covariance(bench: Bench, fit: Fit) -> Array:
-    """Covariance of the coordinates of the fit from the scatter of its blocks (sandwich), never below the noise's."""
+def robust_covariance(bench: Bench, fit: Fit, few: bool = False) -> Array:
+    """Covariance of the coordinates of the fit from the scatter of its blocks (sandwich), never below the noise's.
+
+    With `few` the scatter is wider where few blocks tell of a coordinate: see of_few.
+    """
     sums = block_sums(bench, fit.slope, fit.surprise)
     inverse = np.linalg.pinv(sums.squares.sum(axis=0), rcond=1e-14, hermitian=True)
     middle = sums.sides.T @ sums.sides
     sandwich = inverse @ middle @ inverse
+    if few:
+        wider = of_few(sums.squares, inverse)
+        sandwich = sandwich * np.outer(wider, wider)
     factor = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(sandwich), 1e-300), 1.0))
     out: Array = sandwich * np.outer(factor, factor)
     return out
 
 
+def promised_costs(fit: Fit) -> dict[str, float]:
+    """Loss that comes back without each part, the other coordinates following, as far as straight lines hold."""
+    inverse = np.linalg.pinv(crossed(fit.slope, fit.slope), rcond=1e-14, hermitian=True)
+    costs = {}
+    for knobs, at in fit.parts:
+        mine, away = fit.columns(knobs.id), at - np.array(knobs.neutral)
+        costs[knobs.id] = float(away @ np.linalg.pinv(inverse[mine, mine], rcond=1e-12, hermitian=True) @ away)
+    return costs
+
+
+def of_few(squares: Array, inverse: Array) -> Array:
+    """How much wider a scatter between pieces must be taken to hold 95 %, per coordinate (m,).
+
+    `squares` (p, m, m) are those of the pieces, `inverse` (m, m) that of their sum. A scatter between n pieces that
+    tell the same is Student's with n - 1 freedoms, and its square too small by n / (n - 1); where they tell unlike
+    amounts n is the inverse of the sum of their squared shares.
+    """
+    told = np.maximum(np.einsum("ij,pjk,ki->pi", inverse, squares, inverse), 0.0)
+    shares = told / np.maximum(told.sum(axis=0), 1e-300)
+    count = 1.0 / np.maximum((shares * shares).sum(axis=0), 1e-12)
+    free = np.maximum(count - 1.0, 1.0)
+    return np.asarray(stdtrit(free, 0.5 + 0.5 * HELD) / SURE * np.sqrt(np.maximum(count, 2.0) / free))
+
+
 def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
-    """Whether the larger fit helps runs it has not seen: most of those it concerns, or some without harm to others."""
+    """Whether the larger fit helps runs it has not seen: most of those it concerns, or some without harm to others.
+
+    Asked of the channels that its additional effects reach: elsewhere the two fits differ by no more than where the
+    slopes of bent effects, as of a dead band, were taken.
+    """
+    without, fit = _reached(bench, without, fit)
     gain = held_out_losses(bench, without) - held_out_losses(bench, fit)
     concerned = np.abs(gain) > CONCERNED
     if float(gain.sum()) < HELD_OUT_SHARE * threshold:
@@ -62,6 +102,20 @@ def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
         -gain[gain < 0.0].sum() < HARM * gain[gain > 0.0].sum() and np.count_nonzero(gain > HELPED) >= FEWEST_HELPED
     )
     return bool(harmless or np.count_nonzero(gain[concerned] > 0.0) >= MOST_OF_CONCERNED * np.count_nonzero(concerned))
+
+
+def _reached(bench: Bench, without: Fit, fit: Fit) -> tuple[Fit, Fit]:
+    """Both fits in the channels (path, wheel, speed) that the effects of the larger one alone reach."""
+    added = [fit.columns(name) for name in fit.settings if name not in without.settings]
+    moved = np.abs(np.concatenate([fit.slope[:, one] for one in added], axis=1)).sum(axis=1)
+    rows = bench.course.rows
+    mask = np.zeros(len(moved))
+    for channel in (slice(0, 3 * rows), slice(3 * rows, 4 * rows), slice(4 * rows, 5 * rows)):
+        mask[channel] = float(moved[channel].any())
+    smaller, larger = (
+        replace(one, surprise=mask * one.surprise, slope=mask[:, None] * one.slope) for one in (without, fit)
+    )
+    return smaller, larger
 
 
 def _helps_within(bench: Bench, without: Fit, fit: Fit) -> bool:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
 from itertools import product
 
 import numpy as np
@@ -59,9 +58,15 @@ class _Piece:
 
     def products(self, response: Response, turns: Array) -> Products:
         """Products of the columns that turns (c, n) of the piece make in its rows."""
+        return response.products(self.index, self._made(response, turns), self.begin)
+
+    def products_of_each(self, response: Response, turns: Array) -> Products:
+        """The same of every column alone: squares (c,), products with what is left (c,) and with the fit (c, m)."""
+        return response.products_of_each(self.index, self._made(response, turns), self.begin)
+
+    def _made(self, response: Response, turns: Array) -> Array:
         made = response.turned(self.index, turns, self.lead)
-        skipped = (self.begin - self.lead) * (len(made) // (turns.shape[1] + 1))
-        return response.products(self.index, made[skipped:], self.begin)
+        return made[(self.begin - self.lead) * (len(made) // (turns.shape[1] + 1)) :]
 
 
 def _pieces(stretches: tuple[Stretch, ...]) -> Iterator[_Piece]:
@@ -123,34 +128,39 @@ class _Cells:
         return sorted(circles, reverse=True)[:POLISHED]
 
 
-def _gain(response: Response, circle: Circle) -> float:
-    """Loss taken away by grip inside a circle."""
-    e, n, r = circle
-    width = response.fit.slope.shape[1]
-    square, side, cross = np.zeros((1, 1)), np.zeros(1), np.zeros((1, width))
-    stretches = response.bench.course.stretches
+def _gains(response: Response, circles: Sequence[Circle]) -> list[float]:
+    """Loss taken away by grip inside each of some circles."""
+    e, n, r = (np.array(column)[:, None] for column in zip(*circles, strict=True))
+    width, stretches = response.fit.slope.shape[1], response.bench.course.stretches
+    square, side, cross = np.zeros(len(circles)), np.zeros(len(circles)), np.zeros((len(circles), width))
     insides = [(s.east[:-1] - e) ** 2 + (s.north[:-1] - n) ** 2 < r * r for s in stretches]
     for piece in _pieces(stretches):
-        inside = insides[piece.index][piece.turns]
-        if inside.any():
+        inside = insides[piece.index][:, piece.turns]
+        here = np.flatnonzero(inside.any(axis=1))
+        if len(here):
             turned = response.moves[piece.index].turned[piece.turns]
-            parts = piece.products(response, (turned * inside)[None])
-            square, side, cross = square + parts[0], side + parts[1], cross + parts[2]
-    return response.beyond(square, side, cross)
+            parts = piece.products_of_each(response, turned * inside[here])
+            square[here] += parts[0]
+            side[here] += parts[1]
+            cross[here] += parts[2]
+    each = zip(square.reshape(-1, 1, 1), side[:, None], cross[:, None], strict=True)
+    return [response.beyond(*parts) for parts in each]
 
 
 def _polished(response: Response, circle: Circle, cell: float) -> tuple[float, Circle]:
     """Pattern search over centre and radius together: one edge may stay where it is while the other moves."""
     if circle[2] <= 0.0:
         return 0.0, circle
-    gain_of = cache(partial(_gain, response))
-    best, step = gain_of(circle), cell
+    known = dict(zip([circle], _gains(response, [circle]), strict=True))
+    best, step = known[circle], cell
     while step > 0.15 * cell:
-        tried = []
-        for de, dn, dr in product((-step, 0.0, step), repeat=3):
-            other = (circle[0] + de, circle[1] + dn, max(circle[2] + dr, 0.5 * cell))
-            tried.append((gain_of(other), other))
-        gain, other = max(tried)
+        others = [
+            (circle[0] + de, circle[1] + dn, max(circle[2] + dr, 0.5 * cell))
+            for de, dn, dr in product((-step, 0.0, step), repeat=3)
+        ]
+        new = [other for other in dict.fromkeys(others) if other not in known]
+        known.update(zip(new, _gains(response, new) if new else (), strict=True))
+        gain, other = max((known[other], other) for other in others)
         if gain > best:
             best, circle = gain, other
         else:

@@ -8,7 +8,8 @@ import numpy as np
 
 from vehicle.measured.causes.dependence import Dependence, columns
 from vehicle.measured.causes.trial import Tried
-from vehicle.measured.fit.fitting import Extra, Fit, linear_extra, refined, slopes
+from vehicle.measured.causes.unknowns import unknowns
+from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined
 from vehicle.measured.fit.knobs import Knobs, settings_of
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench, prepare
@@ -18,19 +19,22 @@ from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
 
 def enlarged(bench: Bench, fit: Fit, best: Tried) -> Fit:
     """The fit with a tried effect added as it is."""
-    parts = (*fit.parts, (best.knobs, best.at))
+    return with_part(bench, fit, (best.knobs, best.at))
+
+
+def with_part(bench: Bench, fit: Fit, part: Part) -> Fit:
+    """The fit with a part added as it is."""
+    parts = (*fit.parts, part)
     bare = bench.surprise(settings_of(list(parts)))
     return Fit(parts, linear_extra(bare, fit.extra), fit.slope, fit.extra)
 
 
 def with_unnamed(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Fit:
-    """The fit with unnamed terms at their best amounts."""
+    """The fit with unnamed terms at their best amounts, beside what is unknown of any tractor."""
     bare = Fit(fit.parts, bench.surprise(fit.settings), np.zeros((len(fit.surprise), 0)))
-    bare = replace(bare, slope=slopes(bench, bare))
-    if not unnamed:
-        return refined(bench, bare)
-    made = np.concatenate([columns(bench, bare, one) for one in unnamed], axis=1)
-    extra = Extra(made, np.zeros(made.shape[1]))
+    free = unknowns(bench, bare)
+    made = np.concatenate([free, *[columns(bench, bare, one) for one in unnamed]], axis=1)
+    extra = Extra(made, np.zeros(made.shape[1]), free.shape[1])
     return refined(bench, Fit(fit.parts, bare.surprise, bare.slope, extra))
 
 

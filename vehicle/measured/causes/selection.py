@@ -9,15 +9,15 @@ within the tolerance `finest` of each effect: an effect within its tolerance is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from vehicle.effects import CATALOGUE, effect
 from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
-from vehicle.measured.causes.evidence import helps
+from vehicle.measured.causes.evidence import helps, promised_costs
 from vehicle.measured.causes.patches import best_patch
-from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_unnamed, without
+from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
 from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
 from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import knobs_for
@@ -33,9 +33,11 @@ from vehicle.measured.thresholds import (
     MOST_PARTS,
     MOST_UNNAMED,
     PATCH_HANDICAP,
+    PLAINLY,
 )
 from vehicle.tractor import Tractor
 
+LEADING = 4  # chosen: the best of one scan are the best of the next, but for the one that entered
 Progress = Callable[[str], None]
 
 
@@ -57,26 +59,38 @@ class Selection:
 
 
 def scan(
-    bench: Bench, fit: Fit, tractor: Tractor, skip: Collection[str], progress: Progress | None = None
-) -> list[Tried]:
-    """Every effect of the catalogue that is not in the fit, the best first."""
+    bench: Bench, fit: Fit, tractor: Tractor, skip: Collection[str], progress: Progress | None = None,
+    first: Collection[str] = (),
+) -> list[Tried]:  # fmt: skip
+    """Every effect of the catalogue that is not in the fit, the best first; those that promise far less are only begun.
+
+    Effects with the names `first` are tried before others: an early best spares most of the time.
+    """
     project = Projector(fit.slope)
-    candidates = []
-    for entry in CATALOGUE:
+    candidates: list[Tried] = []
+    for entry in sorted(CATALOGUE, key=lambda one: one.id not in first):
         if entry.id in skip or entry.id in fit.settings:
             continue
-        knobs = knobs_for(tractor, entry.id)
+        knobs = knobs_for(tractor, entry.id, bench.course.places)
         if not bench.has_wheel:
             knobs = knobs.with_fewer_starts()
         if entry.kind.searched:
             patch = best_patch(bench, fit)
             if patch is None:
                 continue
-            knobs = knobs_for(tractor, entry.id, patch)
-        candidates.append(tried(bench.change, fit, knobs, project))
+            knobs = knobs_for(tractor, entry.id, {entry.id: patch})
+        worth = max((-_rank(one) for one in candidates), default=0.0)
+        candidates.append(tried(bench.change, fit, knobs, project, worth))
         if progress:
             progress(entry.id)
     return sorted(candidates, key=_rank)
+
+
+def ended(bench: Bench, fit: Fit, candidates: Sequence[Tried]) -> list[Tried]:
+    """The candidates with those that were only begun tried to their end, the best first."""
+    project = Projector(fit.slope)
+    whole = [one if one.ended else tried(bench.change, fit, one.knobs, project) for one in candidates]
+    return sorted(whole, key=_rank)
 
 
 def _rank(one: Tried) -> float:
@@ -118,10 +132,15 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
     bench, fit, unnamed, threshold = chosen.bench, chosen.fit, chosen.unnamed, chosen.threshold
     candidates: list[Tried] | None = None
     rival: Score | None = None
+    leading: list[str] = []
     while len(fit.parts) < MOST_PARTS:
         if candidates is None:
-            candidates, rival = scan(bench, fit, tractor, refused, progress), _rival(bench, fit, unnamed)
+            candidates, rival = scan(bench, fit, tractor, refused, progress, leading), _rival(bench, fit, unnamed)
+            leading = [one.knobs.id for one in candidates[:LEADING]]
         best, threshold = _clear(bench, fit, candidates)
+        if candidates and best is not candidates[0]:  # where the best of all is not clear any other may be the one
+            candidates = ended(bench, fit, candidates)
+            best, threshold = _clear(bench, fit, candidates)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
             unnamed, candidates = (*unnamed, rival.terms), None
             fit = with_unnamed(bench, fit, unnamed)
@@ -131,7 +150,7 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
         larger = refined(bench, enlarged(bench, fit, best), 2)
         if not helps(bench, fit, larger, threshold):
             refused.add(best.knobs.id)
-            candidates = [one for one in candidates if one.knobs.id != best.knobs.id]
+            candidates = ended(bench, fit, [one for one in candidates if one.knobs.id != best.knobs.id])
             continue
         bench, candidates = retuned(bench, larger), None
         fit = restarted(bench, larger.parts, unnamed)
@@ -175,11 +194,25 @@ def _by_chance(freedoms: int) -> float:
 
 
 def pruned(bench: Bench, fit: Fit) -> Fit:
-    """Backward: leave out, one by one, what the others have made superfluous."""
+    """Backward: leave out, one by one, what the others have made superfluous.
+
+    A part whose place only let the others come closer to their best is put back beside them: it is superfluous when
+    they still explain as much as with it.
+    """
+    put_back: set[str] = set()
     while fit.parts:
-        costs = [(without(bench, fit, knobs.id), knobs.id) for knobs, _ in fit.parts]
-        smaller, _ = min(costs, key=lambda one: one[0].loss)
+        promised = promised_costs(fit)
+        doubtful = [part for part in fit.parts if promised[part[0].id] < PLAINLY * LEAST_GAIN]
+        if not doubtful:
+            return fit
+        smaller, part = min(
+            ((without(bench, fit, part[0].id), part) for part in doubtful), key=lambda one: one[0].loss
+        )
         if smaller.loss - fit.loss > LEAST_GAIN:
             return fit
+        if part[0].id not in put_back:
+            put_back.add(part[0].id)
+            again = refined(bench, with_part(bench, smaller, part))
+            smaller = again if smaller.loss - again.loss > LEAST_GAIN else smaller
         fit = smaller
     return fit

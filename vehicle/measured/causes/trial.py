@@ -14,7 +14,7 @@ from vehicle.measured.fit.products import crossed, without
 from vehicle.measured.fit.solver import Point, Rule, descend
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import HOPELESS, NULL_DRAWS, NULL_QUANTILE
+from vehicle.measured.thresholds import FAR_LESS, HOPELESS, NULL_DRAWS, NULL_QUANTILE
 
 ITERATIONS = 3  # chosen: a candidate is fitted again once it is in
 SETTLED = 0.01  # chosen, of a typical size: a step this small is the last
@@ -24,12 +24,16 @@ Change = Callable[[Mapping[str, dict[str, float]], Array, frozenset[str]], Array
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """A candidate at its best: coordinates, loss taken away beyond the fit, columns with the fit taken out."""
+    """A candidate at its best: coordinates, loss taken away beyond the fit, columns with the fit taken out.
+
+    One that is not `ended` was left where it began, because it promised far less than others.
+    """
 
     knobs: Knobs
     at: Array
     gain: float
     columns: Array
+    ended: bool = True
 
 
 class Projector:
@@ -93,10 +97,11 @@ class _OneMore:
         return self.at(at).left - start.left
 
 
-def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, iterations: int = ITERATIONS) -> Tried:
+def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, worth: float = 0.0) -> Tried:
     """Fit one more effect while the coordinates of the others follow linearly.
 
-    `change_of` is Bench.change, `project` takes out the columns of the fit.
+    `change_of` is Bench.change, `project` takes out the columns of the fit. A candidate that promises far less than the
+    gain that is `worth` something is not simulated further.
     """
     problem = _OneMore(change_of, fit, knobs, project)
     best = without = Point(np.array(knobs.neutral), project(fit.surprise))
@@ -108,11 +113,15 @@ def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, iterati
     def settled(before: Point, after: Point) -> bool:
         return bool(np.all(np.abs(after.at - before.at) < SETTLED * problem.typical))
 
-    def worthwhile(point: Point) -> bool:
-        return not without.loss - point.loss + _promise(point) < HOPELESS
+    promises: list[float] = []
 
-    end = descend(problem, best, Rule(iterations, settled, worthwhile=worthwhile))
-    return Tried(knobs, end.at, without.loss - end.loss, end.slope)
+    def worthwhile(point: Point) -> bool:
+        promises.append(without.loss - point.loss + _promise(point))
+        return not promises[-1] < max(HOPELESS, FAR_LESS * worth)
+
+    end = descend(problem, best, Rule(ITERATIONS, settled, worthwhile=worthwhile))
+    ended = not HOPELESS <= promises[-1] < FAR_LESS * worth
+    return Tried(knobs, end.at, without.loss - end.loss, end.slope, ended)
 
 
 def _promise(point: Point) -> float:

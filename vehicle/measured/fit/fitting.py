@@ -16,6 +16,7 @@ from vehicle.measured.fit.products import squared, without
 from vehicle.measured.fit.solver import LATER_STEP, Point, Rule, descend, slope_of, with_own_slope
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.thresholds import MOST_USUAL
 
 Part = tuple[Knobs, Array]
 ITERATIONS = 4  # chosen: with starts near the best, as effects enter one by one, the third step is small already
@@ -25,10 +26,19 @@ LEAST_STEP = 1e-6  # of the loss, which is of the order of the rows: less is rou
 
 @dataclass(frozen=True, eq=False)
 class Extra:
-    """Further terms of the path that are linear: one column of surprises each, and how much of it is in use."""
+    """Further terms of the path that are linear: one column of surprises each, and how much of it is in use.
+
+    The first columns, as many as `unknowns`, are those of causes.unknowns and in every fit.
+    """
 
     columns: Array
     amounts: Array
+    unknowns: int = 0
+
+    @property
+    def terms(self) -> slice:
+        """The columns that explain something."""
+        return slice(self.unknowns, self.columns.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +98,18 @@ class _Parts:
 
     @cached_property
     def low(self) -> Array:
-        return np.append(flat([knobs.low for knobs, _ in self.fit.parts]), np.full(self.linear.shape[1], -np.inf))
+        return np.append(flat([knobs.low for knobs, _ in self.fit.parts]), -self._most)
 
     @cached_property
     def high(self) -> Array:
-        return np.append(flat([knobs.high for knobs, _ in self.fit.parts]), np.full(self.linear.shape[1], np.inf))
+        return np.append(flat([knobs.high for knobs, _ in self.fit.parts]), self._most)
+
+    @property
+    def _most(self) -> Array:
+        """Largest amounts of the linear terms: what differs from tractor to tractor differs by so much."""
+        most = np.full(self.linear.shape[1], np.inf)
+        most[: self.fit.extra.unknowns if self.fit.extra else 0] = MOST_USUAL
+        return most
 
     @property
     def linear(self) -> Array:
@@ -137,7 +154,7 @@ class _Parts:
         return tuple(parts)
 
     def _extra(self, at: Array) -> Extra | None:
-        return self.fit.extra and Extra(self.fit.extra.columns, at[len(self.typical) :])
+        return self.fit.extra and replace(self.fit.extra, amounts=at[len(self.typical) :])
 
 
 def flat(vectors: Iterable[ArrayLike]) -> Array:

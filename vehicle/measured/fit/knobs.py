@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from vehicle.effects import effect, neutral
-from vehicle.kinds import Box, Circle, Interval
+from vehicle.kinds import Box, Interval, Kind
 from vehicle.measured.logs.record import Array
 from vehicle.rest import BY_NAME, REST
 from vehicle.tractor import Tractor
 
+Places = Mapping[str, Sequence[float]]
 MANY_STARTS = 6  # chosen: more than this only the long list of dead times has
 
 
@@ -42,18 +45,20 @@ class Knobs:
         """Values of the effect, or the amount of a term of the rest, at coordinates."""
         if self.id in BY_NAME:
             return {self.id: float(at[0])}
-        entry = effect(self.id)
-        return entry.kind.values(entry.params, at, self.fixed)
+        return self._kind.values(effect(self.id).params, at, self.fixed)
 
     def deviation(self, at: Array) -> float:
         """How far coordinates are from neutral, in the unit of the size of the effect."""
-        return effect(self.id).kind.deviation(self.neutral, at)
+        return self._kind.deviation(self.neutral, at)
 
     def interval(self, at: Array, covariance: Array, finest: float) -> dict[str, Interval]:
         """95 % interval of the values from the covariance (m, m) of the coordinates; see Kind.interval."""
-        entry = effect(self.id)
         box = Box(self.neutral, self.typical, self.low, self.high, self.starts)
-        return entry.kind.interval(entry.params, box, at, covariance, finest)
+        return self._kind.interval(effect(self.id).params, box, at, covariance, finest)
+
+    @property
+    def _kind(self) -> Kind:
+        return effect(self.id).kind.on(self.fixed)
 
     def with_fewer_starts(self) -> Knobs:
         """The same with every third start: positions alone tell little of the fine structure that needs more."""
@@ -64,13 +69,17 @@ class Knobs:
         return np.clip(at, self.low, self.high)
 
 
-def knobs_for(tractor: Tractor, name: str, patch: Circle | None = None) -> Knobs:
-    """Coordinates of an effect on a tractor; a `patch` (east, north, radius) is for effects whose place is searched."""
-    entry = effect(name)
+def knobs_for(tractor: Tractor, name: str, places: Places = MappingProxyType({})) -> Knobs:
+    """Coordinates of an effect on a tractor.
+
+    `places` has what is known beforehand of where effects are: of a patch its circle (east, north, radius in m), of a
+    drift on a slope that was measured the values of vehicle.kinds.OnSlope.
+    """
+    entry, place = effect(name), tuple(places.get(name, ()))
     size = entry.size.for_wheelbase(tractor.wheelbase_m)
     zero = neutral(name, tractor.steering)[size.name]
-    box = entry.kind.box(size, zero, (*entry.starts, *[zero * share for share in entry.start_shares]))
-    return Knobs(name, *box, fixed=patch if entry.kind.searched and patch else ())
+    box = entry.kind.on(place).box(size, zero, (*entry.starts, *[zero * share for share in entry.start_shares]))
+    return Knobs(name, *box, fixed=place)
 
 
 def rest_knobs() -> list[tuple[Knobs, ...]]:

@@ -31,8 +31,9 @@ from vehicle.measured.fit.solver import (
     with_own_slope,
 )
 from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.anchoring import add_off_middle
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.horizons import anchored_pieces, chain, pieces
+from vehicle.measured.replay.horizons import Cuts, anchored_pieces, cuts, driven_pose
 from vehicle.measured.replay.replaying import FORWARD, replay
 from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
@@ -80,29 +81,35 @@ class OpenLoop:
     """The errors of a bench under terms, as a vector in units of what they were without any (n,).
 
     Errors along the way are judged beside what is `tolerated`: effects of the speed that no term has to take away.
+    Terms that are `settled` act beside all others, and no fit moves them.
     """
 
     bench: Bench
     tolerated: Settings = field(default_factory=dict)
+    settled: Terms = ()
 
     def errors(self, terms: Sequence[Term]) -> Array:
         """The whole vector: the sum of its squares is 1 without terms."""
-        parts = [self._raw(stretch, settings_in(terms, stretch.run)) for stretch in self.bench.course.stretches]
+        acting = (*self.settled, *terms)
+        parts = [self._raw(stretch, settings_in(acting, stretch.run)) for stretch in self.bench.course.stretches]
         out: Array = np.concatenate(parts) / self._units
         return out
 
     def _raw(self, stretch: Stretch, settings: Settings) -> Array:
-        antenna, heading, _, _ = chain(self.bench.rig, stretch, settings, by_speed=True)
+        antenna, heading = driven_pose(self.bench.rig, stretch, settings, by_speed=True)
         behind = self._behind(stretch, settings)
         parts = []
-        for horizon in HORIZONS_S:
-            cut = pieces(stretch.time, horizon)
+        for cut in self._cuts[stretch]:
             errors = anchored_pieces(stretch, antenna, heading, cut)
             if behind is not None:
-                for rows in cut:
-                    errors[rows, 1] += behind[rows] - behind[rows].mean()
+                add_off_middle(*cut, behind, errors[:, 1])
             parts.append(errors)
-        return np.nan_to_num(np.concatenate(parts).ravel())
+        return np.nan_to_num(np.concatenate(parts).ravel(), copy=False)
+
+    @cached_property
+    def _cuts(self) -> dict[Stretch, list[Cuts]]:
+        """Pieces of every stretch, by horizon."""
+        return {one: [cuts(one.time, horizon) for horizon in HORIZONS_S] for one in self.bench.course.stretches}
 
     def _behind(self, stretch: Stretch, settings: Settings) -> Array | None:
         """How far the measured speed has come beyond the commanded one, per row (m); None where one was not logged.

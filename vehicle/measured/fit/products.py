@@ -19,10 +19,21 @@ def squared(left: Array) -> float:
 
 def crossed(one: Array, two: Array) -> Array:
     """Products (m, k) of all columns (n, m) with all columns (n, k), or (m,) with a vector (n,)."""
-    tall = two.reshape(len(two), -1)
-    out = np.zeros((one.shape[1], tall.shape[1]))
-    _crossed(np.ascontiguousarray(one), np.ascontiguousarray(tall), out)
+    wide, tall = np.ascontiguousarray(one), np.ascontiguousarray(two.reshape(len(two), -1))
+    if tall.shape[1] < wide.shape[1]:  # the inner loop is the longer one: several columns are added up at once
+        turned = np.zeros((tall.shape[1], wide.shape[1]))
+        _crossed(tall, wide, turned)
+        return np.ascontiguousarray(turned.T).reshape(one.shape[1], *two.shape[1:])
+    out = np.zeros((wide.shape[1], tall.shape[1]))
+    _crossed(wide, tall, out)
     return out.reshape(one.shape[1], *two.shape[1:])
+
+
+def squares(columns: Array) -> Array:
+    """Sum of squares (m,) of every column (n, m)."""
+    out = np.zeros(columns.shape[1])
+    _squares(np.ascontiguousarray(columns), out)
+    return out
 
 
 def without(vector: Array, columns: Array, amounts: Array) -> Array:
@@ -34,10 +45,23 @@ def without(vector: Array, columns: Array, amounts: Array) -> Array:
 
 @compiled
 def _crossed(one, two, out) -> None:  # type: ignore[no-untyped-def]
+    if one.shape[1] == 1 and two.shape[1] == 1:
+        whole = 0.0
+        for row in range(len(one)):
+            whole += one[row, 0] * two[row, 0]
+        out[0, 0] = whole
+        return
     for row in range(len(one)):
         for i in range(one.shape[1]):
             for j in range(two.shape[1]):
                 out[i, j] += one[row, i] * two[row, j]
+
+
+@compiled
+def _squares(columns, out) -> None:  # type: ignore[no-untyped-def]
+    for row in range(len(columns)):
+        for i in range(len(out)):
+            out[i] += columns[row, i] * columns[row, i]
 
 
 @compiled

@@ -60,6 +60,7 @@ _CONVERSIONS: dict[Fix, tuple[tuple[str, ...], Callable[[Array], Array]]] = {
     Fix.STEERING_RADIANS: (STEERING, np.degrees),
     Fix.STEERING_LEFT: (STEERING, np.negative),
     Fix.IMPLEMENT_REVERSED: (("implement",), lambda values: 1.0 - values),
+    Fix.ROLL_LEFT: (("roll_deg",), np.negative),
 }
 
 

@@ -37,7 +37,7 @@ class RowRules:
 
 
 def gate_rows(columns: dict[str, Array]) -> RowRules:
-    """Apply every rule to the columns (units of the contract); roll and pitch, which nothing uses, take no row out."""
+    """Apply every rule to the columns (units of the contract); roll and pitch take no row out: others stand in."""
     rules = RowRules(len(columns["time_s"]))
     rules.take_out("time missing or not a number", ~np.isfinite(columns["time_s"]))
     east, north = columns["easting_m"], columns["northing_m"]

@@ -37,6 +37,7 @@ class Fix(StrEnum):
     STEERING_RADIANS = "steering-radians"
     STEERING_LEFT = "steering-left-positive"
     IMPLEMENT_REVERSED = "implement-reversed"
+    ROLL_LEFT = "roll-left-down"
 
 
 MEANING = {
@@ -54,6 +55,7 @@ MEANING = {
     Fix.STEERING_RADIANS: "steering angles are in radians",
     Fix.STEERING_LEFT: "steering is positive to the left",
     Fix.IMPLEMENT_REVERSED: "implement is 1 where it is lifted and 0 where it works",
+    Fix.ROLL_LEFT: "roll_deg is positive where the left side is lower",
 }
 
 
@@ -100,7 +102,8 @@ class Log:
     without a gap of more than five samples, from 0; it is -1 on rows that are not used. Speeds are never negative
     (noise down to -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file
     does not say; `implement` is then 0 throughout. `given_again` holds the further names under which the same file was
-    given; `doubts` say what its instruments got wrong and what was set right.
+    given; `doubts` say what its instruments got wrong and what was set right. `speed_factor` is what the measured speed
+    was divided by.
     """
 
     name: str
@@ -122,6 +125,7 @@ class Log:
     ignored_columns: tuple[str, ...] = ()
     given_again: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    speed_factor: float = 1.0
 
     @property
     def rows_used(self) -> int:

@@ -7,10 +7,10 @@ import difflib
 import numpy as np
 
 from vehicle.measured.logs.gating import FIRST_ROW_LINE
+from vehicle.measured.logs.levelling import STEEPEST_DEG
 from vehicle.measured.logs.record import COLUMNS, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 
-STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 _NEAR = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 
 
@@ -49,7 +49,7 @@ def _columns(log: Log) -> list[str]:
 
 
 def _tilt(log: Log) -> list[str]:
-    """Roll and pitch are looked at, but no row is lost for them: nothing uses them."""
+    """Roll and pitch that cannot be: no row is lost for them, as the ground does not change from row to row."""
     told = []
     for name, values in (("roll_deg", log.roll_deg), ("pitch_deg", log.pitch_deg)):
         if values is not None:
@@ -57,7 +57,7 @@ def _tilt(log: Log) -> list[str]:
             if len(bad):
                 told.append(
                     f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_rows(len(bad))} (first in line "
-                    f"{_line(bad)}); it is not used, so they stay"
+                    f"{_line(bad)}); the rows about them stand in"
                 )
     return told
 

@@ -7,6 +7,7 @@ read too high for wheel slip, clocks that part for a dead time that grows, an an
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,23 +15,28 @@ import numpy as np
 
 from vehicle.measured.logs.bends import bends, steering
 from vehicle.measured.logs.gating import FIRST_ROW_LINE, segments
-from vehicle.measured.logs.motion import motion
+from vehicle.measured.logs.motion import Motion, motion
 from vehicle.measured.logs.record import Array, Gated, Log, Mask, Rows
 
 # Speed: no slope that tractors work on carries them along by so much, and it does so one way only.
 _LEAST_FACTOR, _SURE = 1.05, 5.0
 _STRAIGHT_PER_M, _ALIKE = 0.03, 0.02
+_NEARER = 0.4  # of a factor told of another log: nearer to that than to none, as no antenna ahead of the axle makes it
 _FEWEST = 12
 # Clocks: s. Windows hold several changes of the steering; lags beyond the search are no clock's.
 _WINDOW_S, _SEARCH_S, _GRID_S, _SMOOTH_S = 20.0, 2.5, 0.1, 0.6
 _LEAST_WINDOWS, _LEAST_DRIFT_S, _MATCHES = 5, 0.3, 0.75
+# Shorter logs do not tell of two clocks: with windows of 10 s one honest log in ten seems to have them.
+CLOCKS_FROM_S = _LEAST_WINDOWS * _WINDOW_S
 # A wheel sensor that is off repeats one value for long; what the path says it should be is averaged over that.
+_NOTHING = "steering_deg has nothing to do with the bends of the path"
+_STRAY, _FOLLOWS = 0.3, 0.9  # correlations with the bends of the path: an honest sensor has no less than the second
 _STILL_S, _OFF_DEG, _MOVES_DEG, _RUN_CHORDS, _OFF_SHARE = 4.0, 3.0, 2.0, 5, 0.4
 
 
 def set_right(log: Log) -> Log:
     """The log with what its sensors got wrong set right, and a sentence for each in `doubts`."""
-    for check in (_off_sensor, _speed_factor, _clocks):
+    for check in (_stray_sensor, _off_sensor, _speed_factor, _clocks):
         log = check(log)
     return log
 
@@ -41,7 +47,7 @@ def _speed_factor(log: Log) -> Log:
     if log.speed_mps is None or chords is None:
         return log
     said = log.speed_mps[chords.row]
-    use = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (chords.speed > 0.3) & (said > 0.1)
+    use = _straight(chords, said)
     if np.count_nonzero(use) < _FEWEST:
         return log
     ratio, course = said[use] / chords.speed[use], chords.course[use]
@@ -58,7 +64,56 @@ def _speed_factor(log: Log) -> Log:
         f"speed_mps reads {100.0 * abs(factor - 1.0):.0f} % {what} than the positions move, alike in every direction: "
         f"the sensor's factor, not slip; it is divided by {factor:.3f}"
     )
-    return replace(log, speed_mps=log.speed_mps / factor, doubts=(*log.doubts, told))
+    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, doubts=(*log.doubts, told))
+
+
+def set_right_together(logs: Sequence[Log]) -> list[Log]:
+    """Logs of a set, those that cannot tell by themselves set right as others of the set were.
+
+    Bends alone tell a factor of the speed roughly; where that is the one that straight driving told of another log, it
+    is taken. Straight driving does not tell that a wheel angle moves with nothing; where bends did, it is left out.
+    """
+    stray = next((log.name for log in logs if any(one.startswith(_NOTHING) for one in log.doubts)), None)
+    if stray is not None:
+        logs = [_without_stray(log, stray) for log in logs]
+    told = [log for log in logs if log.speed_factor != 1.0]
+    return [_as_others(log, told) for log in logs] if told else list(logs)
+
+
+def _without_stray(log: Log, other: str) -> Log:
+    """A log without a wheel angle that moves and does not bend the path, as in the `other` log."""
+    if log.steering_deg is None or log.steering_command_deg is None:
+        return log
+    moves = float(np.std(log.steering_deg[log.used])) >= _MOVES_DEG
+    if not moves or abs(_followed(replace(log, steering_command_deg=None))) > 2.0 * _STRAY:
+        return log
+    return replace(log, steering_deg=None, doubts=(*log.doubts, f"{_NOTHING}, as in {other}; it counts as not logged"))
+
+
+def _as_others(log: Log, told: Sequence[Log]) -> Log:
+    """A log whose speed reads by about a factor that was told of others, divided by the one that is nearest."""
+    chords = motion(log)
+    if log.speed_mps is None or log.speed_factor != 1.0 or chords is None or len(chords.row) < _FEWEST // 2:
+        return log
+    said = log.speed_mps[chords.row]
+    if np.count_nonzero(_straight(chords, said)) >= _FEWEST:
+        return log  # it has told by itself that there is no factor, or slip in its place
+    ratio = float(np.median(said / np.maximum(chords.speed, 0.05)))
+    like = min(told, key=lambda other: abs(math.log(max(ratio, 1e-3) / other.speed_factor)))
+    factor = like.speed_factor
+    if abs(math.log(max(ratio, 1e-3) / factor)) > _NEARER * abs(math.log(factor)):
+        return log
+    what = (
+        f"speed_mps reads about {100.0 * abs(ratio - 1.0):.0f} % {'more' if ratio > 1.0 else 'less'} than the "
+        f"positions move, as in {like.name}: the same sensor; it is divided by {factor:.3f}"
+    )
+    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, doubts=(*log.doubts, what))
+
+
+def _straight(chords: Motion, said: Array) -> Mask:
+    """Chords that a factor of the speed `said` there can be told from."""
+    straight: Mask = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (chords.speed > 0.3) & (said > 0.1)
+    return straight
 
 
 def _parts(course: Array, working: Array) -> list[Mask]:
@@ -106,7 +161,8 @@ def _moved(log: Log, slide: Array) -> Log:
 def _lags(log: Log) -> tuple[Array, Array] | None:
     """Per window: its middle (s) and how much later than the steering the path turns (s)."""
     rows = np.flatnonzero(log.used & (log.shuttle > 0.0))
-    if len(rows) < 2 or float(np.ptp(log.time_s[rows])) < _LEAST_WINDOWS * _WINDOW_S:
+    span = float(np.ptp(log.time_s[rows])) if len(rows) else 0.0
+    if span < CLOCKS_FROM_S:
         return None
     grid = np.arange(log.time_s[rows[0]], log.time_s[rows[-1]], _GRID_S)
     turning, angle = _turning(log, rows, grid), np.interp(grid, log.time_s[rows], steering(log)[rows])
@@ -194,6 +250,26 @@ def _off_sensor(log: Log) -> Log:
     rule = f"steering_deg stands still for {_STILL_S:g} s and more while the path bends: the sensor is off"
     gated = (*log.gated, Gated(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
     return replace(log, used=used, segment=segments(log.time_s, used), gated=gated)
+
+
+def _stray_sensor(log: Log) -> Log:
+    """A wheel angle taken as not logged that moves with nothing: the command bends the path and it does not."""
+    if log.steering_deg is None or log.steering_command_deg is None:
+        return log
+    by_sensor = _followed(replace(log, steering_command_deg=None))
+    by_command = _followed(replace(log, steering_deg=None))
+    if float(np.std(log.steering_deg[log.used])) < _MOVES_DEG or abs(by_sensor) > _STRAY or by_command < _FOLLOWS:
+        return log
+    told = f"{_NOTHING} (correlation {by_sensor:.2f}, that of the command {by_command:.2f}); it counts as not logged"
+    return replace(log, steering_deg=None, doubts=(*log.doubts, told))
+
+
+def _followed(log: Log) -> float:
+    """Correlation of the steering with the bends of the path, 1 where there are too few of them to say."""
+    bent = bends(log)
+    if bent is None or len(bent[0]) < 2 * _FEWEST or min(float(np.std(one)) for one in bent[:2]) == 0.0:
+        return 1.0
+    return float(np.corrcoef(bent[0], bent[1])[0, 1])
 
 
 def _standing(time: Array, values: Array, used: Mask) -> list[Rows]:

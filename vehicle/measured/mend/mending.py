@@ -29,20 +29,21 @@ class Mended:
     model: Model
 
 
-def mend(bench: Bench, tractor: Tractor, start: Terms, step: Step, tolerated: Settings | None = None) -> Mended:
-    """Terms that lower the open-loop error of runs held out, the most telling first; `start` stays in.
+def mend(bench: Bench, tractor: Tractor, settled: Terms, step: Step, tolerated: Settings | None = None) -> Mended:
+    """Terms that lower the open-loop error of runs held out beside those `settled`, the most telling first.
 
-    `tolerated` is that of OpenLoop.
+    `tolerated` and `settled` are those of OpenLoop: what the surprises told stays as they told it, for the open-loop
+    error knows neither instruments nor what differs between tractors.
     """
-    loop = OpenLoop(bench, tolerated or {})
-    model = fitted(loop, start)
+    loop = OpenLoop(bench, tolerated or {}, settled)
+    model = fitted(loop, ())
     best = held_out_loss(loop, model)
     while len(model.terms) < MOST_TERMS:
         larger = _enlarged(loop, model, best, tractor, step)
         if larger is None:
             break
         model, best = larger
-    return Mended(loop, _pruned(loop, model, best, frozenset(term.knobs.id for term in start)))
+    return Mended(loop, _pruned(loop, model, best))
 
 
 def _enlarged(loop: OpenLoop, model: Model, best: float, tractor: Tractor, step: Step) -> tuple[Model, float] | None:
@@ -94,11 +95,11 @@ def at_a_limit(terms: Terms) -> bool:
     )
 
 
-def _pruned(loop: OpenLoop, model: Model, best: float, kept: frozenset[str]) -> Model:
+def _pruned(loop: OpenLoop, model: Model, best: float) -> Model:
     """Leave out, one by one, what later terms have made superfluous."""
-    for name in sorted({entry_of(name) for name in model.ids - kept}):
+    for name in sorted({entry_of(name) for name in model.ids}):
         smaller = fitted(loop, tuple(term for term in model.terms if entry_of(term.knobs.id) != name), 2)
         loss = held_out_loss(loop, smaller)
         if loss < best / (1.0 - WORTH):
-            return _pruned(loop, smaller, loss, kept)
+            return _pruned(loop, smaller, loss)
     return model

@@ -45,8 +45,9 @@ def proposals(
 ) -> list[Proposal]:
     """Every effect and term of the rest that is not in the model, each at its best with the others following."""
     proposed = []
+    taken = model.ids | skip | {term.knobs.id for term in loop.settled}
     for entry in CATALOGUE:
-        if entry.id in model.ids | skip or entry.stands_in:
+        if entry.id in taken or entry.stands_in:
             continue
         step()
         proposed += _of_effect(loop, model, tractor, entry)
@@ -60,7 +61,7 @@ def proposals(
 
 def _of_effect(loop: OpenLoop, model: Model, tractor: Tractor, entry: Effect) -> list[Proposal]:
     """An effect from its best start and, if it is one of the ground, at two levels."""
-    knobs = knobs_for(tractor, entry.id).with_fewer_starts()
+    knobs = knobs_for(tractor, entry.id, loop.bench.course.places).with_fewer_starts()
     neutral = np.array(knobs.neutral)
     starts = [np.array(at) for at in knobs.starts if at != knobs.neutral]
     errors = [model.errors, *[loop.errors((*model.terms, Term(knobs, at))) for at in starts]]

@@ -56,3 +56,16 @@ def anchor_pieces(starts, ends, east, north, heading, x, y, angle, out) -> None:
             out[k, 1] = off_east * there + off_north * across
             left = heading[k] - angle[k] - turn
             out[k, 2] = math.atan2(math.sin(left), math.cos(left))
+
+
+@compiled
+def add_off_middle(starts, ends, values, out) -> None:  # type: ignore[no-untyped-def]
+    """Add values (k,) to `out` (k,), in every piece (of anchor_pieces) about their own middle there."""
+    for piece in range(len(starts)):
+        first, end = starts[piece], ends[piece]
+        whole = 0.0
+        for k in range(first, end):
+            whole += values[k]
+        middle = whole / (end - first)
+        for k in range(first, end):
+            out[k] += values[k] - middle

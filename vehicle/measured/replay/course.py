@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from vehicle.effects import SLOPE_DRIFT
 from vehicle.layout import DT_S
 from vehicle.measured.errors import LogError
+from vehicle.measured.logs.grade import grade
 from vehicle.measured.logs.record import Array, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
+from vehicle.measured.logs.tilt import Tilt, tilt
 
 CHORD_S = 0.6  # a centimetre of antenna noise is a degree of course at walking pace
 _SHOWN_LOGS = 3  # of a refusal: more are counted
@@ -24,7 +27,8 @@ class Stretch:
 
     Per row (k,): `time`, `east`, `north` (from the origin of the set), `heading` (continuous), `heading_seen` (False
     where the log has none and the course stands in), `speed`, `wheel`, `command`, `target`, `working`; a column that
-    the log lacks is None. Per step of 1/60 s (n,): the same inputs on the grid, names with `_grid`. `start_s` is the
+    the log lacks is None. Per step of 1/60 s (n,): the same inputs in `grids`, and `across`, the slope of the ground to
+    the right (m/m), where it was measured. `start_s` is the
     time since the start of the run at the first row. `gear` is 1, or -1 in reverse, where `speed` and `target` are
     negative and the heading points away from the way driven.
     """
@@ -63,12 +67,22 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """All runs of a set: names, stretches, the origin taken off the positions, and the rows left out here."""
+    """All runs of a set: names, stretches, the origin taken off the positions, rows read, the ground's slope.
+
+    `remarks` say what was made of roll and pitch.
+    """
 
     names: tuple[str, ...]
     stretches: tuple[Stretch, ...]
     origin: tuple[float, float]
     rows_read: int
+    tilt: Tilt = field(default_factory=Tilt)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def places(self) -> dict[str, tuple[float, ...]]:
+        """What is known beforehand of where effects are, by effect (see vehicle.measured.fit.knobs)."""
+        return {SLOPE_DRIFT: self.tilt.plane} if self.tilt.known else {}
 
     @property
     def rows(self) -> int:
@@ -91,13 +105,18 @@ def make_course(logs: Sequence[Log]) -> Course:
     east = np.concatenate([log.easting_m[rows] for log, rows in zip(logs, used, strict=True)])
     north = np.concatenate([log.northing_m[rows] for log, rows in zip(logs, used, strict=True)])
     origin = (float(np.round(np.median(east))), float(np.round(np.median(north))))
-    stretches: list[Stretch] = []
+    slopes, climbs, stretches = tilt(logs), grade(logs), list[Stretch]()
     for run, log in enumerate(logs):
+        if climbs.share and log.speed_command_mps is not None:
+            log = replace(log, speed_command_mps=log.speed_command_mps * climbs.share[run])
+        across = slopes.across[run] if slopes.known else None
         for rows in driven_stretches(log)[0]:
-            stretches.append(_stretch(log, rows, run, origin))
+            stretches.append(_stretch(log, rows, run, origin, None if across is None else across[rows]))
     if not stretches:
         raise LogError(_nothing_long(logs))
-    return Course(tuple(log.name for log in logs), tuple(stretches), origin, sum(len(log.used) for log in logs))
+    rows_read = sum(len(log.used) for log in logs)
+    ground = (*slopes.remarks, *climbs.remarks)
+    return Course(tuple(log.name for log in logs), tuple(stretches), origin, rows_read, slopes, ground)
 
 
 def _nothing_long(logs: Sequence[Log]) -> str:
@@ -119,7 +138,8 @@ def _nothing_long(logs: Sequence[Log]) -> str:
     )
 
 
-def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float]) -> Stretch:
+def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float], across: Array | None = None) -> Stretch:
+    """A stretch; `across` is the slope to the right per row, where it was measured."""
     time = log.time_s[rows] - log.time_s[rows[0]]
     east, north = log.easting_m[rows] - origin[0], log.northing_m[rows] - origin[1]
     gear = float(np.sign(log.shuttle[rows[0]]))
@@ -132,6 +152,7 @@ def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float]) -> Str
         "wheel": _angle(log.steering_deg, rows),
         "command": _angle(log.steering_command_deg, rows),
         "target": None if log.speed_command_mps is None else gear * log.speed_command_mps[rows],
+        "across": across,
     }
     working = log.implement[rows]
     grids = _grids(

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import anchor_pieces
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import Rig, replay, seen
+from vehicle.measured.replay.replaying import Rig, antenna_seen, replay, seen
 from vehicle.measured.replay.windows import half_of
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # from a moment to a short swath at 5 km/h
@@ -21,6 +21,7 @@ FEWEST_ROWS = 4  # three numbers of the rigid fit and one that can be wrong
 Seen = tuple[Array, Array, Array, Array]
 Squares = dict[float, Array]
 Halves = tuple[Settings, Settings]
+Cuts = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 EDGE_S = 0.5  # a piece begins at a row, up to half a second (at 1 Hz) off its time
 
 
@@ -35,15 +36,14 @@ class Error:
 
 def anchored(stretch: Stretch, antenna: Array, heading: Array, rows: slice) -> Array:
     """Cross, along (m) and heading (rad) errors per row (k, 3) after the best turn and shift of the simulated piece."""
-    return anchored_pieces(stretch, antenna, heading, [rows])[rows]
+    return anchored_pieces(stretch, antenna, heading, (np.array([rows.start]), np.array([rows.stop])))[rows]
 
 
-def anchored_pieces(stretch: Stretch, antenna: Array, heading: Array, parts: list[slice]) -> Array:
+def anchored_pieces(stretch: Stretch, antenna: Array, heading: Array, cut: Cuts) -> Array:
     """The errors of all pieces, in the rows of the stretch (k, 3); headings are nan where none was measured."""
-    starts, ends = (np.array([getattr(one, edge) for one in parts], dtype=np.int64) for edge in ("start", "stop"))
     out = np.zeros((stretch.rows, 3))
     x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
-    anchor_pieces(starts, ends, stretch.east, stretch.north, stretch.heading, x, y, heading, out)
+    anchor_pieces(*cut, stretch.east, stretch.north, stretch.heading, x, y, heading, out)
     if not stretch.heading_seen:
         out[:, 2] = np.nan
     return out
@@ -51,9 +51,15 @@ def anchored_pieces(stretch: Stretch, antenna: Array, heading: Array, parts: lis
 
 def pieces(time: Array, horizon: float) -> list[slice]:
     """Whole pieces of a horizon, one after another."""
+    return [slice(int(i), int(j)) for i, j in zip(*cuts(time, horizon), strict=True)]
+
+
+def cuts(time: Array, horizon: float) -> Cuts:
+    """First rows (p,) of whole pieces of a horizon, and the rows (p,) behind their last."""
     starts = np.arange(0.0, time[-1] - horizon + 1e-6, horizon)
     edges = np.searchsorted(time, np.append(starts, starts[-1] + horizon if len(starts) else 0.0) - 1e-9)
-    return [slice(int(i), int(j)) for i, j in pairwise(edges) if j - i >= FEWEST_ROWS]
+    enough = np.diff(edges) >= FEWEST_ROWS
+    return edges[:-1][enough], edges[1:][enough]
 
 
 def chain(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool = False) -> Seen:
@@ -61,20 +67,28 @@ def chain(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool = False
 
     With `by_speed` at the speed that was measured, where it was: so a fault of the speed leaves no trace of its own.
     """
-    from_speed = by_speed and stretch.speed_seen
-    return seen(rig, stretch, replay(rig, stretch, settings, from_sensor=False, from_speed=from_speed), settings)
+    return seen(rig, stretch, _driven(rig, stretch, settings, by_speed), settings)
+
+
+def driven_pose(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool = False) -> tuple[Array, Array]:
+    """Antenna (k, 2) and heading (k,) of chain alone."""
+    return antenna_seen(rig, stretch, _driven(rig, stretch, settings, by_speed), settings)
+
+
+def _driven(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool) -> Array:
+    return replay(rig, stretch, settings, from_sensor=False, from_speed=by_speed and stretch.speed_seen)
 
 
 def squares(stretch: Stretch, antenna: Array, heading: Array, half: int | None = None) -> Squares:
     """Sums of squares (cross, along, heading) and rows per horizon: (4,) each, of all pieces or of those of a half."""
     sums = {}
     for horizon in HORIZONS_S:
-        parts = pieces(stretch.time, horizon)
+        starts, ends = cuts(stretch.time, horizon)
         if half is not None:
-            starts = np.array([stretch.time[part.start] for part in parts])
-            parts = [part for part, mine in zip(parts, half_of(starts + EDGE_S) == half, strict=True) if mine]
-        errors = anchored_pieces(stretch, antenna, heading, parts)
-        rows = sum(part.stop - part.start for part in parts)
+            mine = half_of(stretch.time[starts] + EDGE_S) == half
+            starts, ends = starts[mine], ends[mine]
+        errors = anchored_pieces(stretch, antenna, heading, (starts, ends))
+        rows = int((ends - starts).sum())
         sums[horizon] = np.array([*(errors * errors).sum(axis=0), rows]) if rows else np.zeros(4)
     return sums
 
@@ -95,7 +109,7 @@ def run_squares(
     for stretch in course.stretches:
         mine = settings[stretch.run]
         for half, one in enumerate(mine) if isinstance(mine, tuple) else ((None, mine),):
-            antenna, heading, _, _ = chain(rig, stretch, one, by_speed)
+            antenna, heading = driven_pose(rig, stretch, one, by_speed)
             for horizon, part in squares(stretch, antenna, heading, half).items():
                 totals[stretch.run][horizon] += part
     return totals

@@ -8,7 +8,7 @@ Effects that belong to a place or a direction look at the measured pose, so one 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,11 +18,12 @@ from vehicle.calibration import steering_tables
 from vehicle.chassis import GRAVITY, body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
-from vehicle.effects import PATH, SPEED, effect_fields
+from vehicle.effects import PATH, SLOPE_DRIFT, SPEED, effect_fields
 from vehicle.effects import STEERING as STEERS
 from vehicle.ground import ground_index
 from vehicle.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, shown_rows
 from vehicle.jit import compiled
+from vehicle.kinds import PER_SLOPE
 from vehicle.layout import DT_S, STATE
 from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
@@ -32,16 +33,18 @@ from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
 X, Y, ANGLE, STEERING, FORWARD = range(5)  # columns of replayed states
+MOST_MODELS = 16  # chosen: the stretches of a course ask for one after another
 
 
 @compiled
 def replay_steps(  # type: ignore[no-untyped-def]
-    command, wheel, speed, target, working, east, north, heading, cosines, sines, start_s, dt, from_sensor, from_speed,
-    state, model, ground, table, out,
+    command, wheel, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt, from_sensor,
+    from_speed, state, model, ground, table, out,
 ) -> None:  # fmt: skip
     """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
 
-    `cosines` and `sines` are those of `heading`.
+    `cosines` and `sines` are those of `heading`; `downhill` is the drift to the right (m/m) on a slope that was
+    measured, beside that of the model.
 
     `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
     are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it.
@@ -69,6 +72,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
             state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
         along, slide = ground_drift(state.play, forward, there, across, model)
+        slide += abs(forward) * downhill[i]
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
         x += ((forward + along) * cosine + right * sine) * dt
@@ -94,7 +98,7 @@ class Rig:
     """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
 
     `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none. `kept` is what
-    was replayed already.
+    was replayed already, `models` what it was replayed with.
     """
 
     tractor: Tractor
@@ -104,6 +108,16 @@ class Rig:
     origin: tuple[float, float] = (0.0, 0.0)
     ranges: Mapping[str, float] = field(default_factory=dict)
     kept: Kept = field(default_factory=Kept)
+    models: dict[Hashable, Any] = field(default_factory=dict)
+
+    def effective(self, settings: Settings) -> Any:
+        """The record of with_effects, made once for the stretches of a course."""
+        key = self.origin, tuple(self.ranges.items()), key_of(settings)
+        if key not in self.models:
+            if len(self.models) >= MOST_MODELS:
+                self.models.clear()
+            self.models[key] = self.with_effects(settings)[0]
+        return self.models[key]
 
     def with_effects(self, settings: Settings) -> Any:
         """The model record with effects; places in the field are moved to the origin of the course."""
@@ -149,12 +163,21 @@ def _replayed(rig: Rig, stretch: Stretch, settings: Settings, sensed: bool, time
     grids = stretch.grids
     command, wheel = _steering(stretch)
     out = np.empty((len(command), 5))
+    settings, downhill = _on_slope(stretch, settings)
     replay_steps(
         command, wheel, grids["speed"], grids.get("target", grids["speed"]), grids["working"], grids["east"],
-        grids["north"], grids["heading"], *stretch.direction, stretch.start_s, DT_S, sensed, timed, _fresh(command)[0],
-        rig.with_effects(settings)[0], rig.ground[0], rig.table, out,
+        grids["north"], grids["heading"], *stretch.direction, downhill, stretch.start_s, DT_S, sensed, timed,
+        _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
+
+
+def _on_slope(stretch: Stretch, settings: Settings) -> tuple[Settings, Array]:
+    """Settings without the drift on a plane, and the drift (m/m, n) on the slope measured; as they are without one."""
+    share, across = settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE), stretch.grids.get("across")
+    if share is None or across is None:
+        return settings, np.zeros(len(stretch.grids["speed"]))
+    return {name: values for name, values in settings.items() if name != SLOPE_DRIFT}, share * across
 
 
 def wheel_angles(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
@@ -164,7 +187,7 @@ def wheel_angles(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
     def steered() -> tuple[Array]:
         command, wheel = _steering(stretch)
         out = np.empty(len(command))
-        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.with_effects(acting)[0], out)
+        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.effective(acting), out)
         return (out,)
 
     return rig.kept.get((stretch, "wheel", key_of(acting)), steered)[0]
@@ -195,14 +218,25 @@ def antenna_lever(rig: Rig, fields: Mapping[str, float]) -> tuple[float, float]:
 def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array, Array, Array]:
     """What instruments would have logged of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
     grid = np.arange(len(states), dtype=np.float64) * DT_S
-    rows = shown_poses(rig, stretch, states, settings, grid, effect_fields(settings)["latency"] * DT_S)
     wheel, speed = (np.interp(stretch.time, grid, states[:, column]) for column in (STEERING, FORWARD))
-    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING], wheel, speed
+    return *antenna_seen(rig, stretch, states, settings), wheel, speed
 
 
-def shown_poses(rig: Rig, stretch: Stretch, states: Array, settings: Settings, grid: Array, latency_s: float) -> Array:
-    """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments."""
+def antenna_seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array]:
+    """Antenna (k, 2) and heading (k,) of `seen` alone."""
+    grid = np.arange(len(states), dtype=np.float64) * DT_S
     fields = effect_fields(settings)
+    rows = shown_poses(rig, stretch, states, fields, grid, fields["latency"] * DT_S)
+    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING]
+
+
+def shown_poses(
+    rig: Rig, stretch: Stretch, states: Array, fields: Mapping[str, float], grid: Array, latency_s: float
+) -> Array:
+    """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments.
+
+    `fields` are those of the effects.
+    """
     out = np.empty((stretch.rows, 6))
     shown_rows(
         stretch.time, grid, states[:, X], states[:, Y], states[:, ANGLE], latency_s,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from vehicle.effects import effect_fields
+from vehicle.jit import compiled
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Course
@@ -39,10 +41,18 @@ class Channel:
 
 def huber(values: Array) -> Array:
     """Values whose squares are the loss of Huber: beyond OUTLIER an error counts by its size, not by its square."""
-    size = np.abs(values)
-    far = np.sign(values) * np.sqrt(np.maximum(2.0 * OUTLIER * size - OUTLIER * OUTLIER, 0.0))
-    out: Array = np.where(size > OUTLIER, far, values)
+    out = values.copy()
+    _curb(out, OUTLIER)
     return out
+
+
+@compiled
+def _curb(values, most) -> None:  # type: ignore[no-untyped-def]
+    """Take the values (n,) beyond `most` in by huber."""
+    for k in range(len(values)):
+        size = abs(values[k])
+        if size > most:
+            values[k] = math.copysign(math.sqrt(2.0 * most * size - most * most), values[k])
 
 
 def filters(course: Course, rig: Rig, noise: Noise, settings: Settings) -> tuple[Filter, ...]:

@@ -158,15 +158,24 @@ def turn_responses(  # type: ignore[no-untyped-def]
     first row that it changes. `out` is zero before; the arguments are those of innovations.
     """
     rows = len(time)
+    known = np.empty((rows, 7))  # what depends on the row alone, once for all columns
+    for k in range(rows):
+        cosine, sine = math.cos(reference[k]), math.sin(reference[k])
+        known[k, 0], known[k, 1] = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
+        if k + 1 < rows:
+            f, r, dt = ahead[k], aside[k], time[k + 1] - time[k]
+            known[k, 2], known[k, 3] = r * cosine - f * sine, f * cosine + r * sine
+            known[k, 4] = math.sqrt(f * f + r * r)
+            known[k, 5], known[k, 6] = math.exp(-dt / SOIL_MEMORY_S), math.exp(-dt / DRIFT_MEMORY_S)
     for column in range(len(turned)):
         first = 0
         while first < rows - 1 and turned[column, first] == 0.0:
             first += 1
         e = n = h = soil = drift = drift_east = drift_north = 0.0
         for k in range(first, rows):
-            cosine, sine = math.cos(reference[k]), math.sin(reference[k])
+            row = known[k]
             if k > first:
-                lever_east, lever_north = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
+                lever_east, lever_north = row[0], row[1]
                 v0 = -(e - lever_north * h + drift_east)
                 v1 = -(n + lever_east * h + drift_north)
                 v2 = -(h + drift)
@@ -183,13 +192,11 @@ def turn_responses(  # type: ignore[no-untyped-def]
                 drift_north += gain[6, 0] * v0 + gain[6, 1] * v1 + gain[6, 2] * v2
             if k + 1 == rows:
                 break
-            f, r = ahead[k], aside[k]
-            e += (r * cosine - f * sine) * h
-            n += (f * cosine + r * sine) * h
-            h += turned[column, k] + soil * math.sqrt(f * f + r * r)
-            dt = time[k + 1] - time[k]
-            slow = math.exp(-dt / DRIFT_MEMORY_S)
-            soil *= math.exp(-dt / SOIL_MEMORY_S)
+            e += row[2] * h
+            n += row[3] * h
+            h += turned[column, k] + soil * row[4]
+            soil *= row[5]
+            slow = row[6]
             drift *= slow
             drift_east *= slow
             drift_north *= slow
@@ -206,9 +213,18 @@ class Increments:
 
 def increments(x: Array, y: Array, angle: Array) -> Increments:
     """Increments of a simulated centre of mass, from poses per row."""
-    dx, dy = np.diff(x), np.diff(y)
-    cosine, sine = np.cos(angle[:-1]), np.sin(angle[:-1])
-    return Increments(dx * cosine + dy * sine, dx * sine - dy * cosine, np.diff(angle))
+    out = np.empty((3, len(x) - 1))
+    _increase(x, y, angle, out)
+    return Increments(*out)
+
+
+@compiled
+def _increase(x, y, angle, out) -> None:  # type: ignore[no-untyped-def]
+    """Increments (3, k - 1) of poses (k,)."""
+    for k in range(len(x) - 1):
+        dx, dy = x[k + 1] - x[k], y[k + 1] - y[k]
+        cosine, sine = math.cos(angle[k]), math.sin(angle[k])
+        out[0, k], out[1, k], out[2, k] = dx * cosine + dy * sine, dx * sine - dy * cosine, angle[k + 1] - angle[k]
 
 
 def step_times(steps: int) -> Array:
@@ -222,11 +238,12 @@ def step_times(steps: int) -> Array:
 def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Increments:
     """Increments between the rows of a stretch, replayed from measured wheel angle and speed and seen as late as the
     settings say."""
-    latency = effect_fields(settings)["latency"]
+    fields = effect_fields(settings)
+    latency = fields["latency"]
 
     def moved() -> tuple[Array, Array, Array]:
         states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
-        rows = shown_poses(rig, stretch, states, settings, step_times(len(states)), latency / STEP_HZ)
+        rows = shown_poses(rig, stretch, states, fields, step_times(len(states)), latency / STEP_HZ)
         move = increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
         return move.ahead, move.aside, move.turned
 

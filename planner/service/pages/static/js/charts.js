@@ -10,6 +10,12 @@ export function roundUp(value) {
   return [1, 2, 5, 10].map((k) => k * power).find((k) => k >= value * 0.999);
 }
 
+/** A value of two digits in as little room as a scale has: 0.05, 20, -50k. */
+export function short(value) {
+  const two = Number(value.toPrecision(2));
+  return Math.abs(two) >= 10000 ? `${two / 1000}k` : String(two);
+}
+
 /** `series`: name, colour and unit each; `add(time, values)` in seconds, `last_s` seconds are shown. */
 export class StripChart {
   constructor(title, { unit, series, last_s = 60, least = 0.1, both = false, decimals = 2 }) {
@@ -53,7 +59,7 @@ export class StripChart {
     ctx.textAlign = "right";
     for (const value of this.both ? [top, 0, low] : [top, top / 2, 0]) {
       ctx.beginPath(); ctx.moveTo(LEFT, y(value)); ctx.lineTo(width - RIGHT, y(value)); ctx.stroke();
-      ctx.fillText(String(Number(value.toPrecision(2))), LEFT - 6, y(value) + 4);
+      ctx.fillText(short(value), LEFT - 6, y(value) + 4);
     }
     ctx.fillText("now", width - RIGHT, height - 5);
     ctx.textAlign = "left";

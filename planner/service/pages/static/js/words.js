@@ -46,12 +46,18 @@ export function moment(value) {
 export const hectares = (m2) => (known(m2) ? `${(m2 / 10000).toFixed(2)}\u00A0ha` : DASH);
 export const kmh = (mps) => (known(mps) ? `${(mps * 3.6).toFixed(1)}\u00A0km/h` : DASH);
 /** A share; what is not quite all is never told as all. */
-export const percent = (value) =>
-  known(value) ? `${(value > 99 && value < 100 ? Math.floor(10 * value) / 10 : value).toFixed(value < 10 || (value > 99 && value < 100) ? 1 : 0)}\u00A0%` : DASH;
+export function percent(value) {
+  if (!known(value)) return DASH;
+  const fine = value < 10 || (value > 99 && value < 100);
+  return `${(value < 100 && fine ? Math.min(value, 99.9) : value).toFixed(fine ? 1 : 0)}\u00A0%`;
+}
 export const size = (bytes) =>
   !known(bytes) ? DASH : bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))}\u00A0kB` : `${(bytes / 1e6).toFixed(1)}\u00A0MB`;
 export const plural = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;
 export const capital = (text) => text.slice(0, 1).toUpperCase() + text.slice(1);
+
+/** How the badge of a fleet looks, by its state. */
+export const LOOKS = { running: "good", stopped: "off" };
 
 const LEGS = {
   track: (n) => `track ${n}`, round: (n) => `round ${n}`, turn: (n) => `turning to track ${n}`,

@@ -6,9 +6,9 @@ import { LiveMap } from "../livemap.js";
 import { tractorTiles, alarmList, stopAll, refusals, fleetFacts } from "../board.js";
 import { polygon, line } from "../layers.js";
 import { colours } from "../palette.js";
-import { capital, clock, moment, plural } from "../words.js";
+import { capital, clock, moment, plural, LOOKS } from "../words.js";
 
-const TELL_MS = 250, LEAST_CORNERS = 3, LOOKS = { running: "good", stopped: "off" };
+const TELL_MS = 250, LEAST_CORNERS = 3;
 
 export async function open(main, shell, [id]) {
   const about = await get(`fleets/${part(id)}`);

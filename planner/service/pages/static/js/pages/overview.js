@@ -4,9 +4,9 @@ import { items } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
 import { tractorTiles, alarmList, stopAll, refusals } from "../board.js";
-import { capital, percent, plural, timeOfDay, DASH } from "../words.js";
+import { capital, percent, plural, timeOfDay, DASH, LOOKS } from "../words.js";
 
-const LOOK_AGAIN_MS = 5000, TELL_MS = 250, OVER = new Set(["done"]), LOOKS = { running: "good", stopped: "off" };
+const LOOK_AGAIN_MS = 5000, TELL_MS = 250, OVER = new Set(["done"]);
 const stateOf = (one) => one.fleet?.state ?? "";
 
 // Fleets that run before others, of either the newest first: the map opens on the first.

@@ -7,7 +7,7 @@ import { Player, before } from "../player.js";
 import { StripChart } from "../charts.js";
 import { tractor, line } from "../layers.js";
 import { colours } from "../palette.js";
-import { capital } from "../words.js";
+import { capital, LOOKS } from "../words.js";
 
 const NEEDED = ["time_s", "easting_m", "northing_m"], BACK_S = 60;
 
@@ -26,7 +26,7 @@ export async function open(main, shell, [id = null]) {
   put(main, heading("Replay", "A recorded run, or measured logs, as they were driven."), trouble, stage,
     el("div", { class: "two even" },
       el("section", { class: "panel stack" }, el("h2", {}, "Recorded fleets"), fleets.length ? el("div", { class: "cards" }, fleets.map((fleet) =>
-        el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: "badge" }, capital(fleet.fleet?.state ?? fleet.state ?? "kept"))))) : el("p", { class: "soft" }, "Nothing was recorded yet.")),
+        el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: `badge ${LOOKS[fleet.fleet?.state] ?? ""}` }, capital(fleet.fleet?.state ?? fleet.state ?? "kept"))))) : el("p", { class: "soft" }, "Nothing was recorded yet.")),
       el("section", { class: "panel stack" }, el("h2", {}, "Files of this machine"), labelled("Logs or a recording", file, "CSV files or a saved .zip; they are read here and sent nowhere."))));
   if (id) await attempt(async () => (await textsOf(await bytes(`fleets/${part(id)}/recording`))).map(runOf));
   return () => closing.forEach((close) => close());

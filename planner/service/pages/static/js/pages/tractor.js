@@ -97,7 +97,7 @@ function twinPanel(id, number, doubt, chart) {
     put(node, !wrong && el("p", { class: "small soft" }, "The corrections are no larger than noise explains."));
     const find = button("Find the cause", ask("diagnose", look), "small main");
     const mend = button("Take it into the tractor file", ask("mend", (made) => put(doubt, note(`Saved as the tractor file ${made.tractor}; plan with it from now on.`))), "small main");
-    const read = diagnosis && el("a", { class: "button", href: `#/diagnose/${part(diagnosis.id)}` }, "Read the diagnosis");
+    const read = diagnosis && el("a", { class: "button small", href: `#/diagnose/${part(diagnosis.id)}` }, "Read the diagnosis");
     const steps = { done: [read, mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
     const more = !diagnosis ? "" : { done: finding?.words ?? "The diagnosis of its recording is ready.", failed: diagnosis.error ?? "" }[diagnosis.status] ?? "Its recording is being diagnosed.";
     put(doubt, (wrong || diagnosis) && note([wrong?.words, more].filter(Boolean).join(" "), "warn", ...steps));

@@ -1,0 +1,81 @@
+"""Damaged logs of a tractor that is as its file says: each ends in a sentence or without a name."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.diagnosis.hiding import brief_programme, eg105
+from tests.truth.drives import three_speeds_programme
+from tests.truth.model import make_logs
+from tests.truth.second import second_logs
+from vehicle.measured.answer.diagnose import diagnose
+from vehicle.measured.errors import LogError
+from vehicle.measured.logs.reading import log_from_frame
+
+RNG = np.random.default_rng(5)
+RUNS = ("straight_090", "straight_270", "circles_right", "steps")
+
+
+def _holes(frame: pd.DataFrame) -> pd.DataFrame:
+    holed = frame.copy()
+    for name in ("time_s", "easting_m", "heading_deg", "speed_mps", "steering_deg", "steering_command_deg"):
+        holed.loc[RNG.random(len(frame)) < 0.04, name] = np.nan
+    return holed
+
+
+def _exchanged(one: str, other: str) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    return lambda frame: frame.rename(columns={one: other, other: one})
+
+
+REFUSED: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+    "two rows": lambda frame: frame.iloc[:2],
+    "twelve rows": lambda frame: frame.iloc[40:52],
+    "the tractor stands": lambda frame: frame.assign(easting_m=5.0, northing_m=7.0),
+    "times backwards": lambda frame: frame.assign(time_s=frame.time_s.to_numpy()[::-1]),
+    "rows shuffled": lambda frame: frame.sample(frac=1.0, random_state=1),
+    "one time": lambda frame: frame.assign(time_s=3.0),
+    "east and north exchanged": _exchanged("easting_m", "northing_m"),
+    "heading and wheel angle exchanged": _exchanged("heading_deg", "steering_deg"),
+    "always in reverse": lambda frame: frame.assign(shuttle=-1),
+}
+NAMELESS: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+    "commands of 0 while wheels turn": lambda frame: frame.assign(steering_command_deg=0.0),
+    "one heading": lambda frame: frame.assign(heading_deg=33.0),
+    "speeds exchanged": _exchanged("speed_mps", "speed_command_mps"),
+    "steering exchanged": _exchanged("steering_deg", "steering_command_deg"),
+    "holes": _holes,
+    "every row twice": lambda frame: pd.concat([frame, frame]),
+    "a heading that is noise": lambda frame: frame.assign(heading_deg=RNG.uniform(0.0, 360.0, len(frame))),
+    "a speed that is noise": lambda frame: frame.assign(speed_mps=RNG.uniform(0.0, 3.0, len(frame))),
+    "a wheel angle that is noise": lambda frame: frame.assign(steering_deg=RNG.normal(0.0, 8.0, len(frame))),
+}
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[pd.DataFrame]:
+    drives = [one for one in brief_programme() if one.name in RUNS]
+    return make_logs({}, 3, drives, rate_hz=10.0)
+
+
+def named(frames: list[pd.DataFrame]) -> tuple[str, ...]:
+    """What a diagnosis names in logs of the EG105."""
+    logs = [log_from_frame(one.reset_index(drop=True), f"run {k}") for k, one in enumerate(frames)]
+    return diagnose(logs, eg105(), "soil").named
+
+
+@pytest.mark.parametrize("damage", REFUSED)
+def test_what_is_no_log_is_refused_in_a_sentence(damage: str, frames: list[pd.DataFrame]) -> None:
+    with pytest.raises(LogError) as refused:
+        named([REFUSED[damage](one) for one in frames])
+    assert "run 0" in str(refused.value) and str(refused.value).endswith(".")
+
+
+@pytest.mark.parametrize("damage", NAMELESS)
+def test_a_damaged_log_earns_no_name(damage: str, frames: list[pd.DataFrame]) -> None:
+    assert named([NAMELESS[damage](one) for one in frames]) == ()
+
+
+def test_logs_of_two_tractors_with_the_file_of_one_earn_no_name(frames: list[pd.DataFrame]) -> None:
+    assert named([*frames, *second_logs({}, 3, three_speeds_programme()[:3], "mr1000a")]) == ()

@@ -1,0 +1,222 @@
+"""The pages of fleets and tractors that drive, in a real browser: watching, ordering, driving by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.service.fake_service import Made
+from tests.service.watching import Watched, needs_browser, told_by, until
+
+pytestmark = needs_browser
+
+
+def test_a_fleet_is_watched_and_ordered(watched: Watched, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/fleet/f1"), pages[1]
+    page.wait_for_selector("text=waits for tractor 1")
+    tiles = page.locator(".tractor").all_inner_texts()
+    assert len(tiles) == 3 and "connection broken" in tiles[2] and "fix 42" in tiles[2].replace("\xa0", " ")
+    page.click("text=Acknowledge")
+    page.wait_for_selector("text=seen by office")
+    page.click("text=STOP ALL")
+    page.click("summary:has-text('Failures, obstacles')")
+    page.select_option("select[aria-label='Tractor that failed']", "3")
+    page.click("text=Plan without it")
+    page.click("button:text-is('Accept')")
+    wanted = [
+        {"kind": "acknowledge", "alarm": 1},
+        {"kind": "stop_all"},
+        {"kind": "fail", "tractor": 3},
+        {"kind": "replan", "without": [3]},
+        {"kind": "accept", "proposal": 7},
+    ]
+    until(page, lambda: len(made.frames) >= len(wanted))
+    assert made.frames == wanted
+    made.frames.clear()
+    page.click("text=Mark an obstacle")
+    box = page.locator(".map canvas").bounding_box()
+    assert box is not None
+    for x, y in ((0.5, 0.4), (0.6, 0.4), (0.55, 0.5)):
+        page.locator(".map canvas").click(position={"x": box["width"] * x, "y": box["height"] * y})
+    page.click("text=Block it")
+    until(page, lambda: bool(made.frames))
+    corners = made.frames.pop()["polygon_m"]
+    assert len(corners) == 3 and all(499_990 < east < 500_140 for east, _ in corners), "metres of the grid"
+    watched.well()
+
+
+def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/fleet/f1/tractor/1"), pages[1]
+    made.frames.clear()
+    page.keyboard.press("Space")
+    page.click("text=Take control")
+    page.wait_for_selector("text=the yard drives this tractor")
+    page.click("text=Take over")
+    page.wait_for_selector("text=You drive this tractor")
+    page.focus("[aria-label='Remote control']")
+    page.keyboard.down("ArrowUp")
+    page.keyboard.down("ArrowRight")
+    page.wait_for_timeout(250)
+    still = [frame for frame in made.frames if frame["kind"] == "command"]
+    assert all(frame["speed_command_mps"] == 0 and frame["start"] == 0 for frame in still), "nobody holds the switch"
+    page.keyboard.down("Space")
+    page.wait_for_selector("text=Driving by keys")
+    until(page, lambda: made.frames[-1].get("steering_command_deg", 0) >= 28)
+    held = made.frames[-1]
+    assert held["speed_command_mps"] == pytest.approx(0.4 * 1.4) and held["shuttle"] == 1 and held["start"] == 1
+    assert held["steering_command_deg"] == pytest.approx(28.0), "to the right is positive, at full lock of the machine"
+    page.evaluate("window.dispatchEvent(new Event('blur'))")
+    page.wait_for_selector("text=Let go: it stands")
+    until(page, lambda: made.frames[-1]["speed_command_mps"] == 0)
+    page.locator(".pad").scroll_into_view_if_needed()
+    pad = page.locator(".pad").bounding_box()
+    assert pad is not None
+    page.mouse.move(pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] * 0.9)
+    page.mouse.down()
+    page.wait_for_selector("text=Driving by touch")
+    until(page, lambda: made.frames[-1]["shuttle"] == -1)
+    page.mouse.up()
+    page.wait_for_selector("text=Let go: it stands")
+    watched.well()
+
+
+def test_a_twin_in_doubt_is_diagnosed_and_mended(watched: Watched) -> None:
+    page = watched.open("/fleet/f1/tractor/2")
+    page.click("text=Find the cause")
+    page.wait_for_selector("text=The diagnosis of its recording is ready.")
+    assert page.get_attribute("text=Read the diagnosis", "href") == "#/diagnose/old"
+    page.click("text=Take it into the tractor file")
+    page.wait_for_selector("text=Saved as the tractor file eg105 mended")
+    watched.well()
+
+
+def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: Watched) -> None:
+    page = watched.page
+    told = [("f1", "08:00", "running"), ("f2", "09:00", "running"), ("f3", "10:00", "ready")]
+    items = [
+        {"id": id, "name": id, "created": f"2026-11-20T{at}:00Z", "fleet": {"state": state}, "tractors": []}
+        for id, at, state in told
+    ]
+    page.route("**/api/v1/fleets", lambda route: route.fulfill(json={"items": items}))
+    watched.open("/")
+    page.wait_for_selector(".rest .tile")
+    found = page.eval_on_selector_all(".rest .tile", "all => all.map((one) => one.getAttribute('href'))")
+    page.unroute("**/api/v1/fleets")
+    assert found == ["#/fleet/f2", "#/fleet/f1", "#/fleet/f3"]
+
+
+def test_stop_all_goes_another_way_where_the_link_does_not_answer(watched: Watched, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/fleet/f1"), pages[1]
+    page.wait_for_selector("text=waits for tractor 1")
+    for deaf, wanted in ((False, []), (True, [("fleets/f1/stop", None)])):
+        made.deaf = deaf
+        made.frames.clear()
+        made.requests.clear()
+        page.click("text=STOP ALL")
+        page.wait_for_timeout(800)
+        assert made.requests == wanted and made.frames == [{"kind": "stop_all"}]
+    made.deaf = False
+    watched.well()
+
+
+def test_fields_far_apart_stand_beside_each_other_on_one_map(watched: Watched) -> None:
+    page = watched.open("/access")
+    fields = """[{ grid: "a", box: [0, 0, 200, 100] }, { grid: "b", box: [9000, 0, 9300, 100] },
+      { grid: "a", box: [500, 0, 700, 100] }, { grid: "a", box: [90000, 0, 90100, 100] }]"""
+    placed = told_by(page, f"m.arranged({fields})")
+    assert [one["group"] for one in placed] == [0, 1, 0, 2]
+    assert placed[0]["shift"] == placed[2]["shift"] == [0, 0], "neighbours keep their distance, the first its place"
+    boxes = [[0, 0, 700, 100], [9000, 0, 9300, 100], [90000, 0, 90100, 100]]
+    shown = [
+        [west + x, south + y, east + x, north + y]
+        for (west, south, east, north), (x, y) in zip(boxes, (placed[k]["shift"] for k in (0, 1, 3)), strict=True)
+    ]
+    for k, one in enumerate(shown):
+        for other in shown[:k]:
+            apart = max(one[0] - other[2], other[0] - one[2], one[1] - other[3], other[1] - one[3])
+            assert apart == pytest.approx(105) or apart > 105, "a gap of 15 % of the largest side"
+    assert max(abs(value) for one in shown for value in one) < 1500
+    assert told_by(page, "m.arranged([{ grid: 'a', box: [7, 8, 9, 10] }])") == [{"group": 0, "shift": [0, 0]}]
+
+
+def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_there_is(watched: Watched) -> None:
+    page = watched.open("/access")
+    told = told_by(
+        page,
+        """(() => { const box = document.createElement("div");
+          const pad = { connected: true, axes: [0.5, 0.04], buttons: [] }, limits = { limit_mps: 2, steering_deg: 30 };
+          for (let k = 0; k < 8; k++) pad.buttons.push({ pressed: false, value: 0 });
+          navigator.getGamepads = () => [null, pad];
+          let hidden = false;
+          Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
+          const hands = new m.Hands({ surface: box, pad: box, ready: () => true });
+          const said = [m.commandOf(hands.read(), limits)];
+          pad.buttons[5].pressed = true;
+          said.push(m.commandOf(hands.read(), limits));
+          pad.buttons[6].value = 0.5;
+          said.push(m.commandOf(hands.read(), limits));
+          for (const away of [() => dispatchEvent(new Event("blur")), () => { hidden = true; }]) {
+            away();
+            said.push(m.commandOf(hands.read(), limits));
+            hidden = false;
+            said.push(m.commandOf(hands.read(), limits));
+            pad.buttons[5].pressed = false;
+            hands.read();
+            pad.buttons[5].pressed = true;
+            said.push(m.commandOf(hands.read(), limits));
+          }
+          pad.connected = false;
+          said.push(m.commandOf(hands.read(), limits));
+          hands.close();
+          delete document.hidden;
+          return said; })()""",
+    )
+    still = {"steering_command_deg": 0, "speed_command_mps": 0, "shuttle": 0, "start": 0}
+    assert told[0] == told[9] == still, "no button held, and no gamepad any more"
+    assert told[3] == told[4] == told[6] == told[7] == still, "the page was left, and the button not let go since"
+    assert told[5] == told[8] == told[2], "pressed anew"
+    assert told[1] == {"steering_command_deg": 15, "speed_command_mps": 0, "shuttle": 0, "start": 0}
+    assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}
+
+
+def test_commands_are_numbered_and_dated_by_the_clock_of_the_service(watched: Watched) -> None:
+    page = watched.open("/access")
+    told = told_by(
+        page,
+        """(() => { const clock = new m.ServiceClock(), stamp = new m.Stamp(clock), said = [stamp.next(0)];
+          clock.heard("2026-06-01T08:00:00.700Z", 1000);
+          clock.heard("2026-06-01T08:00:01.900Z", 2000);
+          clock.heard("2026-06-01T08:00:01.950Z", 3000);
+          said.push(stamp.next(3000), stamp.next(3100));
+          return said; })()""",
+    )
+    assert told[0] is None, "nothing is said before the clock is known"
+    assert [one["sequence"] for one in told[1:]] == [0, 1]
+    assert told[1]["time"] == "2026-06-01T08:00:02.899Z", "a frame that was held up does not set the clock back"
+
+
+def test_names_of_a_chart_never_run_into_its_title(watched: Watched) -> None:
+    page = watched.open("/fleet/f1/tractor/2")
+    page.wait_for_selector("text=larger than noise")
+    drawn = """async (width) => {
+      const { StripChart, short } = await import("./static/js/charts.js");
+      if ([0.05, 20, -50000].map(short).join(" ") !== "0.05 20 -50k") throw new Error("words of a scale");
+      const series = [{ name: "ahead", colour: "t2" }, { name: "right", colour: "t3" }];
+      const chart = new StripChart("Corrections", { unit: "cm", series }), place = chart.node;
+      place.style.cssText = `display:block;width:${width}px;height:120px`;
+      document.body.append(place);
+      const seen = [], draw = CanvasRenderingContext2D.prototype.fillText;
+      CanvasRenderingContext2D.prototype.fillText = function (words, x, y) {
+        const wide = this.measureText(words).width, left = this.textAlign === "right" ? x - wide : x;
+        seen.push([words, left, left + wide, y]);
+      };
+      chart.set([[0, -12.3, 10.4]]);
+      CanvasRenderingContext2D.prototype.fillText = draw;
+      chart.close();
+      place.remove();
+      return seen.filter(([, , , y]) => y < 30); }"""
+    for width in (600, 220, 190):
+        words = page.evaluate(drawn, width)
+        assert len(words) == 3 and all(left >= 0.0 for _, left, _, _ in words)
+        for one, left, right, y in words:
+            assert not any(o != one and abs(h - y) < 10 and a < right and b > left for o, a, b, h in words), words
+    watched.well()

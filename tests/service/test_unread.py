@@ -1,0 +1,186 @@
+"""A tractor that tells of an obstacle which nobody can read stands, and nobody else does."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from typing import Any
+
+import pytest
+
+from planner.service.centre.errors import LeaseError
+from planner.service.centre.progress import progress_of, restore
+from planner.service.centre.seeing import LOOKED_M, SETTLED_S, UNREAD_CODE
+from planner.service.centre.tractors import UNREAD, Report
+from planner.service.links.clients import TRACTOR, Client
+from planner.service.links.frames import LARGEST_FRAME, names_obstacle
+from planner.service.links.link import _take
+from planner.service.links.live import LiveFleet
+from planner.service.links.recording import MOST_AHEAD
+from tests.benchmarks.links import malformed
+from tests.service.fleets import Driven, driven, fleet_plan
+from tests.service.test_links import state
+from tests.service.test_safety import live, waiting
+
+SQUARE = [[1000.0, 2100.0], [1001.0, 2100.0], [1001.0, 2101.0], [1000.0, 2101.0]]
+CIRCLE = [[1000.0 + math.cos(k / 50), 2100.0 + math.sin(k / 50)] for k in range(300)]
+UNREADABLE = {
+    "many corners": json.dumps({"kind": "obstacle", "polygon_m": CIRCLE}),
+    "two corners": json.dumps({"kind": "obstacle", "polygon_m": SQUARE[:2]}),
+    "a corner of words": json.dumps({"kind": "obstacle", "polygon_m": [["a", 0.0], *SQUARE]}),
+    "a bow": json.dumps({"kind": "obstacle", "polygon_m": [SQUARE[k] for k in (0, 2, 1, 3)]}),
+    "no corners": '{"kind" : "obstacle"}',
+    "no kind": json.dumps({"polygon_m": SQUARE}),
+    "more than it has": json.dumps({"kind": "obstacle", "polygon_m": SQUARE, "height_m": 2.0}),
+    "cut off": json.dumps({"kind": "obstacle", "polygon_m": SQUARE})[:50],
+    "endless": json.dumps({"kind": "obstacle", "polygon_m": SQUARE * 2000}),
+}
+GOOD = json.dumps({"kind": "obstacle", "polygon_m": SQUARE, "name": "stone"})
+
+
+def started() -> tuple[LiveFleet, Client, Client, Client]:
+    """A fleet that drives: both tractors and an operator, whose outboxes nobody empties."""
+    fleet, first, operator = live()
+    second = Client(TRACTOR, "tractor 2", 1)
+    fleet.join(second, 0.0)
+    fleet.centre.start("anna", 0.0)
+    fleet.flush()
+    for client in (first, second, operator):
+        waiting(client)
+    return fleet, first, second, operator
+
+
+@pytest.mark.parametrize("what", UNREADABLE)
+def test_who_tells_of_an_obstacle_that_cannot_be_read_stands_and_nobody_else(what: str) -> None:
+    fleet, first, second, _ = started()
+    _take(fleet, first, UNREADABLE[what])
+    told = waiting(first)
+    refused = next(frame for frame in told if frame["kind"] == "refused")
+    assert [frame["kind"] for frame in told if frame["kind"] == "stop"] and not waiting(second)
+    assert [state.holds for state in fleet.centre.states] == [{UNREAD}, set()]
+    (alarm,) = fleet.centre.alarms.items()
+    assert (alarm.level, alarm.tractor) == ("critical", 0) and refused["sentence"] in alarm.sentence
+    assert not fleet.centre.obstacles.items
+
+
+def test_what_does_not_name_itself_an_obstacle_or_comes_of_an_operator_holds_nobody() -> None:
+    fleet, first, _, operator = started()
+    said = json.dumps(state(5, errors=['"kind":"obstacle"']) | {"leg": -1})
+    for text in (said, "{", "[]", '"obstacle"', None, "x" * (LARGEST_FRAME + 1)):
+        _take(fleet, first, text)
+    for text in UNREADABLE.values():
+        _take(fleet, operator, text)
+    assert not any(state.holds for state in fleet.centre.states)
+
+
+def test_ten_thousand_hold_one_tractor_once_and_its_states_are_taken_on() -> None:
+    fleet, first, second, _ = started()
+    chance, taken = random.Random(2), 0
+    good = json.dumps({"kind": "obstacle", "polygon_m": SQUARE, "name": "s"} | state(MOST_AHEAD * 2))
+    for number in range(10_000):
+        text = malformed(chance, good)
+        _take(fleet, first, text if isinstance(text, str) else None)
+        if number % 100 == 0:
+            _take(fleet, first, json.dumps(state(taken)))
+            _take(fleet, second, json.dumps(state(taken, easting_m=1020.0)))
+            taken += 1
+    assert fleet.recorder.seen[:2] == [taken - 1] * 2
+    assert not fleet.centre.obstacles.items and [s.holds for s in fleet.centre.states] == [{UNREAD}, set()]
+    assert len(fleet.centre.alarms.items()) == 1
+    assert sum(event.what == UNREAD_CODE for _, event in fleet.events) == 1
+
+
+def facing() -> Driven:
+    """The first of two tractors has told of what cannot be read, and stands 5 m along its leg."""
+    fleet = driven(fleet_plan(2, 3))
+    fleet.run(5)
+    fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+    fleet.run(4)
+    assert fleet.at_m == [pytest.approx(5.0, abs=0.2), pytest.approx(9.0, abs=0.2)]
+    return fleet
+
+
+def held(fleet: Driven) -> bool:
+    return UNREAD in fleet.centre.states[0].holds
+
+
+def acknowledge(fleet: Driven) -> None:
+    alarm = next(each for each in fleet.centre.alarms.items() if each.code == UNREAD_CODE)
+    fleet.centre.acknowledge("anna", alarm.id, fleet.now)
+
+
+def test_an_operator_who_has_looked_lets_it_pass_that_place_and_no_farther() -> None:
+    fleet = facing()
+    fleet.centre.alarms.raised("other", 0, "warning", "Something else.", fleet.now)
+    other = fleet.centre.alarms.items()[-1]
+    fleet.centre.acknowledge("anna", other.id, fleet.now)
+    assert held(fleet), "the alarm of something else says nothing of what it sees"
+    acknowledge(fleet)
+    assert [alarm.code for alarm in fleet.centre.alarms.items()] == ["other"]
+    begun_m = fleet.at_m[0]
+    while not held(fleet):
+        fleet.run(0.5)
+        fleet.centre.unreadable(0, "It has 301 corners.", fleet.now)
+        assert fleet.at_m[0] < begun_m + LOOKED_M + 2.0
+    assert fleet.at_m[0] > begun_m + LOOKED_M
+    assert ("anna", "looked") in [(event.who, event.what) for event in fleet.events]
+
+
+def test_one_that_can_be_read_lets_it_go_on_once_no_other_has_come_for_a_while() -> None:
+    fleet = facing()
+    away = ((50.0, 50.0), (51.0, 50.0), (51.0, 51.0))
+    for _ in range(10):  # by turns
+        fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+        fleet.run(0.5)
+        fleet.centre.obstacle("tractor 1", away, "stone", fleet.now, 0)
+        assert held(fleet)
+    fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+    fleet.run(5)
+    assert held(fleet), "silence of it is no sign that nothing is there"
+    fleet.centre.obstacle("tractor 2", away, "stone", fleet.now, 1)
+    fleet.run(1)
+    assert held(fleet), "what another sees is not what it sees"
+    fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+    fleet.run(0.5)
+    fleet.centre.obstacle("tractor 1", away, "stone", fleet.now, 0)
+    fleet.run(SETTLED_S)
+    assert not held(fleet) and not fleet.standing[0]
+
+
+def test_one_that_is_read_and_stands_before_it_holds_it_instead() -> None:
+    fleet = facing()
+    fleet.centre.obstacle("tractor 1", ((-1.0, 12.0), (1.0, 12.0), (1.0, 13.0)), "stone", fleet.now, 0)
+    fleet.run(SETTLED_S + 1.0)
+    assert not held(fleet) and fleet.standing[0] and fleet.centre.states[0].holds == {"obstacle on its way"}
+
+
+def test_remote_control_stands_too_until_somebody_has_looked() -> None:
+    fleet = driven()
+    fleet.run(5)
+    fleet.centre.lease("anna", 0, False, fleet.now)
+    fleet.silent = {0}
+    fleet.centre.reported(0, Report(0.0, 5.0, math.pi / 2, 0.0, mode="remote", leg_m=5.0), fleet.now)
+    fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
+    fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+    assert fleet.centre.states[0].remote_command[1] == 0.0
+    with pytest.raises(Exception, match="an obstacle that cannot be read") as refused:
+        fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
+    assert not isinstance(refused.value, LeaseError)
+    acknowledge(fleet)
+    fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
+
+
+def test_it_is_held_after_a_restart_too_and_can_be_let_go() -> None:
+    fleet = facing()
+    kept: dict[str, Any] = json.loads(json.dumps(progress_of(fleet.centre, fleet.now, 1e9)))
+    again = driven(fleet.centre.plan)
+    restore(again.centre, kept, again.now, 1e9)
+    assert held(again)
+    acknowledge(again)
+    assert not held(again)
+
+
+def test_an_obstacle_is_named_by_its_kind_or_by_its_corners() -> None:
+    assert names_obstacle('{"kind":"obstacle"') and names_obstacle('{"polygon_m" : 3}')
+    assert not names_obstacle('{"kind":"state","name":"obstacle"}')
