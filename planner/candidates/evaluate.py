@@ -248,7 +248,7 @@ def _run_plan(
     repairs = strategy.most_repairs
     run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
-        run, worst = _steadied(site, run, simulate, repairs, give_way)
+        run, worst = _steadied(site, refined.plan, run, simulate, repairs, give_way)
         reason = _fault(site, run, worst) or crowded(run, job)
     told = [] if reason else _told(site, run, worst)
     return CandidateRun(run, reason, _turns(job), _joined(refined.remark, *told))
@@ -310,9 +310,12 @@ def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: G
 
 
 def _steadied(
-    site: Site, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
+    site: Site, plan: Plan, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
 ) -> tuple[Run, Slip | None]:
     """The run with turns that it followed badly driven otherwise where that helps, and the worst that is left.
+
+    Where tractors meet with the gates of the run, and a turn leaves the field, `plan` as it was before it had gates
+    is given others.
 
     Where the headland is worked and missed ground is charged, what is left open beside a track begun less than a third
     of the width aside costs less than driving more carefully.
@@ -322,6 +325,8 @@ def _steadied(
     cured = cures(run.plan, [slip for slip in turns if slip.metres > most_m or slip.outside], site)
     if cured and left_m(turns, cured) <= left_m(turns) - SMALLEST_GAIN_M:
         again, fault = without_conflicts(mended(run.plan, cured), simulate, most_repairs, give_way)
+        if fault and plan is not run.plan and any(cure.slip.outside for cure in cured):
+            again, fault = without_conflicts(mended(plan, cured), simulate, most_repairs, give_way)
         left = turns if fault else slips(again, site)
         if left_m(left) <= left_m(turns) - SMALLEST_GAIN_M and worst_aside(left) <= worst_aside(turns):
             run, turns = again, left

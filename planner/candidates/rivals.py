@@ -24,7 +24,8 @@ from strategies.record import Refined, Strategy
 from strategies.registry import STRATEGIES
 from vehicle.missions import Plan
 
-WORTH_S = 900.0  # of work in tracks and rounds: on smaller fields every plan is simulated, as that is quick
+WORTH_S = 900.0  # of work in tracks: on smaller fields every plan is simulated, as that is quick
+WORTH_WHOLE_S = 1800.0  # or of work in tracks and rounds
 
 
 def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
@@ -35,7 +36,7 @@ def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
     That is the first one of the registry, of those asked for, whose tractors have tracks of their own.
     """
     surest = site.stakes is not None and site.stakes.prefer == SUREST
-    if surest or work_s(site) < WORTH_S:
+    if surest or not worth_bounds(site):
         return [list(range(len(todo)))]
     asked = {one.strategy for one in todo}
     first = next((name for name in STRATEGIES if name in asked and not STRATEGIES[name].abreast), None)
@@ -43,10 +44,11 @@ def waves(site: Site, todo: Sequence[Candidate]) -> list[list[int]]:
     return [part for part in parts if part]
 
 
-def work_s(site: Site) -> float:
-    """Seconds that one tractor works on all tracks and rounds, without turns."""
-    metres = site.layout.total_m + math.fsum(lap.length_m for lap in site.rounds)
-    return metres / site.manner.work_speed_mps
+def worth_bounds(site: Site) -> bool:
+    """Whether one tractor works so long on tracks, or on tracks and rounds, that bounds save more than they take."""
+    speed = site.manner.work_speed_mps
+    tracks_s, rounds_s = site.layout.total_m / speed, math.fsum(lap.length_m for lap in site.rounds) / speed
+    return tracks_s >= WORTH_S or tracks_s + rounds_s >= WORTH_WHOLE_S
 
 
 def rivals(results: Mapping[int, PlanResult]) -> dict[int, Rival]:

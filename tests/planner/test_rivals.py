@@ -17,7 +17,7 @@ from planner.candidates.beaten import SURE, Beaten, Rival, beaten
 from planner.candidates.bounds import Pace, alone_s, done_s, least_s, pace_of
 from planner.candidates.choosing import Limits, promising
 from planner.candidates.evaluate import Candidate, CandidateRun, Evaluation, _alone, run_candidate, simulated
-from planner.candidates.rivals import WORTH_S, hopeless, rivals, waves, work_s
+from planner.candidates.rivals import WORTH_S, hopeless, rivals, waves, worth_bounds
 from planner.outlook import stakes_of
 from planner.scenario import Scenario
 from planner.site import Site, prepare
@@ -159,11 +159,10 @@ def test_one_strategy_comes_before_the_others_save_on_small_fields(small_site: S
 
 def test_rounds_are_work_like_tracks() -> None:
     todo = [Candidate("row-by-row", 2), Candidate("split-field", 2)]
-    strip = Field("strip", shapely.box(0, 0, 24, 165))
-    bare, whole = (prepare(Scenario(tracks_only=bare), strip) for bare in (True, False))
-    for site, many in ((bare, False), (whole, True)):
+    for length_m, many in ((165, False), (330, True)):
+        site = prepare(Scenario(), Field("strip", shapely.box(0, 0, 24, length_m)))
         assert site.layout.total_m / site.manner.work_speed_mps < WORTH_S
-        assert (work_s(site) >= WORTH_S) is many
+        assert worth_bounds(site) is many
         assert waves(site, todo) == ([[1], [0]] if many else [[0, 1]])
 
 
@@ -232,7 +231,8 @@ def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPa
     scenario = Scenario(tractors=(1, 2), strategies=("col-by-col", "split-field"))
     found = []
     for worth_s in (0.0, 1e9):
-        monkeypatch.setattr("planner.candidates.rivals.WORTH_S", worth_s)
+        for name in ("WORTH_S", "WORTH_WHOLE_S"):
+            monkeypatch.setattr(f"planner.candidates.rivals.{name}", worth_s)
         found.append(plan(scenario, field=Field("drawn", shape), executor=SerialExecutor()).ranking)
     some, whole = ({(one.strategy, one.tractors): one for one in each.plans} for each in found)
     assert found[0].best == found[1].best
