@@ -12,14 +12,14 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from vehicle.effects import CATALOGUE, effect
+from vehicle.effects import CATALOGUE, STEERING, effect
 from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
 from vehicle.measured.causes.evidence import helps, promised_costs
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
 from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
-from vehicle.measured.fit.fitting import Fit, refined
+from vehicle.measured.fit.fitting import Fit, Part, refined
 from vehicle.measured.fit.knobs import knobs_for
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import (
@@ -193,6 +193,18 @@ def _by_chance(freedoms: int) -> float:
     return freedoms + CHANCE_SIGMAS * math.sqrt(2.0 * freedoms)
 
 
+def _doubtful(fit: Fit) -> list[Part]:
+    """Parts that may be superfluous: those not plainly needed, and those of the steering, which straight lines belie.
+
+    A wheel that is late by a dead time is so by a lag or a rate as well, at places far apart.
+    """
+    promised = promised_costs(fit)
+    return [
+        part for part in fit.parts
+        if effect(part[0].id).block == STEERING or promised[part[0].id] < PLAINLY * LEAST_GAIN
+    ]  # fmt: skip
+
+
 def pruned(bench: Bench, fit: Fit) -> Fit:
     """Backward: leave out, one by one, what the others have made superfluous.
 
@@ -201,8 +213,7 @@ def pruned(bench: Bench, fit: Fit) -> Fit:
     """
     put_back: set[str] = set()
     while fit.parts:
-        promised = promised_costs(fit)
-        doubtful = [part for part in fit.parts if promised[part[0].id] < PLAINLY * LEAST_GAIN]
+        doubtful = _doubtful(fit)
         if not doubtful:
             return fit
         smaller, part = min(
