@@ -15,10 +15,9 @@ from vehicle.measured.causes.refit import with_unnamed
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit
-from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, settings_in
 from vehicle.measured.logs.record import Array
-from vehicle.measured.mend.extension import Extension
+from vehicle.measured.mend.extension import Extension, off_alike, tolerance
 from vehicle.measured.mend.levels import driven_seconds, main_terms
 from vehicle.measured.replay.horizons import Halves, Squares, chain, run_squares, total_error
 from vehicle.measured.surprise.bench import Bench
@@ -136,12 +135,22 @@ def case_of(selection: Selection, extension: Extension) -> Case:
 
 
 def within_tolerance(selection: Selection) -> Settings:
-    """Effects of the speed that the fit has within the tolerance of the file: drive lines differ by as much."""
-    bench, tractor = selection.bench, selection.bench.rig.tractor
-    return {
-        knobs.id: knobs.values(at) for knobs, at in selection.fit.parts
-        if effect(knobs.id).block == SPEED and knobs.deviation(at) <= finest_of(tractor, knobs.id, bench.row_s)
-    }  # fmt: skip
+    """Effects of the fit that are calibrations, with their values."""
+    bench = selection.bench
+    terms = (Term(knobs, at) for knobs, at in selection.fit.parts)
+    return {term.knobs.id: term.knobs.values(term.at) for term in terms if is_calibration(bench, term)}
+
+
+def is_calibration(bench: Bench, term: Term) -> bool:
+    """Whether an effect of the speed, or a time of the steering, is within what the file tolerates of any tractor.
+
+    Drive lines differ by the tolerance. Every steering is late by a beat of commands and rows that no file tells, and
+    on top of it by what its own shape poses as.
+    """
+    entry = effect(term.knobs.id)
+    of_steering = entry.block == STEERING and entry.size.unit == "s"
+    beat = off_alike(bench, term) if of_steering else 0.0
+    return (of_steering or entry.block == SPEED) and term.knobs.deviation(term.at) <= tolerance(bench, term) + beat
 
 
 def with_real_noise(bench: Bench, fit: Fit) -> Bench:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
-from vehicle.measured.answer.case import Case, case_of, noise_share, within_noise
+from vehicle.measured.answer.case import Case, case_of, is_calibration, noise_share, within_noise
 from vehicle.measured.causes.challenge import make_up, stands_alone
 from vehicle.measured.causes.evidence import helps, is_nameable
 from vehicle.measured.causes.refit import without
@@ -220,22 +220,9 @@ def holds(case: Case, name: str) -> bool:
     One that ran as far as a tractor can have it stands for something else.
     """
     worth, least = case.worth_of(name), _least_worth(case.bench, name)
-    clear = clear_of_neutral(case.extension, case.tractor, name) and not _within_the_beat(case, name)
-    beyond = clear and not reaches_a_limit(case, name)
+    clear = clear_of_neutral(case.extension, case.tractor, name)
+    beyond = clear and not is_calibration(case.bench, case.main_terms[name]) and not reaches_a_limit(case, name)
     return beyond and worth >= least and case.gain_of(name)[0] > -HARM_PCT
-
-
-def _within_the_beat(case: Case, name: str) -> bool:
-    """Whether a time of the steering may be within its tolerance, given the beat of commands and rows.
-
-    Every steering is late by a beat that no file tells, and on top of it by what its own shape poses as.
-    """
-    size = effect(name).size
-    if effect(name).block != STEERING or size.unit != "s":
-        return False
-    tolerated = neutral(name, case.tractor.steering)[size.name] + finest_of(case.tractor, name, case.bench.row_s)
-    low, high = case.extension.intervals[name][size.name]
-    return low <= tolerated <= high
 
 
 def _least_worth(bench: Bench, name: str) -> float:
