@@ -97,7 +97,7 @@ class Job:
     gate: Gateway | None = None
     ways: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
     tables: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
-    sharings: dict[tuple[int, bool, float], Any] = field(default_factory=dict)
+    sharings: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     supply: Supply | None = None
     shifts: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formations: dict[tuple[Any, ...], Any] = field(default_factory=dict)

@@ -78,7 +78,7 @@ def _too_long_s(site: Site, plan: Plan, rival: Rival, alone: Callable[[Mission],
     decided = site.stakes is not None and site.stakes.decides
     seconds = max(done)
     if alone is not None and plan.tractors > 1 and CLOSE * rival.seconds <= seconds <= rival.seconds:
-        seconds = max(seconds, alone_s(plan, alone, rival.seconds))
+        seconds = max(seconds, alone_s(plan, alone))
     return None if seconds <= rival.seconds or (decided and math.fsum(done) < rival.tractor_s) else seconds
 
 

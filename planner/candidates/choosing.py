@@ -73,6 +73,26 @@ def promising(
     return driven
 
 
+def best_first(
+    contenders: Sequence[Refined], choices: Sequence[Refined], drive: Callable[[Refined], T], limits: Limits
+) -> list[T]:
+    """The choices that may win as `promising` drives them; the others as well only where one of those can be driven.
+
+    That one may turn out slower than the rival after all, and others be less slow.
+    """
+    known: dict[int, T] = {}
+
+    def once(choice: Refined) -> T:
+        if id(choice) not in known:
+            known[id(choice)] = drive(choice)
+        return known[id(choice)]
+
+    runs = promising(contenders, once, limits)
+    if len(contenders) < len(choices) and any(one.reason is None for one in runs):
+        return promising(choices, once, limits)
+    return runs
+
+
 def rounds_s(plan: Plan) -> float:
     """Seconds that the rounds take whoever works longest on them, at the speed asked for."""
     legs = [[leg for leg in mission.legs if leg.task.kind == ROUND] for mission in plan.missions]

@@ -11,7 +11,7 @@ import numpy as np
 from fields.layout import Layout
 from planner.candidates.beaten import Beaten, Rival, contenders, from_any_corner, quickest_of, result_of, surely
 from planner.candidates.bounds import pace_of
-from planner.candidates.choosing import Limits, promising, untried
+from planner.candidates.choosing import Limits, best_first, untried
 from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.other_orders import TOLD, other_orders
 from planner.candidates.refills import check_leave, crowded, refilled
@@ -190,24 +190,30 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     first: CandidateRun | None = None
     slower: Beaten | None = None
     tried: list[Plan] = []
+
+    def drive(choice: Refined) -> CandidateRun:
+        return _run_plan(site, strategy, job, choice, simulate, give_way)
+
     for dry in with_headland(site, job, refined):
         every = refilled(job, strategy, dry)
-        choices = untried(every, tried)
+        choices = left = untried(every, tried)
         if rival and not (first and strategy.abreast):  # another corner might do with the first passage
             left, found = contenders(site, choices, rival, alone)
             lost = not left and len(choices) == len(every)
             if strategy.abreast and found is not None and lost and surely(found):
                 return from_any_corner(found)
-            if not strategy.abreast:
-                slower, choices = quickest_of(slower, found), left
+            if strategy.abreast:
+                left = choices
+            else:
+                slower = quickest_of(slower, found)
             if slower is not None and lost:
                 return replace(slower, driven=first is not None)
-        runs = promising(choices, lambda each: _run_plan(site, strategy, job, each, simulate, give_way), limits)
+        runs = best_first(left, choices, drive, limits)
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
         first = first or next(iter(runs), None)
-        tried += [each.plan for each in choices]
+        tried += [each.plan for each in left]
     assert first is not None  # a plan that cannot be written is refused
     return first if slower is None else replace(slower, driven=True)
 

@@ -91,7 +91,18 @@ def _gates(
 
 
 def _shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[list[Stretch]]:
-    """The rounds shared out so that the way to or from the tracks is short for the tractor that has the longest."""
+    """The rounds shared out so that the way to or from the tracks is short for the tractor that has the longest.
+
+    What passages do not tell apart is worked out once, and so is what a plan asks for that is written again.
+    """
+    laps = tuple((lap.number, lap.ring, len(lap.sides)) for lap in job.rounds)
+    key = laps, job.tractors, first, passage.alone, tuple(ends)
+    if key not in job.sharings:
+        job.sharings[key] = _nearest_shares(job, ends, first, passage)
+    return job.sharings[key]  # type: ignore[no-any-return]
+
+
+def _nearest_shares(job: Job, ends: list[Pose], first: bool, passage: Passage) -> list[list[Stretch]]:
     if job.tractors == 1 or passage.alone:
         begin = job.layout.field.entrance if first else ends[0][:2]
         whole = shared(replace(job, tractors=1), outside_in=first, begin=begin)

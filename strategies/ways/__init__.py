@@ -9,5 +9,5 @@ routes, connect  the quickest drivable way between two poses inside the field
 finders          such searches kept for several layouts of a field
 bends, around    lines bent round small obstacles; tracks bent, or cut where no bend fits
 gateway          the way through the entrance of a field
-fence            whether the whole machine stays inside a fence on a way
+fence, rubbing   whether the whole machine stays inside a fence on a way; followed step by step, compiled
 """

@@ -10,7 +10,7 @@ import shapely
 from fields import Field
 from planner.candidates.beaten import Rival, contenders
 from planner.candidates.bounds import alone_s, least_s, pace_of
-from planner.candidates.choosing import driven_alike, untried
+from planner.candidates.choosing import Limits, best_first, driven_alike, untried
 from planner.candidates.evaluate import Candidate, CandidateRun, _alone, run_candidate, simulated
 from planner.scenario import Scenario
 from planner.site import Site, prepare
@@ -142,3 +142,28 @@ def test_blocks_of_a_field_are_worked_out_once_for_all_orders(monkeypatch: pytes
     for mission, turned in zip(there.missions, back.missions, strict=True):
         worked = [[leg.task for leg in each.legs if leg.implement] for each in (mission, turned)]
         assert {task.number for task in worked[0]} == {task.number for task in worked[1]}
+
+
+class Driven:
+    """A choice driven in so many seconds, or not at all."""
+
+    def __init__(self, choice: Refined, seconds: float | None) -> None:
+        self.reason = "tractors meet" if seconds is None else None
+        self.run = type("Run", (), {"plan": choice.plan, "duration_s": seconds})()
+
+
+@pytest.mark.parametrize(("first_s", "expected"), [(None, 1), (1e5, 2)])
+def test_the_others_are_driven_where_one_that_might_win_turns_out_slow(
+    round_site: Site, first_s: float | None, expected: int
+) -> None:
+    plan, _ = two_plans(round_site)
+    beaten, open_ = Refined(copied(plan)), Refined(plan)
+    driven: list[Refined] = []
+
+    def drive(choice: Refined) -> Driven:
+        driven.append(choice)
+        return Driven(choice, first_s if choice is open_ else 2e5)
+
+    found = best_first([open_], [beaten, open_], drive, Limits())
+    assert [id(choice) for choice in driven] == [id(open_), id(beaten)][:expected]
+    assert len(found) == expected
