@@ -57,6 +57,9 @@ MOST_PARTS = 8
 PATCH_HANDICAP = 1.3
 # Chosen, rad: a circle in which the tractor hardly turned says nothing of grip.
 FEWEST_TURNED_RAD = 0.3
+# Chosen, of what a circle tells: with less beside a gain of the steering of each run, runs differ and not places. A
+# hidden patch keeps nearly all of it, a circle round the runs of another tractor a twentieth.
+LEAST_WITHIN_RUNS = 0.5
 # Chosen: a circle with more of the turning than this is the field, and its grip the gain of the steering.
 MOST_OF_TURNING = 0.8
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
 from vehicle.measured.answer.case import Case, case_of, is_calibration, noise_share, within_noise
-from vehicle.measured.causes.challenge import make_up, stands_alone
+from vehicle.measured.causes.challenge import make_up, shows_within_runs, stands_alone
 from vehicle.measured.causes.evidence import helps, is_nameable
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
@@ -50,13 +50,18 @@ def nameable(selection: Selection, tractor: Tractor) -> list[str]:
     bench, fit = selection.bench, selection.fit
     names = [
         knobs.id for knobs, _ in fit.parts
-        if is_nameable(bench, fit, tractor, knobs.id) and stands_alone(bench, fit, knobs.id)
+        if is_nameable(bench, fit, tractor, knobs.id) and _by_itself(bench, fit, knobs.id)
     ]  # fmt: skip
     if not selection.unnamed:
         return names
     shadow = unnamed_gain(fit) * ABOVE_UNNAMED
     apart = (STEERING, SPEED) if bench.has_wheel else ()
     return [name for name in names if effect(name).block in apart or without(bench, fit, name).loss - fit.loss > shadow]
+
+
+def _by_itself(bench: Bench, fit: Fit, name: str) -> bool:
+    """Whether an effect needs no other of its make-up, and no difference between runs, to be what it is."""
+    return stands_alone(bench, fit, name) and shows_within_runs(bench, fit, name)
 
 
 def unnamed_gain(fit: Fit) -> float:
@@ -135,7 +140,7 @@ def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
     whole = of_fit(bench, fit, fit.settings)
     return [
         name for name in fit.settings
-        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name) and stands_alone(bench, fit, name)
+        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name) and _by_itself(bench, fit, name)
         and helps(bench, without(bench, fit, name), fit, selection.threshold)
     ]  # fmt: skip
 

@@ -19,8 +19,9 @@ from vehicle.measured.causes.refit import enlarged, with_unnamed, without
 from vehicle.measured.causes.trial import Projector, Tried, tried
 from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for
+from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import LEAST_GAIN, LOOK_ALIKE, LOOK_ALIKE_SHARE, REFITTED
+from vehicle.measured.thresholds import LEAST_GAIN, LEAST_WITHIN_RUNS, LOOK_ALIKE, LOOK_ALIKE_SHARE, REFITTED
 from vehicle.tractor import Tractor
 
 Alike = Mapping[str, dict[str, float]]
@@ -144,6 +145,34 @@ def stands_alone(bench: Bench, fit: Fit, name: str) -> bool:
         if float((there - neutral) @ (at - neutral)) <= 0.0 or knobs.deviation(there) <= finest:
             return False
     return True
+
+
+def shows_within_runs(bench: Bench, fit: Fit, name: str) -> bool:
+    """Whether an effect at a place shows where runs come to it and leave it, not only in that runs differ.
+
+    Logs of two tractors, or of two days, bend differently from end to end: a circle round where some of them turned
+    tells that as well. It must tell most of what it does beside a gain of the steering that every run has for itself.
+    """
+    if not effect(name).kind.searched:
+        return True
+    knobs, at = next(part for part in fit.parts if part[0].id == name)
+    mine = fit.columns(name)
+    told, others = fit.slope[:, mine] @ (at - np.array(knobs.neutral)), np.delete(fit.slope, mine, axis=1)
+    turned = _turned_more(bench, fit)
+    runs = [np.where(bench.runs == run, turned, 0.0) for run in range(len(bench.course.names))]
+    beside = np.column_stack([others, *[one for one in runs if one.any()]])
+    alone, within = Projector(others)(told), Projector(beside)(told)
+    return float(within @ within) > LEAST_WITHIN_RUNS * float(alone @ alone)
+
+
+def _turned_more(bench: Bench, fit: Fit) -> Array:
+    """Change of the surprises where all runs bend a little more."""
+    name = "steering_gain"
+    knobs, settings = knobs_for(bench.rig.tractor, name), fit.settings
+    now = settings.get(name, knobs.values(np.array(knobs.neutral)))
+    more = {key: value + knobs.typical[0] for key, value in now.items()}
+    base = bench.surprise(settings)
+    return bench.change({**settings, name: more}, base, frozenset({PATH})) - base
 
 
 def make_up(name: str) -> str | None:
