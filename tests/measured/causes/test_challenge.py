@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.measured.benches import bench_of, eg105, knobs
+from tests.measured.benches import LinearBench, bench_of, eg105, knobs
 from vehicle.effects import PATH, POSITION, SPEED, STEERING
-from vehicle.measured.causes.challenge import beside, challenged, with_more_starts
+from vehicle.measured.causes.challenge import beside, challenged, shows_within_runs, with_more_starts
 from vehicle.measured.causes.refit import restarted
 from vehicle.measured.causes.selection import _by_chance, select
 from vehicle.measured.surprise.bench import Bench
@@ -51,6 +51,18 @@ def test_the_true_cause_stands(bench: Bench) -> None:
     outcome = challenged(bench, true, (), eg105())
     assert outcome.better is None and outcome.alike == {"steering_offset": {}}
     assert select(bench, eg105()).alike == outcome.alike
+
+
+@pytest.mark.parametrize(("part_of_each", "shows"), [(True, True), (False, False)])
+def test_a_place_shows_where_runs_come_to_it_and_leave_it(part_of_each: bool, shows: bool) -> None:
+    """Half of every run bends less, or all of one run: the first is a place, the second is another tractor."""
+    turned = np.random.default_rng(5).standard_normal(120)
+    rows = np.arange(120)
+    patch = np.where(rows % 30 < 15 if part_of_each else rows < 30, turned, 0.0)
+    bench: Any = LinearBench(-0.3 * patch, {"grip_patch": patch, "steering_gain": turned})
+    bench.rig = SimpleNamespace(tractor=eg105())
+    assert shows_within_runs(bench, bench.fit("grip_patch", at=0.7), "grip_patch") is shows
+    assert shows_within_runs(bench, bench.fit("steering_gain", at=0.9), "steering_gain")
 
 
 def test_chance_grows_with_what_is_free() -> None:
