@@ -11,6 +11,8 @@ from vehicle.effects import PATH, POSITION, SPEED, STEERING
 from vehicle.measured.causes.challenge import beside, challenged, shows_within_runs, with_more_starts
 from vehicle.measured.causes.refit import restarted
 from vehicle.measured.causes.selection import _by_chance, select
+from vehicle.measured.fit.fitting import Fit
+from vehicle.measured.fit.knobs import knobs_for
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import CHANCE_SIGMAS
 
@@ -61,7 +63,9 @@ def test_a_place_shows_where_runs_come_to_it_and_leave_it(part_of_each: bool, sh
     patch = np.where(rows % 30 < 15 if part_of_each else rows < 30, turned, 0.0)
     bench: Any = LinearBench(-0.3 * patch, {"grip_patch": patch, "steering_gain": turned})
     bench.rig = SimpleNamespace(tractor=eg105())
-    assert shows_within_runs(bench, bench.fit("grip_patch", at=0.7), "grip_patch") is shows
+    place = knobs_for(eg105(), "grip_patch", {"grip_patch": (0.0, 0.0, 5.0)})
+    fit = Fit(((place, np.array([0.7])),), np.zeros(120), patch[:, np.newaxis])
+    assert shows_within_runs(bench, fit, "grip_patch") is shows
     assert shows_within_runs(bench, bench.fit("steering_gain", at=0.9), "steering_gain")
 
 
