@@ -2,7 +2,7 @@
 
 Every set of tests.diagnosis.sets (80 a seed) is diagnosed; the answers go to FILE, a line of JSON each. Called again
 with the same FILE it does what is left, so it can be stopped at any time. Answers of another state of the code are
-neither counted nor taken for done. A set takes 2 to 10 s of CPU, a seed about 7 minutes of one core. With --share 2/5
+neither counted nor taken for done. A set takes 1 to 9 s of CPU, a seed about 4 minutes of one core. With --share 2/5
 a seed has 32 of its sets, others from seed to seed, each kind as often as every other in any five seeds in a row, and
 on both tractors in any ten. Printed are what is asked of a diagnosis beside what it reached, a line per effect, and
 every set that went wrong, by the key that --only repeats.
