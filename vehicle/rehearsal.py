@@ -66,6 +66,7 @@ class Rehearsal:
             stop_clearance_m=self.stop_clearance_m, beside_clearance_m=self.beside_clearance_m,
             max_time_s=max_time_s, progress=keep, chunk_s=SNAPSHOT_S,
         )  # fmt: skip
+        now.kept = [one.within(run.record) for one in now.kept]
         self._last = now
         if run.outcome == DONE:
             self._done = now

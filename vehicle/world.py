@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,11 @@ class Snapshot:
     def time_s(self) -> float:
         """When it was taken."""
         return float(self.clock[0] * DT_S)
+
+    def within(self, record: Array) -> Snapshot:
+        """The same with its rows in the record of the whole run, so that they are held once."""
+        rows = sum(len(chunk) for chunk in self.chunks)
+        return replace(self, chunks=(record[:rows],))
 
 
 class World:

@@ -147,3 +147,11 @@ def test_a_run_in_two_parts_is_one_run(build: Any, eg105: Tractor, implement: Im
     world = World(plan, eg105, implement)
     world.run(max_time_s=33.3)
     assert_same_bits(world.run(), World(plan, eg105, implement).run())
+
+
+def test_the_rows_of_a_run_are_held_once(build: Any, eg105: Tractor, implement: Implement) -> None:
+    """A run over 200 ha has some 290 MB of them."""
+    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5)
+    run = rehearsal.simulate(crossing(build), FOREVER_S)
+    assert rehearsal._last is not None and rehearsal._last.kept
+    assert all(np.shares_memory(chunk, run.record) for one in rehearsal._last.kept for chunk in one.chunks)
