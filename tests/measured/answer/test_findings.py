@@ -16,7 +16,7 @@ from vehicle.measured.answer.findings import findings, sized, visible, with_neut
 from vehicle.measured.answer.names import Explained, holds, unexplained, unnamed_gain
 from vehicle.measured.answer.record import LIKELY_OF, LIKELY_RIGHT
 from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED
-from vehicle.measured.causes.challenge import look_alikes
+from vehicle.measured.causes.challenge import challenged
 from vehicle.measured.fit.fitting import Extra, Fit, refined
 from vehicle.measured.fit.openloop import Term
 from vehicle.measured.mend.extension import Extension, of_fit
@@ -84,7 +84,7 @@ def test_a_working_implement_all_the_time_leaves_offset_and_draft_alike() -> Non
     bench = bench_of("there-and-back", {"steering_offset": {"angle_deg": 1.0}})
     surprise = bench.surprise({})
     fit = refined(bench, Fit(((knobs("steering_offset"), np.zeros(1)),), surprise, np.zeros((len(surprise), 0))))
-    assert "implement_side_draft" in look_alikes(bench, fit, "steering_offset")
+    assert "implement_side_draft" in challenged(bench, fit, (), eg105()).alike["steering_offset"]
 
 
 def test_the_smallest_visible_size_shrinks_with_the_root_of_the_loss_it_makes(case: Case) -> None:

@@ -69,7 +69,7 @@ def test_a_time_of_the_steering_is_no_surer_than_the_beat_of_commands_and_half_a
     late = Term(knobs("steering_dead_time"), np.array([0.2]))
     assert off_alike(bench, late) == pytest.approx(1.96 * math.hypot(0.02, 0.1 / math.sqrt(12.0)))
     latency = Term(knobs("gnss_latency"), np.array([0.2]))
-    assert off_alike(bench, latency) == pytest.approx(0.2 * 0.06)  # the fit leaves free how far sensors are off
+    assert off_alike(bench, latency) == pytest.approx(1.96 * 0.05 / math.sqrt(3.0))  # three that the path cannot part
     assert off_alike(bench, latency, open_loop=True) == pytest.approx(1.96 * 0.05)
 
 

@@ -60,11 +60,6 @@ def challenged(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...], tractor:
     return Outcome(alike=alike)
 
 
-def look_alikes(bench: Bench, fit: Fit, name: str) -> Alike:
-    """Effects that explain as much in the place of a named one, with the values they would need."""
-    return _rivals(bench, fit, name)[1]
-
-
 def _rivals(bench: Bench, fit: Fit, name: str) -> tuple[Fit | None, Alike]:
     """The fit in which a rival is clearly better in the place of an effect, if any; and those that are as good."""
     tractor = bench.rig.tractor

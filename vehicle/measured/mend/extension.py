@@ -162,7 +162,7 @@ def _loss(bench: Bench, run: int, settings: Mapping[str, Mapping[str, float]], h
 
 
 def value_interval(term: Term, covariance: Array, finest: float) -> dict[str, Interval]:
-    """95 % interval of the values of a term from the covariance of its coordinates, and no narrower than `finest`.
+    """95 % interval of the values of a term from the covariance of its coordinates, and `finest` beside its scatter.
 
     Where an effect is, as of a patch, was searched for and not fitted: no interval is claimed for it.
     """
@@ -194,8 +194,12 @@ def off_alike(bench: Bench, term: Term, open_loop: bool = False) -> float:
     if term.knobs.id in BY_NAME:
         return 0.0
     entry = effect(term.knobs.id)
-    if entry.size.unit == "s" and (open_loop or entry.block != POSITION):
-        sigma = {SPEED: DRIVE_LINE_S, POSITION: SENSORS_S}.get(entry.block, TIMING_S)
-        return SURE * (sigma if entry.block == POSITION else math.hypot(sigma, bench.row_s / math.sqrt(12.0)))
+    if entry.size.unit == "s" and entry.block == POSITION:
+        # A late position, a late turning and an early speed are one thing to the path: what is known beforehand of the
+        # three parts them.
+        return SURE * SENSORS_S * (1.0 if open_loop else 1.0 / math.sqrt(3.0))
+    if entry.size.unit == "s":
+        sigma = DRIVE_LINE_S if entry.block == SPEED else TIMING_S
+        return SURE * math.hypot(sigma, bench.row_s / math.sqrt(12.0))
     whole = open_loop or entry.block == STEERING or STEERING_SPEED in entry.plot
     return tolerance(bench, term) * (1.0 if whole else LEFT_OF_TOLERANCE)
