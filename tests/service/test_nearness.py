@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from dataclasses import replace
@@ -9,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.service.centre.centre import Centre
 from planner.service.centre.errors import CentreError
+from planner.service.centre.progress import progress_of, restore
 from planner.service.centre.rules import Rules
 from planner.service.centre.tractors import DRIVEN, NEAR, Report
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
@@ -168,3 +171,72 @@ def test_an_operator_leads_one_out_of_an_overlap_and_not_deeper_into_it() -> Non
         fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
     fleet.centre.command("anna", 0, 0.0, -0.5, fleet.now)
     assert DRIVEN in fleet.centre.states[0].holds
+
+
+def restarted(fleet: Driven) -> None:
+    """The service ends and begins anew; the tractors of the fleet are linked again."""
+    kept = json.loads(json.dumps(progress_of(fleet.centre, fleet.now, 1e9 + fleet.now)))
+    fleet.centre = Centre(fleet.centre.plan, fleet.centre.rules)
+    restore(fleet.centre, kept, fleet.now, 1e9 + fleet.now)
+    for number in range(fleet.centre.plan.tractors):
+        fleet.centre.joined(number, fleet.now)
+
+
+def test_two_that_touch_stand_after_a_restart_too() -> None:
+    fleet = driven(fleet_plan(2, 3, apart_m=0.5))
+    fleet.run(30)
+    stood_m = list(fleet.at_m)
+    for _ in range(3):
+        restarted(fleet)
+        fleet.run(20)
+    assert fleet.at_m == stood_m and all(NEAR in state.holds for state in fleet.centre.states)
+    assert "no way on is clear" in fleet.centre.alarms.items()[0].sentence
+
+
+def test_who_was_stopped_for_another_goes_on_after_a_restart_once_its_way_is_clear() -> None:
+    fleet = behind(0.3)
+    restarted(fleet)
+    fleet.run(25)
+    assert min(fleet.at_m) > 20.0 and not any(state.holds for state in fleet.centre.states)
+
+
+def test_who_is_found_too_near_before_its_link_is_back_is_told_to_stand_with_the_link() -> None:
+    fleet = driven(fleet_plan(2, 3, apart_m=2.9))
+    fleet.run(5)
+    centre = fleet.centre
+    east, west = Report(0.0, 5.0, NORTH - 0.4, 1.0, 1.0, leg_m=5.0), Report(2.9, 5.0, NORTH + 0.4, 1.0, 1.0, leg_m=5.0)
+    for number, report in enumerate((east, west)):
+        centre.reported(number, report, fleet.now)
+    kept = json.loads(json.dumps(progress_of(centre, fleet.now, 1e9)))
+    again = Centre(centre.plan, centre.rules)
+    restore(again, kept, fleet.now, 1e9)
+    assert all(state.doubtful for state in again.states)
+    for state in again.states:  # by what the first tick sees
+        state.holds.add(NEAR)
+    again.tick(fleet.now)
+    again.taken()
+    again.joined(0, fleet.now)
+    assert [order.kind for order in again.taken()[0] if order.tractor == 0][-1] == "stop"
+
+
+def test_who_was_let_part_is_stopped_again_once_it_was_apart() -> None:
+    """Also from one beside which it stood without an alarm: that they came apart is seen all the same."""
+    fleet = driven(fleet_plan(3, 3, apart_m=20.0))
+    fleet.centre.near.goes(0, {(0, 2): 0.1})
+    fleet.run(2)
+    fleet.silent = {2}
+    for step in range(30):  # a driver comes by, 0.2 m beside the way of the first
+        fleet.centre.reported(2, Report(2.25, 14.0 - 0.1 * step, -NORTH, 1.0, 1.0, mode="manual"), fleet.now)
+        fleet.run(0.1)
+    assert NEAR in fleet.centre.states[0].holds and told(fleet)["alarm"]
+
+
+def test_who_is_driven_by_hand_keeps_nobody_else_standing() -> None:
+    """A driver takes the wheel of one that was stopped and drives it away: the other goes on meanwhile."""
+    fleet = behind(0.3)
+    fleet.silent = {0}
+    for step in range(80):
+        x = 0.1 * step
+        fleet.centre.reported(0, Report(x, 20.0, 0.0, 1.0, 1.0, mode="manual", leg_m=20.0), fleet.now)
+        fleet.run(0.1)
+    assert fleet.centre.states[0].report is not None and NEAR not in fleet.centre.states[1].holds

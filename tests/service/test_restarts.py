@@ -175,6 +175,9 @@ def test_one_that_was_stopped_after_the_last_that_is_known_is_not_set_in_motion_
     restore(again, kept, 100.0, 1e9 + 3.0)
     report = first.centre.states[0].report
     assert report is not None
+    for tenth in range(50):  # the link takes its time
+        again.tick(95.0 + 0.1 * tenth)
+    assert not again.taken()[0]
     again.joined(0, 100.0)
     again.reported(0, report, 100.1)  # one that waited for the link
     kinds = []

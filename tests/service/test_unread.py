@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import math
 import random
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 
-from planner.service.centre.errors import LeaseError
+from planner.service.centre.errors import CentreError, LeaseError
 from planner.service.centre.progress import progress_of, restore
-from planner.service.centre.seeing import LOOKED_M, SETTLED_S, UNREAD_CODE
+from planner.service.centre.seeing import LOOK_S, LOOKED_M, SETTLED_S, UNREAD_CODE
 from planner.service.centre.tractors import UNREAD, Report
 from planner.service.links.clients import TRACTOR, Client
-from planner.service.links.frames import LARGEST_FRAME, names_obstacle
+from planner.service.links.frames import LARGEST_FRAME, Acknowledge, names_obstacle
 from planner.service.links.link import _take
 from planner.service.links.live import LiveFleet
 from planner.service.links.recording import MOST_AHEAD
@@ -36,6 +37,7 @@ UNREADABLE = {
     "cut off": json.dumps({"kind": "obstacle", "polygon_m": SQUARE})[:50],
     "endless": json.dumps({"kind": "obstacle", "polygon_m": SQUARE * 2000}),
 }
+AWAY = ((50.0, 50.0), (51.0, 50.0), (51.0, 51.0))
 GOOD = json.dumps({"kind": "obstacle", "polygon_m": SQUARE, "name": "stone"})
 
 
@@ -129,21 +131,20 @@ def test_an_operator_who_has_looked_lets_it_pass_that_place_and_no_farther() -> 
 
 def test_one_that_can_be_read_lets_it_go_on_once_no_other_has_come_for_a_while() -> None:
     fleet = facing()
-    away = ((50.0, 50.0), (51.0, 50.0), (51.0, 51.0))
     for _ in range(10):  # by turns
         fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
         fleet.run(0.5)
-        fleet.centre.obstacle("tractor 1", away, "stone", fleet.now, 0)
+        fleet.centre.obstacle("tractor 1", AWAY, "stone", fleet.now, 0)
         assert held(fleet)
     fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
     fleet.run(5)
     assert held(fleet), "silence of it is no sign that nothing is there"
-    fleet.centre.obstacle("tractor 2", away, "stone", fleet.now, 1)
+    fleet.centre.obstacle("tractor 2", AWAY, "stone", fleet.now, 1)
     fleet.run(1)
     assert held(fleet), "what another sees is not what it sees"
     fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
     fleet.run(0.5)
-    fleet.centre.obstacle("tractor 1", away, "stone", fleet.now, 0)
+    fleet.centre.obstacle("tractor 1", AWAY, "stone", fleet.now, 0)
     fleet.run(SETTLED_S)
     assert not held(fleet) and not fleet.standing[0]
 
@@ -163,6 +164,8 @@ def test_remote_control_stands_too_until_somebody_has_looked() -> None:
     fleet.centre.reported(0, Report(0.0, 5.0, math.pi / 2, 0.0, mode="remote", leg_m=5.0), fleet.now)
     fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
     fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+    fleet.now += LOOK_S
+    fleet.centre.reported(0, Report(0.0, 5.0, math.pi / 2, 0.0, mode="remote", leg_m=5.0), fleet.now)
     assert fleet.centre.states[0].remote_command[1] == 0.0
     with pytest.raises(Exception, match="an obstacle that cannot be read") as refused:
         fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
@@ -177,8 +180,46 @@ def test_it_is_held_after_a_restart_too_and_can_be_let_go() -> None:
     again = driven(fleet.centre.plan)
     restore(again.centre, kept, again.now, 1e9)
     assert held(again)
+    again.centre.obstacle("tractor 1", AWAY, "stone", again.now, 0)
+    assert held(again), "what could not be read may have been told of just before"
+    again.now += SETTLED_S
     acknowledge(again)
     assert not held(again)
+
+
+def test_nobody_can_have_looked_at_what_was_told_of_just_now() -> None:
+    """An alarm that was over is on again when somebody acknowledges it, or lets the tractor go on."""
+    fleet = facing()
+    fleet.centre.obstacle("tractor 1", AWAY, "stone", fleet.now, 0)
+    fleet.run(0.5)
+    assert not held(fleet)
+    fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+    fleet.run(0.5)
+    fleet.centre.states[0].holds.add("paused")
+    for order in (lambda: acknowledge(fleet), lambda: fleet.centre.resume("anna", 0, fleet.now)):
+        with pytest.raises(CentreError, match="told just now of an obstacle"):
+            order()
+    assert fleet.centre.states[0].holds == {UNREAD, "paused"}
+    assert all(each.acknowledged is None for each in fleet.centre.alarms.items() if each.code == UNREAD_CODE)
+    fleet.centre.unreadable(0, "It has 300 corners.", fleet.now)
+    fleet.run(LOOK_S)
+    acknowledge(fleet)
+    assert not held(fleet)
+
+
+def test_an_acknowledgement_that_was_held_up_lets_nobody_go_on() -> None:
+    fleet, first, _, operator = started()
+    fleet.centre.alarms.raised("other", 0, "warning", "Something else.", 0.0)
+    _take(fleet, first, UNREADABLE["two corners"])
+    fleet.centre.states[0].faces_s = -math.inf  # long ago
+    other, unread = (alarm.id for alarm in fleet.centre.alarms.items())
+    old = datetime.now(UTC) - timedelta(seconds=2.5)
+    fleet.ordered(operator, Acknowledge(kind="acknowledge", alarm=other, time=old), 10.0)
+    with pytest.raises(CentreError, match=r"2\.5 s old and is not carried out"):
+        fleet.ordered(operator, Acknowledge(kind="acknowledge", alarm=unread, time=old), 10.0)
+    assert fleet.centre.states[0].holds == {UNREAD}
+    fleet.ordered(operator, Acknowledge(kind="acknowledge", alarm=unread, time=datetime.now(UTC)), 10.0)
+    assert not fleet.centre.states[0].holds
 
 
 def test_an_obstacle_is_named_by_its_kind_or_by_its_corners() -> None:

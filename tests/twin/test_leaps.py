@@ -25,10 +25,10 @@ OUT, STAYS = 20.0, math.inf
 
 def driven(
     hidden: Mapping[str, float], seconds: float, rate_hz: float = 1.0, *, metres: float = 0.0, angle: float = 0.0,
-    back_s: float = STAYS, seed: int = 3,
+    back_s: float = STAYS, seed: int = 3, right_m: float = 0.0,
 ) -> Twin:  # fmt: skip
     """A twin that follows rows of 80 m, told how they are driven ten times a second; from AT_S on, for `back_s`, fixes
-    are so many metres elsewhere."""
+    are so many metres elsewhere, and so many to the right of the tractor."""
     mission, tractor = rows(4), load_tractor("eg105")
     real = Stepper(mission, tractor, Implement(), hidden=hidden, noise=Noise(), seed=seed)
     real.released = len(mission.legs)
@@ -38,7 +38,9 @@ def driven(
         twin.command(state.time_s, state.steering_command_rad, state.speed_command_mps, state.implement)
         if step % round(10.0 / rate_hz) == 0:
             off = metres if AT_S <= state.time_s < AT_S + back_s else 0.0
-            x, y = state.x_m + off * math.cos(angle), state.y_m + off * math.sin(angle)
+            right = right_m if state.time_s >= AT_S else 0.0
+            x = state.x_m + off * math.cos(angle) + right * math.sin(state.heading_rad)
+            y = state.y_m + off * math.sin(angle) - right * math.cos(state.heading_rad)
             twin.measured(Fix(state.time_s, x, y, state.heading_rad, state.speed_mps, state.time_s))
         twin.advance(state.time_s)
     return twin
@@ -75,6 +77,17 @@ def test_what_is_wrong_all_along_is_found_with_a_leap_in_between_too(
     for metres in (0.0, 0.4):
         doubt = driven(hidden, 90.0, metres=metres, angle=2.0).doubt()
         assert doubt is not None and doubt.like in like and doubt.told_s < 80.0
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+@pytest.mark.parametrize("right_m", [0.15, 1.0])
+def test_an_antenna_that_is_pushed_aside_is_a_leap_at_first_and_found_in_the_next_bend(
+    right_m: float, rate_hz: float
+) -> None:
+    straight, turned = (driven({}, seconds, rate_hz, right_m=right_m) for seconds in (50.0, 80.0))
+    assert straight.doubt() is None and straight.leaps[0].metres == pytest.approx(right_m, abs=0.05)
+    doubt = turned.doubt()
+    assert doubt is not None and doubt.like == "antenna_right"
 
 
 def test_one_leap_after_another_is_more_than_a_leap() -> None:

@@ -21,12 +21,11 @@ from planner.service.centre.tractors import (
     ASTRAY,
     AUTOMATIC,
     BROKEN,
+    BY_HAND,
     DRIVEN,
     FENCE,
     HALTED,
-    MANUAL,
     NEAR,
-    REMOTE,
     WAITS,
     Report,
     TractorState,
@@ -50,7 +49,7 @@ class Centre(Operated):
         self.alarms.ended("broken", number)
         state.limit_mps = self._limit(number)
         self._tell_release(number)
-        if not state.doubtful:
+        if state.holds or not state.doubtful:  # it may be held for what was seen since the memory ends
             self._order(number, "stop" if state.standing_ordered else "resume", **self._why(number))
 
     def left(self, number: int, now: float, goodbye: bool) -> None:
@@ -146,7 +145,9 @@ class Centre(Operated):
         silence of the centre alone.
         """
         state = self.states[number]
-        if not state.doubtful or now - state.joined_s < REMEMBER_S or state.seen_s <= state.joined_s:
+        if not state.doubtful or not state.linked:
+            return
+        if now - state.joined_s < REMEMBER_S or state.seen_s <= state.joined_s:
             return
         state.doubtful = False
         follows = self.courses[number].legs[min(state.leg, len(self.courses[number].legs) - 1)].follow is not None
@@ -249,7 +250,7 @@ class Centre(Operated):
         self._inside({danger.first for danger in dangers if danger.second is None})
         pairs = [(i, j) for i in range(self.plan.tractors) for j in range(i + 1, self.plan.tractors)
                  if self.alarms.on(_near(j), i)]  # fmt: skip
-        if pairs or any(NEAR in state.holds for state in self.states):
+        if pairs or self.near.watched or any(NEAR in state.holds for state in self.states):
             self._part(pairs, now)
 
     def _warn(self, danger: Danger, now: float) -> None:
@@ -282,17 +283,18 @@ class Centre(Operated):
         """Of those that are too near, or were: whose alarm is over, and who goes on."""
         close = self.guard.close(self.states, self.courses)
         near = {n: state for n, state in enumerate(self.states) if NEAR in state.holds}
-        waiting = [n for n, state in near.items() if DRIVEN not in state.holds]
-        alone = [n for n in waiting if near[n].mode not in (MANUAL, REMOTE)]
+        alone = [n for n, state in near.items() if DRIVEN not in state.holds and state.mode not in BY_HAND]
         for one, other in self.near.over(pairs, close, alone, now):
             self.alarms.ended(_near(other), one)
         for number, state in near.items():
             on = [pair for pair in pairs if number in pair and self.alarms.on(_near(pair[1]), pair[0])]
             if DRIVEN in state.holds and not on:
                 state.holds.discard(NEAR)  # what its operator may do is asked at every command
-        reports = [self.states[n].report for n in waiting]
+        waiting = [n for n, state in near.items() if NEAR in state.holds and DRIVEN not in state.holds]
+        reports = [near[n].report for n in alone]
         moving = any(report is not None and report.speed_mps > MOVING_MPS for report in reports)
-        ways = {n: not moving and self.guard.may_go(n, self.states, self.courses) for n in waiting}
+        still = [] if moving else waiting
+        ways = dict.fromkeys(waiting, False) | self.guard.may_go(still, self.states, self.courses)
         free = self.near.free(ways, now)  # whoever goes on must know where the others stand
         if free:
             first = min(free, key=lambda n: (-self._free_m(n, waiting), n))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,7 @@ from planner.service.centre.foresight import (
     standing,
 )
 from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import AUTOMATIC, NEAR, TractorState
+from planner.service.centre.tractors import AUTOMATIC, BY_HAND, NEAR, TractorState
 from vehicle.approach import approaches, distances
 from vehicle.compile import compile_model, outline
 from vehicle.missions import ENTER, LEAVE
@@ -148,18 +148,23 @@ class Guard:
         placed = centres(np.array(poses), self.tractor)
         return float(distances(placed[0], placed[1], self.model)[0])
 
-    def may_go(self, number: int, states: Sequence[TractorState], courses: Sequence[Course]) -> bool:
-        """Whether one that stands because another is near could drive on past all others as these go, or stand, now.
+    def may_go(
+        self, numbers: Iterable[int], states: Sequence[TractorState], courses: Sequence[Course]
+    ) -> dict[int, bool]:
+        """Which of these, who stand because another is near, could drive on past all others as these go, or stand, now.
 
-        It keeps the release distance to each, or parts from one that is nearer. One that touches another, or overlaps
-        it by what they report, never goes on by itself: nobody knows which way is out.
+        Such a one keeps the release distance to each, or parts from one that is nearer. One that touches another, or
+        overlaps it by what they report, never goes on by itself: nobody knows which way is out.
         """
-        report = states[number].report
-        if report is None or courses[number].off_m(states[number].leg, (report.x_m, report.y_m)) > self.rules.rejoin_m:
+        others = self._ways(states, courses)
+        return {number: self._may_go(number, states[number], courses[number], others) for number in numbers}
+
+    def _may_go(self, number: int, state: TractorState, course: Course, others: Mapping[int, Array]) -> bool:
+        report = state.report
+        if report is None or course.off_m(state.leg, (report.x_m, report.y_m)) > self.rules.rejoin_m:
             return False  # whoever put it there takes it away
-        going = foreseen(states[number], courses[number], self.tractor, self.rules, going=True)
-        own = centres(going, self.tractor)
-        return all(self._free_of(own, theirs) for theirs in self._others(number, states, courses))
+        own = centres(foreseen(state, course, self.tractor, self.rules, going=True), self.tractor)
+        return all(self._free_of(own, theirs) for other, theirs in others.items() if other != number)
 
     def _free_of(self, own: Array, theirs: Array) -> bool:
         """Whether a way (steps, 3) keeps the release distance to another one, or leads away to that from where it is
@@ -172,15 +177,15 @@ class Guard:
             return False
         return not approaches(np.array([own[-1:], theirs[-1:]]), BOTH, self.model, *self.release)
 
-    def _others(self, number: int, states: Sequence[TractorState], courses: Sequence[Course]) -> Iterator[Array]:
-        """Ways (steps, 3) of the centres of all others on the field; who stands for one near it goes on standing."""
-        there, paths = self.there(states, courses), self.paths(states, courses)
-        for other in np.flatnonzero(there).tolist():
-            report = states[other].report
-            if other == number or report is None:
-                continue
-            theirs = standing(report, self.rules) if NEAR in states[other].holds else paths[other]
-            yield centres(theirs, self.tractor)
+    def _ways(self, states: Sequence[TractorState], courses: Sequence[Course]) -> dict[int, Array]:
+        """Ways (steps, 3) of the centres of all on the field; who stands for one near it goes on standing, but for one
+        that is driven by hand, of which nobody knows."""
+        paths = self.paths(states, courses)
+        for number, state in enumerate(states):
+            if state.report is not None and NEAR in state.holds and state.mode not in BY_HAND:
+                paths[number] = standing(state.report, self.rules)
+        there = np.flatnonzero(self.there(states, courses))
+        return dict(zip(there.tolist(), centres(paths[there], self.tractor), strict=True))
 
     def allows(
         self,
@@ -219,7 +224,9 @@ class Guard:
     def _clear(self, number: int, path: Array, states: Sequence[TractorState], courses: Sequence[Course]) -> bool:
         """Whether a way keeps clear of all others, or leads away from one that is nearer, out of one it overlaps."""
         own = centres(path, self.tractor)
-        for theirs in self._others(number, states, courses):
+        for other, theirs in self._ways(states, courses).items():
+            if other == number:
+                continue
             theirs = theirs[: len(own)]
             metres = distances(own, theirs, self.model)
             least = self.beside_m if metres[0] < self.clearance_m else self.clearance_m

@@ -28,6 +28,11 @@ class Nearness:
         self._stands_since: dict[int, float] = {}
         self._parting: dict[Pair, float] = {}
 
+    @property
+    def watched(self) -> bool:
+        """Whether any two were let part that are not apart yet, as far as was looked."""
+        return bool(self._parting)
+
     def parts(self, danger: Danger) -> bool:
         """Whether two that are too near were let part, and come no nearer than they were then."""
         if danger.second is None:

@@ -47,10 +47,12 @@ class Operated(Seeing):
         """One tractor or all go on by themselves; raises CentreError for one that stands too far off its leg, or
         across it, and right after somebody else has told them to stand. Who lets one go on has looked what it sees."""
         self._check_stopped(who, number, now)
+        if number is not None:
+            self.check_looked(number, now)
         for each in self._chosen(number):
             self._rejoin(each, alone=number is not None)
         if number is not None:
-            self.looked(who, number)
+            self.looked(who, number, now)
         if self.state in (READY, STOPPED) and number is None:
             self.started_s = now if self.started_s is None else self.started_s
             self.state = RUNNING

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from typing import Any
 
 from planner.service.centre.alarms import Alarm
 from planner.service.centre.centre import Centre
 from planner.service.centre.core import READY
-from planner.service.centre.tractors import AUTOMATIC, NEAR, OBSTACLE, WAITS, Report, TractorState
+from planner.service.centre.tractors import AUTOMATIC, OBSTACLE, UNREAD, WAITS, Report, TractorState
 
 LASTING = ("leg", "leg_m", "released", "update", "done", "failed", "driving_s", "driven_plan_s")
-PASSING = frozenset({NEAR, OBSTACLE, WAITS})
-"""Holds that are found out anew."""
+PASSING = frozenset({OBSTACLE, WAITS})
+"""Holds that are found out anew; not that of two too near, as nothing is foreseen of those that stand."""
 
 
 def progress_of(centre: Centre, now: float, clock_s: float) -> dict[str, Any]:
@@ -52,6 +53,7 @@ def restore(centre: Centre, kept: dict[str, Any], now: float, clock_s: float) ->
     centre.started_s = None if started is None else now - (clock_s - started)
     for state, values in zip(centre.states, kept.get("tractors", ()), strict=False):
         _restore_tractor(state, values, now - clock_s)
+        state.unread_s = now if UNREAD in state.holds else -math.inf
     codes = {}
     for block in kept.get("obstacles", ()):
         again = centre.obstacle(block["who"], tuple((x, y) for x, y in block["ring"]), block["name"], now)

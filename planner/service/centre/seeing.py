@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import math
 
-from planner.service.centre.alarms import CRITICAL, WARNING, Alarm
+from planner.service.centre.alarms import CRITICAL, WARNING
 from planner.service.centre.core import Core
 from planner.service.centre.errors import CentreError
 from planner.service.centre.obstacles import Block, Ring
 from planner.service.centre.tractors import UNREAD
 
+LOOK_S = 1.0  # after it was told of, in which nobody can have looked
 LOOKED_M = 15.0  # from where it stood, in which a tractor passes what an operator has looked at
 SETTLED_S = 2.0  # without an unreadable frame, after which a readable one stands for what is seen
 UNREAD_CODE = "unread obstacle"
@@ -63,6 +64,7 @@ class Seeing(Core):
         if UNREAD in state.holds or self._looked(number):
             return
         state.holds.add(UNREAD)
+        state.faces_s = now
         self.note(f"tractor {number + 1}", UNREAD_CODE, tractor=number + 1, sentence=sentence)
         told = (f"Tractor {number + 1} sees an obstacle that could not be taken, and stands. {sentence} Look what is "
                 "there; acknowledging this lets it go on.")  # fmt: skip
@@ -84,14 +86,31 @@ class Seeing(Core):
             if UNREAD in state.holds and state.read_s > state.unread_s and now - state.unread_s >= SETTLED_S:
                 self._let_go(number)
 
-    def looked(self, who: str, number: int) -> None:
-        """An operator has looked what a tractor sees that cannot be read: for that it stands no more."""
+    def looked(self, who: str, number: int, now: float) -> None:
+        """An operator has looked what a tractor sees that cannot be read: for that it stands no more.
+
+        Raises CentreError as check_looked.
+        """
         state = self.states[number]
         if UNREAD not in state.holds:
             return
+        self.check_looked(number, now)
         state.looked_at = None if state.report is None else (state.report.x_m, state.report.y_m)
         self.note(who, "looked", tractor=number + 1)
         self._let_go(number)
+
+    def check_looked(self, number: int, now: float) -> None:
+        """Raise CentreError where a tractor has told just now of what cannot be read: what was looked at is another."""
+        state = self.states[number]
+        if UNREAD in state.holds and now - state.faces_s < LOOK_S:
+            raise CentreError(f"Tractor {number + 1} has told just now of an obstacle that cannot be read; look what "
+                              "is there, and let it go on then.", parameter="tractor")  # fmt: skip
+
+    def faced_by(self, alarm: int) -> int | None:
+        """The tractor that goes on once this alarm is acknowledged; None for all other alarms."""
+        found = (each.tractor for each in self.alarms.items() if each.id == alarm and each.code == UNREAD_CODE)
+        number = next(found, None)
+        return number if number is not None and UNREAD in self.states[number].holds else None
 
     def _let_go(self, number: int) -> None:
         self.states[number].holds.discard(UNREAD)
@@ -106,8 +125,12 @@ class Seeing(Core):
         self._reblock()
 
     def acknowledge(self, who: str, alarm: int, now: float) -> None:
-        """Somebody has seen an alarm; that of an obstacle that cannot be read lets its tractor go on."""
-        seen: Alarm = self.alarms.acknowledge(alarm, who)
+        """Somebody has seen an alarm; that of an obstacle that cannot be read lets its tractor go on.
+
+        Raises CentreError as check_looked, or where there is no such alarm.
+        """
+        number = self.faced_by(alarm)
+        if number is not None:
+            self.looked(who, number, now)
+        self.alarms.acknowledge(alarm, who)
         self.note(who, "acknowledge", alarm=alarm)
-        if seen.code == UNREAD_CODE and seen.tractor is not None:
-            self.looked(who, seen.tractor)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
 MODES = (AUTOMATIC, REMOTE, MANUAL, STOPPED)
+BY_HAND = frozenset({MANUAL, REMOTE})
 ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
 # What keeps a tractor from driving its legs; while any holds, it stands.
 PAUSED, HALTED, NEAR, FENCE, OBSTACLE, FAILED, DRIVEN, ASTRAY, GIVEN, UNREAD, WAITS = (
@@ -57,8 +58,8 @@ class TractorState:
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
     guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move
     though it was told to stand, `told_again_s` when it was told once more. `unread_s` and `read_s` are when it told
-    last of an obstacle that could not be read, and of one that could; `looked_at` where it stood when somebody had
-    looked.
+    last of an obstacle that could not be read, and of one that could; `faces_s` since when it stands for one,
+    `looked_at` where it stood when somebody had looked.
     """
 
     report: Report | None = None
@@ -85,6 +86,7 @@ class TractorState:
     told_again_s: float = -math.inf
     unread_s: float = -math.inf
     read_s: float = -math.inf
+    faces_s: float = -math.inf
     looked_at: tuple[float, float] | None = None
 
     @property

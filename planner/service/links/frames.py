@@ -170,9 +170,14 @@ class Clear(_Order):
 
 
 class Acknowledge(_Order):
-    """An alarm was seen."""
+    """An alarm was seen.
+
+    That of an obstacle that cannot be read lets its tractor go on: with its `time` by the service's clock it is then
+    refused when it comes two seconds late, and within a second after the tractor has told of it in any case.
+    """
 
     kind: Literal["acknowledge"]
+    time: AwareDatetime | None = None
     alarm: Annotated[int, Field(ge=1)]
 
 

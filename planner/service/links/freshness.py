@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from planner.service.centre.errors import CentreError
-from planner.service.links.frames import Begin, Drive, GoOn
+from planner.service.links.frames import Acknowledge, Begin, Drive, GoOn
 
 AHEAD_S = 0.5  # of the service's clock that a client's may be
 ORDER_S = 2.0  # age up to which an order to go on is carried out
@@ -39,7 +39,7 @@ class Freshness:
         self._last[frame.tractor] = frame.sequence
 
 
-def check_order(frame: Begin | GoOn, clock_s: float) -> None:
+def check_order(frame: Begin | GoOn | Acknowledge, clock_s: float) -> None:
     """Raise CentreError for an order to go on that was held up; `clock_s` is since 1970. One without time passes."""
     age_s = 0.0 if frame.time is None else clock_s - frame.time.timestamp()
     if age_s > ORDER_S:

@@ -174,7 +174,7 @@ class LiveFleet:
             frames.GoOn: lambda c, f, t: self._go_on(c, f, t),
             frames.ObstacleSeen: self._obstacle,
             frames.Clear: lambda c, f, t: self.centre.clear(c.who, f.obstacle, t),
-            frames.Acknowledge: lambda c, f, t: self.centre.acknowledge(c.who, f.alarm, t),
+            frames.Acknowledge: self._acknowledge,
             frames.Fail: lambda c, f, t: self.centre.fail(c.who, f.tractor - 1, t),
             frames.Repaired: lambda c, f, t: self.centre.repaired(c.who, f.tractor - 1, t),
             frames.Replan: lambda c, f, t: self.replan(c.who, [n - 1 for n in f.without]),
@@ -192,6 +192,11 @@ class LiveFleet:
     def _go_on(self, client: Client, frame: frames.GoOn, now: float) -> None:
         check_order(frame, time.time())
         self.centre.resume(client.who, _index(frame.tractor), now)
+
+    def _acknowledge(self, client: Client, frame: frames.Acknowledge, now: float) -> None:
+        if self.centre.faced_by(frame.alarm) is not None:  # it is an order to go on
+            check_order(frame, time.time())
+        self.centre.acknowledge(client.who, frame.alarm, now)
 
     def _drive(self, client: Client, frame: frames.Drive, now: float) -> None:
         speed = abs(frame.speed_command_mps) * frame.shuttle if frame.shuttle is not None else frame.speed_command_mps

@@ -128,7 +128,7 @@ export class FleetLive {
   tell(kind) { for (const watcher of this.watchers) watcher(kind, this); }
   send(frame) {
     // An order to go on says when it was given: one that is held up on its way is not carried out.
-    const time = (frame.kind === "resume" || frame.kind === "start") && this.clock.time(performance.now());
+    const time = ["resume", "start", "acknowledge"].includes(frame.kind) && this.clock.time(performance.now());
     const sent = this.connection.send(time ? { ...frame, time } : frame);
     if (!sent) { this.said = "There is no link to the service; nothing was sent."; this.tell("refused"); }
     return sent;
