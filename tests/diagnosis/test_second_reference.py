@@ -8,7 +8,7 @@ import secrets
 
 import pytest
 
-from tests.diagnosis.sets import size_of
+from tests.diagnosis.sets import LogSet, diagnosed_set, size_of
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.second import second_logs
@@ -53,3 +53,10 @@ def test_the_hidden_effect_is_named(name: str, tractor: str, runs: tuple[str, ..
     low, high = told.interval[key]
     # A value misses its interval one time in twenty: a test at any seed asks for it within twice as far.
     assert abs(truth - told.value[key]) <= high - low, f"seed {seed}: {told.value} {told.interval}"
+
+
+def test_a_name_that_falls_leaves_the_model() -> None:
+    """What the surprises told and the open-loop error did not bear out was asked for ever, as nobody took it out."""
+    found = diagnosed_set(LogSet(600, ("steering_lag", "steering_deadband"), "clear", "mr1000a"))
+    assert set(found.named) <= {"steering_lag", "steering_deadband"}
+    assert set(found.named) <= set(found.tractor.effects)

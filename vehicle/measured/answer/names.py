@@ -182,8 +182,12 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     }  # fmt: skip
     if not doubtful:
         return told
-    kept = tuple(term for term in mended.model.terms if term.knobs.id not in doubtful)
-    smaller = Mended(mended.loop, fitted(mended.loop, kept))
+    settled, kept = (
+        tuple(term for term in terms if term.knobs.id not in doubtful)
+        for terms in (mended.loop.settled, mended.model.terms)
+    )
+    loop = replace(mended.loop, settled=settled)
+    smaller = Mended(loop, fitted(loop, kept))
     case = _case_of_mended(selection, smaller)
     return _without_doubtful(selection, Explained(case, [name for name in told.names if holds(case, name)], smaller))
 
