@@ -30,6 +30,8 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, pages: tuple[str, Made
         {"kind": "accept", "proposal": 7},
     ]
     until(page, lambda: len(made.frames) >= len(wanted))
+    first = made.frames[0]
+    assert first.pop("time").endswith("Z"), "an order to go on tells when it was given"
     assert made.frames == wanted
     made.frames.clear()
     page.click("text=Mark an obstacle")
