@@ -76,7 +76,7 @@ def headland_process(tmp_path: Path) -> Callable[..., Outcome]:
 
     def run(*arguments: str | Path) -> Outcome:
         done = subprocess.run(
-            [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=60, cwd=tmp_path, check=False
+            [*COMMAND, *map(str, arguments)], capture_output=True, text=True, timeout=240, cwd=tmp_path, check=False
         )
         return Outcome(done.returncode, done.stdout, done.stderr)
 

@@ -63,7 +63,7 @@ def test_command(line: str, folder: Path, command: list[str]) -> None:
     words = [*command]
     for word in line.split()[1:]:
         words += sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
     for option in ("--html", "--png", "--save"):
