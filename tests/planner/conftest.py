@@ -3,15 +3,18 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import shapely
 
 from fields import Field
+from planner.candidates.evaluate import CandidateRun
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from reports.results import PlanResult
+from vehicle.missions import Plan
+from vehicle.run import Run
 
 
 def moved(field: Field, move: Callable[[Any], Any]) -> Field:
@@ -70,3 +73,17 @@ def evaluate_once() -> Callable[..., PlanResult]:
         return cached(id(site), strategy, tractors)
 
     return result
+
+
+@pytest.fixture
+def meeting(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
+    """Plans that would have been driven: in all of them tractors meet, and there is one order of tracks."""
+    driven: list[Plan] = []
+
+    def meets(*given: Any) -> CandidateRun:
+        driven.append(given[3].plan)
+        return CandidateRun(cast(Run, None), "tractors meet", "none", None)
+
+    monkeypatch.setattr("planner.candidates.evaluate._run_plan", meets)
+    monkeypatch.setattr("planner.candidates.evaluate.other_orders", lambda *_: ())
+    return driven

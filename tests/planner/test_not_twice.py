@@ -1,7 +1,7 @@
 """Nothing is driven twice; of the plans of a candidate only those are driven that may win."""
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from fields import Field
 from planner.candidates.beaten import Rival, contenders
 from planner.candidates.bounds import alone_s, least_s, pace_of
 from planner.candidates.choosing import Limits, best_first, driven_alike, untried
-from planner.candidates.evaluate import Candidate, CandidateRun, _alone, run_candidate, simulated
+from planner.candidates.evaluate import Candidate, _alone, run_candidate, simulated
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from strategies.record import Refined
@@ -24,20 +24,6 @@ from vehicle.run import Run
 def round_site() -> Site:
     """60 m by 90 m with its headland worked."""
     return prepare(Scenario(), Field("drawn", shapely.box(0, 0, 60, 90)))
-
-
-@pytest.fixture
-def meeting(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
-    """Plans that would have been driven: in all of them tractors meet, and there is one order of tracks."""
-    driven: list[Plan] = []
-
-    def meets(*given: Any) -> CandidateRun:
-        driven.append(given[3].plan)
-        return CandidateRun(cast(Run, None), "tractors meet", "none", None)
-
-    monkeypatch.setattr("planner.candidates.evaluate._run_plan", meets)
-    monkeypatch.setattr("planner.candidates.evaluate.other_orders", lambda *_: ())
-    return driven
 
 
 def two_plans(site: Site) -> tuple[Plan, Plan]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from planner import SerialExecutor, plan
 from planner.candidates.beaten import SURE, Beaten, Rival, beaten
 from planner.candidates.bounds import Pace, alone_s, done_s, least_s, pace_of
 from planner.candidates.choosing import Limits, promising
-from planner.candidates.evaluate import Candidate, CandidateRun, Evaluation, _alone, run_candidate, simulated
+from planner.candidates.evaluate import Candidate, Evaluation, _alone, run_candidate, simulated
 from planner.candidates.rivals import WORTH_S, hopeless, rivals, waves, worth_bounds
 from planner.outlook import stakes_of
 from planner.scenario import Scenario
@@ -24,7 +23,7 @@ from planner.site import Site, prepare
 from reports.results import PlanResult, finish_s
 from strategies.record import Refined
 from vehicle.missions import ROUND, Gate, Leg, Mission, Plan, Task
-from vehicle.run import DONE, Run
+from vehicle.run import DONE
 from vehicle.world import simulate
 
 
@@ -198,25 +197,17 @@ def test_what_is_refined_is_compared_once_more(round_site: Site, driven_once: Ca
     assert near.result == driven.result
 
 
-def test_a_passage_that_cannot_win_is_not_driven(round_site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_passage_that_cannot_win_is_not_driven(round_site: Site, meeting: list[Plan]) -> None:
     """Where tractors meet on both quick passages to the rounds, one alone on these would be slower than the rival."""
-    driven: list[Plan] = []
-
-    def meets(*given: Any) -> CandidateRun:
-        driven.append(given[3].plan)
-        return CandidateRun(cast(Run, None), "tractors meet", "none", None)
-
-    monkeypatch.setattr("planner.candidates.evaluate._run_plan", meets)
-    monkeypatch.setattr("planner.candidates.evaluate.other_orders", lambda *_: ())
     pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
     run_candidate(round_site, Candidate("interleaved", 2))
-    slow = least_s(driven.pop(), pace)  # the passage with one alone is the last resort
-    quick = [least_s(each, pace) for each in driven]
+    slow = least_s(meeting.pop(), pace)  # the passage with one alone is the last resort
+    quick = [least_s(each, pace) for each in meeting]
     assert max(quick) < slow - 1.0
-    driven.clear()
+    meeting.clear()
     told = simulated(round_site, Candidate("interleaved", 2), Rival("split-field", slow - 0.5)).result
     assert not told.feasible and told.bound_s == pytest.approx(slow) and "cannot win" in (told.reason or "")
-    assert 0 < len(driven) <= len(quick) and slow > max(least_s(each, pace) for each in driven)
+    assert 0 < len(meeting) <= len(quick) and slow > max(least_s(each, pace) for each in meeting)
 
 
 def test_where_money_decides_all_tractors_together_must_take_longer(round_site: Site) -> None:
