@@ -11,7 +11,7 @@ logs: reading
     reading, remarks       the door: read_log, read_logs, log_from_frame; what a reader should know of a log
 
 replay: comparing
-    course                 stretches on the simulation's grid
+    course, part           stretches on the simulation's grid; a balanced part of hours of them
     keeping                what was replayed once, so that nothing is driven twice
     replaying              logged commands through the functions of planning, and what instruments show of them
     anchoring, windows     rigid fits in closed form; the parts of a run that take turns
@@ -45,6 +45,7 @@ mend: lowering the error where no cause is known
 
 answer: saying
     case, names            errors held out; which effects carry a name
+    whole                  what was found in a part of long logs, asked of all of them
     findings, notes        one finding per effect; sentences beside the answer
     nextdrive, curves      the drive that decides, the plot that shows a cause
     verdict, diagnose      the result types; the order of the work

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vehicle.measured.answer.notes import _of_clocks
+from vehicle.measured.answer.notes import _of_clocks, _of_part
 
 
 def said(found: dict[str, dict[str, float] | None], *seconds: float) -> list[str]:
@@ -27,3 +27,10 @@ def test_a_time_from_short_logs_takes_one_clock_for_granted() -> None:
 @pytest.mark.parametrize("found", [{"gnss_latency": None}, {"steering_offset": {"angle_deg": 1.0}}])
 def test_without_a_time_nothing_is_said_of_clocks(found: dict[str, dict[str, float] | None]) -> None:
     assert said(found, 60.0) == [] and said({"gnss_latency": {"time_s": 0.2}}, 180.0) == []
+
+
+def test_a_part_of_long_logs_is_said() -> None:
+    bench: Any = SimpleNamespace(course=SimpleNamespace(seconds=3600.0))
+    (told,) = _of_part(bench, SimpleNamespace(minutes=480.0))  # type: ignore[arg-type]
+    assert "are told from 60 of 480 minutes" in told
+    assert _of_part(bench, SimpleNamespace(minutes=60.0)) == ()  # type: ignore[arg-type]

@@ -13,6 +13,7 @@ from vehicle.effects import SPEED, STEERING, effect
 from vehicle.learnt import Settings
 from vehicle.measured.causes.refit import with_unnamed
 from vehicle.measured.causes.selection import Selection
+from vehicle.measured.causes.trial import Projector
 from vehicle.measured.fit import openloop
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.openloop import Term, settings_in
@@ -96,6 +97,16 @@ class Case:
     def final_by_speed(self) -> Array:
         """The same at the speed that was measured."""
         return self.error(self.extension.held_out, by_speed=True)
+
+    @cached_property
+    def as_fitted(self) -> tuple[Array, Projector]:
+        """Surprises (n,) with the effects of the fit and no linear terms, and what takes the columns of the fit out."""
+        return self.bench.surprise(self.fit.settings), Projector(self.fit.slope)
+
+    def without_one(self, name: str) -> tuple[Array, Projector]:
+        """The same with all effects of the fit but one, and without its columns."""
+        rest = {other: values for other, values in self.fit.settings.items() if other != name}
+        return self.bench.surprise(rest), Projector(np.delete(self.fit.slope, self.fit.columns(name), axis=1))
 
     def worth_of(self, name: str) -> float:
         """Percent of the error where the effect shows: of the wheel angle for the steering, else of the path."""

@@ -20,6 +20,7 @@ from vehicle.measured.answer.names import Explained, explained, nameable, unexpl
 from vehicle.measured.answer.nextdrive import next_drive
 from vehicle.measured.answer.notes import notes
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, Diagnosis, Finding, Grounds
+from vehicle.measured.answer.whole import whole_case
 from vehicle.measured.causes.refit import retuned
 from vehicle.measured.causes.selection import Selection, select
 from vehicle.measured.fit.fitting import empty_fit
@@ -29,9 +30,10 @@ from vehicle.measured.logs.sensors import set_right_together
 from vehicle.measured.mend.extended import Alike, extended_tractor
 from vehicle.measured.mend.extension import Extension
 from vehicle.measured.mend.levels import clear_levels, driven_seconds
-from vehicle.measured.replay.course import make_course
+from vehicle.measured.replay.course import Course, make_course
 from vehicle.measured.replay.drives import usual
 from vehicle.measured.replay.horizons import errors_of, run_squares
+from vehicle.measured.replay.part import balanced_part
 from vehicle.measured.replay.replaying import make_rig, own_rig
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.thresholds import SAME_ERROR
@@ -52,14 +54,16 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     logs = set_right_together(logs)
     course = make_course(logs)
     rig = make_rig(tractor, ground, course.origin)
-    bench = prepare(course, rig, {})
+    part = balanced_part(course)
+    bench = prepare(part.course, rig, {})
     bench = retuned(bench, empty_fit(bench))
     selection = select(bench, rig.tractor, lambda _: count.step())
     told = explained(selection, nameable(selection, rig.tractor), rig.tractor, count.step)
     rivals = {name: selection.alike.get(name, {}) for name in told.names if name in selection.ids}
     count.step()
     one_each = findings(told.case, told.names, rivals, count.step)
-    answer = _answer(bench, selection, told, one_each, rivals, tractor, ground)
+    whole = replace(told, case=whole_case(course, part, told.case))
+    answer = _answer(course, selection, told, whole, one_each, rivals, tractor, ground)
     count.finish()
     return replace(answer, notes=notes(logs, bench, tractor, answer))
 
@@ -84,18 +88,19 @@ class _Counter:
 
 
 def _answer(
-    base: Bench, selection: Selection, told: Explained, each: list[Finding], rivals: Rivals, tractor: Tractor,
-    ground: str,
+    course: Course, selection: Selection, told: Explained, whole: Explained, each: list[Finding], rivals: Rivals,
+    tractor: Tractor, ground: str,
 ) -> Diagnosis:  # fmt: skip
+    """The answer: causes as `told` of the searched part, errors as they are of the `whole` course."""
     bench, fit, case = selection.bench, selection.fit, told.case
-    extension, course = case.extension, base.course
+    extension = case.extension
     own, settings = own_rig(tractor, ground, course.origin)
     before = run_squares(course, own, dict.fromkeys(range(len(course.names)), settings))
-    after = run_squares(course, bench.rig, extension.held_out)
+    after = run_squares(course, bench.rig, whole.case.extension.held_out)
     # Most important first: by the held-out error that comes back without the effect.
     named = [one.id for one in sorted(each, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
     alike = {one.id: Alike(one.interval, one.equivalent_to) for one in each if one.status == EQUIVALENT}
-    share = unexplained(told, case.number(before))
+    share = unexplained(whole, whole.case.number(before))
     unseen = [one.id for one in each if one.status == NOT_VISIBLE and one.value is None]
     return Diagnosis(
         names=course.names,
@@ -105,7 +110,7 @@ def _answer(
         ground=ground,
         before=errors_of(before),
         after=errors_of(after),
-        floor=errors_of(case.floor),
+        floor=errors_of(whole.case.floor),
         guilty_block=_guilty(named, each, selection if share > 0.0 else None),
         block_error=_blocks(with_real_noise(bench, fit), case),
         findings=tuple(each),
@@ -114,12 +119,12 @@ def _answer(
         depends_on=_depends_on(selection, extension) if share > 0.0 else (),
         next_drive=next_drive(bench, fit, bench.rig.tractor, rivals),
         tractor=_with_rest(
-            tractor, extended_tractor(course, tractor, ground, extension, named, alike, unseen),
-            case.number(before), case.final,
+            tractor, extended_tractor(bench.course, tractor, ground, extension, named, alike, unseen),
+            whole.case.number(before), whole.case.final,
         ),
         calibration={name: term.value for name, term in case.main_terms.items() if name not in told.names},
         curve=best_curve(
-            bench, {run: settings_in(extension.terms, run) for run in range(len(course.names))},
+            bench, {run: settings_in(extension.terms, run) for run in range(len(bench.course.names))},
             named or list(rivals), selection.unnamed,
         ),
         grounds=_grounds(told),

@@ -6,14 +6,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from vehicle.effects import CATALOGUE, Effect, effect, neutral
 from vehicle.kinds import Interval
 from vehicle.measured.answer.case import Case
 from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
 from vehicle.measured.causes.trial import Projector, tried
-from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
 from vehicle.measured.fit.products import squared
 from vehicle.measured.logs.record import Array
@@ -109,10 +107,8 @@ def _spoken_for(case: Case, entry: Effect) -> bool:
 def visible(case: Case, entry: Effect) -> float | None:
     """Smallest size, in the unit of the effect, whose trace would rise above chance, tolerance and what is left."""
     bench, fit, tractor = case.bench, case.fit, case.tractor
-    settings = {k: v for k, v in fit.settings.items() if k != entry.id}
     parts = [part for part in fit.parts if part[0].id != entry.id]
-    bare = bench.surprise(settings)
-    project = Projector(fit.slope[:, _others(fit, entry.id)])
+    bare, project = case.without_one(entry.id) if entry.id in fit.settings else case.as_fitted
     places = bench.course.places
     knobs = knobs_for(tractor, entry.id, {**places, entry.id: _middle(bench)} if entry.kind.searched else places)
     for share in TRIAL_SHARES:
@@ -128,13 +124,6 @@ def _size(tractor: Tractor, knobs: Knobs, at: Array, share: float, strength: flo
     """Size at which a trace, growing with the square of the size, would just show."""
     enough = share * math.sqrt(SURELY_SHOWN * LEAST_GAIN / strength)
     return finite(effect(knobs.id).kind.smallest(at, enough, knobs.typical[0], finest_of(tractor, knobs.id)))
-
-
-def _others(fit: Fit, name: str) -> npt.NDArray[np.int64]:
-    keep = np.ones(fit.slope.shape[1], dtype=np.bool_)
-    if name in fit.settings:
-        keep[fit.columns(name)] = False
-    return np.flatnonzero(keep)
 
 
 def _middle(bench: Bench) -> tuple[float, float, float]:

@@ -22,7 +22,7 @@ ON_OWN_GROUND = (
 
 def notes(logs: Sequence[Log], bench: Bench, tractor: Tractor, answer: Diagnosis) -> tuple[str, ...]:
     """All sentences, those of the logs first."""
-    told = (*_of_logs(logs, bench), *_of_clocks(logs, answer), *_of_file(tractor, answer))
+    told = (*_of_logs(logs, bench), *_of_part(bench, answer), *_of_clocks(logs, answer), *_of_file(tractor, answer))
     return (*told, ON_OWN_GROUND) if answer.grounds else told
 
 
@@ -40,6 +40,17 @@ def _of_logs(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
     if len(logs) == 1:
         told.append("One run only: its own 20 s windows stand in for runs not used for fitting.")
     return tuple(told)
+
+
+def _of_part(bench: Bench, answer: Diagnosis) -> tuple[str, ...]:
+    """That causes of long logs were sought in a part of them."""
+    minutes = bench.course.seconds / 60.0
+    if minutes >= answer.minutes:
+        return ()
+    return (
+        f"Causes, values and intervals are told from {minutes:.0f} of {answer.minutes:.0f} minutes, pieces from all "
+        "over the logs; the errors before and after, and what is left unexplained, are of all of them.",
+    )
 
 
 def _of_clocks(logs: Sequence[Log], answer: Diagnosis) -> list[str]:

@@ -10,8 +10,7 @@ from vehicle.measured.causes.dependence import Dependence, columns
 from vehicle.measured.causes.trial import Tried
 from vehicle.measured.causes.unknowns import unknowns
 from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined
-from vehicle.measured.fit.knobs import Knobs, settings_of
-from vehicle.measured.logs.record import Array
+from vehicle.measured.fit.knobs import settings_of
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.noise import first_noise, tuned
 from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
@@ -31,18 +30,17 @@ def with_part(bench: Bench, fit: Fit, part: Part) -> Fit:
 
 def with_unnamed(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Fit:
     """The fit with unnamed terms at their best amounts, beside what is unknown of any tractor."""
-    bare = Fit(fit.parts, bench.surprise(fit.settings), np.zeros((len(fit.surprise), 0)))
-    free = unknowns(bench, bare)
-    made = np.concatenate([free, *[columns(bench, bare, one) for one in unnamed]], axis=1)
-    extra = Extra(made, np.zeros(made.shape[1]), free.shape[1])
-    return refined(bench, Fit(fit.parts, bare.surprise, bare.slope, extra))
+    return restarted(bench, fit.parts, unnamed)
 
 
-def restarted(bench: Bench, parts: tuple[tuple[Knobs, Array], ...], unnamed: tuple[Dependence, ...] | None) -> Fit:
-    """The same parts on a bench with other weights, fitted again."""
+def restarted(bench: Bench, parts: tuple[Part, ...], unnamed: tuple[Dependence, ...] | None) -> Fit:
+    """The same for parts of a fit on a bench with other weights."""
     surprise = bench.surprise(settings_of(list(parts)))
-    fit = Fit(parts, surprise, np.zeros((len(surprise), 0)))
-    return with_unnamed(bench, fit, unnamed or ())
+    bare = Fit(parts, surprise, np.zeros((len(surprise), 0)))
+    free = unknowns(bench, bare)
+    made = np.concatenate([free, *[columns(bench, bare, one) for one in unnamed or ()]], axis=1)
+    extra = Extra(made, np.zeros(made.shape[1]), free.shape[1])
+    return refined(bench, Fit(parts, surprise, bare.slope, extra))
 
 
 def retuned(bench: Bench, fit: Fit) -> Bench:

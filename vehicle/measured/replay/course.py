@@ -155,7 +155,7 @@ def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float], across
         "across": across,
     }
     working = log.implement[rows]
-    grids = _grids(
+    grids = on_grid(
         time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns}
     )
     return Stretch(
@@ -184,8 +184,11 @@ def _course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
     return course, pace
 
 
-def _grids(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
-    """Columns on the grid: measured values between rows by line, commands from halfway between two rows on."""
+def on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
+    """Columns on the grid: measured values between rows by line, commands from halfway between two rows on.
+
+    None stands for a column that the log lacks.
+    """
     steps = math.ceil((time[-1] - time[0]) / DT_S) + 1
     grid = np.arange(steps) * DT_S
     middles = 0.5 * (time[1:] + time[:-1])

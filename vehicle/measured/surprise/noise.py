@@ -16,7 +16,7 @@ import numpy as np
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import FORWARD, Rig, replay, seen
+from vehicle.measured.replay.replaying import FORWARD, Rig, antenna_seen, replay
 from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise, step_times
 from vehicle.measured.thresholds import LEAST_ALONG, LEAST_SOIL, MOST_SOIL
 
@@ -64,7 +64,8 @@ def tuned(course: Course, rig: Rig, noise: Noise, settings: Settings) -> Noise:
     The least of three spans counts: what comes and goes at the beat of one span drops out of another. Only, where the
     instruments make up most of the spread, what they leave for the soil is the error of their own noise.
     """
-    told = [one for span in SPANS_S if (one := _at_span(course, rig, noise, settings, span)) is not None]
+    off = [_off(rig, stretch, settings) for stretch in course.stretches]
+    told = [one for span in SPANS_S if (one := _at_span(course, off, noise, span)) is not None]
     if not told:
         return noise
     soils, ways = zip(*told, strict=True)
@@ -77,22 +78,35 @@ def _least(told: Sequence[Told]) -> float:
     return min(clear) if clear else told[-1].value
 
 
-def _at_span(
-    course: Course, rig: Rig, noise: Noise, settings: Settings, span: float
-) -> tuple[Told, Told] | None:
+@dataclass(frozen=True, eq=False)
+class _Off:
+    """What a stretch has beyond its simulation, per row (k,): turn (rad), way (m); the pace, and whether it moves."""
+
+    turn: Array
+    way: Array
+    pace: Array
+    moving: Mask
+
+
+def _off(rig: Rig, stretch: Stretch, settings: Settings) -> _Off:
+    """A stretch against its replay from measured wheel angle and speed."""
+    states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
+    antenna, heading = antenna_seen(rig, stretch, states, settings)
+    pace = np.interp(stretch.time, step_times(len(states)), np.abs(states[:, FORWARD]))
+    moving = pace > 0.3 * max(float(np.median(pace)), 0.05)
+    return _Off(stretch.heading - heading, _along(stretch, antenna, heading), pace, moving)
+
+
+def _at_span(course: Course, off: Sequence[_Off], noise: Noise, span: float) -> tuple[Told, Told] | None:
     """Soil (rad per metre) and scatter of the way that one span tells; None with too few second differences."""
     turns, ways, speeds = [], [], []
-    for stretch in course.stretches:
+    for stretch, one in zip(course.stretches, off, strict=True):
         if stretch.time[-1] < 4.0 * span:
             continue
-        states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
-        antenna, heading, _, _ = seen(rig, stretch, states, settings)
-        pace = np.interp(stretch.time, step_times(len(states)), np.abs(states[:, FORWARD]))
-        moving = pace > 0.3 * max(float(np.median(pace)), 0.05)
-        turn, keep = _second(stretch, stretch.heading - heading, moving, span)
+        turn, keep = _second(stretch, one.turn, one.moving, span)
         turns.append(turn[keep])
-        speeds.append(np.interp(np.arange(len(turn)) * 0.25 * span + span, stretch.time, pace)[keep])
-        ways.append(_second(stretch, _along(stretch, antenna, heading), moving, span)[0][keep])
+        speeds.append(np.interp(np.arange(len(turn)) * 0.25 * span + span, stretch.time, one.pace)[keep])
+        ways.append(_second(stretch, one.way, one.moving, span)[0][keep])
     if not turns or sum(map(len, turns)) < SAMPLES:
         return None
     soil = _soil(np.concatenate(turns), np.concatenate(speeds), noise.heading, span)
