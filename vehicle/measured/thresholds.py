@@ -48,6 +48,9 @@ ABOVE_CHANCE = 1.5
 HOPELESS = 9.0
 # Chosen, of the gain that a candidate must have to count: one that promises less is not simulated further either.
 FAR_LESS = 0.36
+# Chosen: how much of what a fit leaves of a channel may differ (a sum of squares) for its candidates not to be tried
+# again: none comes to stand for more than 0.2 standard deviations more or less.
+UNCHANGED = 0.04
 # Chosen, times LEAST_GAIN: a part that by a straight line takes more away is not left out to see whether it is needed.
 # Saves time, decides nothing while no slope is wrong by so much.
 PLAINLY = 16.0

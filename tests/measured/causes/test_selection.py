@@ -8,6 +8,7 @@ import pytest
 from tests.measured.benches import bench_of, eg105, knobs, linear_bench
 from vehicle.measured.causes import selection
 from vehicle.measured.causes.evidence import promised_costs
+from vehicle.measured.causes.known import Known
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, without
 from vehicle.measured.causes.selection import _rank, ended, pruned, scan, select
 from vehicle.measured.causes.trial import Tried
@@ -36,7 +37,7 @@ def test_the_hidden_effect_is_first_and_alone(bench: Bench) -> None:
     chosen = select(bench, eg105())
     assert chosen.ids == {"steering_offset"} and chosen.unnamed == ()
     assert float(chosen.fit.parts[0][1][0]) == pytest.approx(1.0, abs=0.02)
-    best = scan(bench, empty_fit(bench), eg105(), {"steering_offset"})
+    best = scan(bench, empty_fit(bench), eg105(), {"steering_offset"}).candidates
     assert all(one.knobs.id != "steering_offset" for one in best)
     assert [one.gain for one in best if one.knobs.id != "grip_patch"] == sorted(
         (one.gain for one in best if one.knobs.id != "grip_patch"), reverse=True
@@ -45,7 +46,9 @@ def test_the_hidden_effect_is_first_and_alone(bench: Bench) -> None:
 
 def test_candidates_that_were_only_begun_are_tried_to_their_end_when_asked(bench: Bench) -> None:
     fit = empty_fit(bench)
-    found = scan(bench, fit, eg105(), set(), first=["steering_offset"])
+    # The scan before told that the offset is the best, but of a path that was otherwise.
+    before = Known(fit, fit.surprise + 1.0, [gained("steering_offset", 100.0)], [])
+    found = scan(bench, fit, eg105(), set(), known=before).candidates
     assert found[0].knobs.id == "steering_offset" and found[0].ended
     assert {one.knobs.id for one in found if not one.ended}, "others promise something, far less than the offset gains"
     whole = ended(bench, fit, found)

@@ -21,9 +21,8 @@ from vehicle.measured.answer.nextdrive import next_drive
 from vehicle.measured.answer.notes import notes
 from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, Diagnosis, Finding, Grounds
 from vehicle.measured.answer.whole import whole_case
-from vehicle.measured.causes.refit import retuned
+from vehicle.measured.causes.refit import weighed
 from vehicle.measured.causes.selection import Selection, select
-from vehicle.measured.fit.fitting import empty_fit
 from vehicle.measured.fit.openloop import settings_in
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.logs.sensors import set_right_together
@@ -55,8 +54,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     course = make_course(logs)
     rig = make_rig(tractor, ground, course.origin)
     part = balanced_part(course)
-    bench = prepare(part.course, rig, {})
-    bench = retuned(bench, empty_fit(bench))
+    bench = weighed(part.course, rig, {})
     selection = select(bench, rig.tractor, lambda _: count.step())
     told = explained(selection, nameable(selection, rig.tractor), rig.tractor, count.step)
     rivals = {name: selection.alike.get(name, {}) for name in told.names if name in selection.ids}

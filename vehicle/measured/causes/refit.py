@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from vehicle.learnt import Settings
 from vehicle.measured.causes.dependence import Dependence, columns
 from vehicle.measured.causes.trial import Tried
 from vehicle.measured.causes.unknowns import unknowns
 from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined
 from vehicle.measured.fit.knobs import settings_of
+from vehicle.measured.replay.course import Course
+from vehicle.measured.replay.replaying import Rig
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.noise import first_noise, tuned
 from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
@@ -45,16 +48,21 @@ def restarted(bench: Bench, parts: tuple[Part, ...], unnamed: tuple[Dependence, 
 
 def retuned(bench: Bench, fit: Fit) -> Bench:
     """The bench with noise and weights as the fit leaves them."""
-    noise = tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings)
-    eased = prepare(bench.course, bench.rig, fit.settings, noise)
+    return weighed(bench.course, bench.rig, fit.settings)
+
+
+def weighed(course: Course, rig: Rig, settings: Settings) -> Bench:
+    """A bench with noise and weights as these effects leave them."""
+    noise = tuned(course, rig, first_noise(course), settings)
+    eased = prepare(course, rig, settings, noise)
     for _ in range(MOST_EASINGS):
         # A model that is wrong everywhere, as of a vehicle of another kind, must not be judged by the millimetre: with
         # less trust in each measurement longer ways count.
-        path = eased.path_surprise(eased.path(fit.settings), fit.settings)
+        path = eased.path_surprise(eased.path(settings), settings)
         if float(np.mean(path * path)) < WRONG_EVERYWHERE:
             break
         wider = {name: EASING * getattr(eased.noise, name) for name in ("position", "heading")}
-        eased = prepare(bench.course, bench.rig, fit.settings, replace(eased.noise, **wider))
+        eased = prepare(course, rig, settings, replace(eased.noise, **wider))
     return eased
 
 

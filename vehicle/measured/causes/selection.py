@@ -16,6 +16,7 @@ from vehicle.effects import CATALOGUE, STEERING, effect
 from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
 from vehicle.measured.causes.evidence import helps, promised_costs
+from vehicle.measured.causes.known import Known
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
 from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
@@ -60,16 +61,22 @@ class Selection:
 
 def scan(
     bench: Bench, fit: Fit, tractor: Tractor, skip: Collection[str], progress: Progress | None = None,
-    first: Collection[str] = (),
-) -> list[Tried]:  # fmt: skip
+    known: Known | None = None,
+) -> Known:  # fmt: skip
     """Every effect of the catalogue that is not in the fit, the best first; those that promise far less are only begun.
 
-    Effects with the names `first` are tried before others: an early best spares most of the time.
+    The best of the scan before are tried before others: an early best spares most of the time. What that scan tells as
+    well of this fit is not tried again.
     """
     project = Projector(fit.slope)
-    candidates: list[Tried] = []
+    left = project(fit.surprise)
+    still = known.still(bench, fit, left) if known else frozenset[str]()
+    first = [one.knobs.id for one in known.candidates[:LEADING]] if known else []
+    candidates = list((known.found(still) if known else {}).values())
+    candidates = [one for one in candidates if one.knobs.id not in skip and one.knobs.id not in fit.settings]
+    told = {one.knobs.id for one in candidates}
     for entry in sorted(CATALOGUE, key=lambda one: one.id not in first):
-        if entry.id in skip or entry.id in fit.settings:
+        if entry.id in skip or entry.id in fit.settings or entry.id in told:
             continue
         knobs = knobs_for(tractor, entry.id, bench.course.places)
         if not bench.has_wheel:
@@ -83,7 +90,8 @@ def scan(
         candidates.append(tried(bench.change, fit, knobs, project, worth))
         if progress:
             progress(entry.id)
-    return sorted(candidates, key=_rank)
+    ranked = known.scores if known and known.same_path(bench, fit) else scores(bench, fit)
+    return Known(fit, left, sorted(candidates, key=_rank), ranked)
 
 
 def ended(bench: Bench, fit: Fit, candidates: Sequence[Tried]) -> list[Tried]:
@@ -130,16 +138,17 @@ def _settled(chosen: Selection) -> Selection:
 def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: Progress | None) -> Selection:
     """Forward selection from what was chosen; `refused` collects effects that helped no run held out."""
     bench, fit, unnamed, threshold = chosen.bench, chosen.fit, chosen.unnamed, chosen.threshold
+    known: Known | None = None
     candidates: list[Tried] | None = None
     rival: Score | None = None
-    leading: list[str] = []
     while len(fit.parts) < MOST_PARTS:
         if candidates is None:
-            candidates, rival = scan(bench, fit, tractor, refused, progress, leading), _rival(bench, fit, unnamed)
-            leading = [one.knobs.id for one in candidates[:LEADING]]
+            known = scan(bench, fit, tractor, refused, progress, known)
+            candidates, rival = list(known.candidates), _rival(known.scores, unnamed)
         best, threshold = _clear(bench, fit, candidates)
         if candidates and best is not candidates[0]:  # where the best of all is not clear any other may be the one
             candidates = ended(bench, fit, candidates)
+            known = known and replace(known, candidates=candidates)
             best, threshold = _clear(bench, fit, candidates)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
             unnamed, candidates = (*unnamed, rival.terms), None
@@ -167,10 +176,10 @@ def _clear(bench: Bench, fit: Fit, candidates: list[Tried]) -> tuple[Tried | Non
     return next(told, None), threshold
 
 
-def _rival(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Score | None:
+def _rival(ranked: Sequence[Score], unnamed: tuple[Dependence, ...]) -> Score | None:
     """The strongest unnamed term that is not in the fit; one period is as good as its neighbours."""
     taken = {(one.on if not one.per_run else "time", one.changes) for one in unnamed}
-    for score in scores(bench, fit):
+    for score in ranked:
         if (score.terms.on if not score.terms.per_run else "time", score.terms.changes) not in taken:
             return score
     return None
