@@ -1,0 +1,47 @@
+"""Logs longer than what causes are sought in: told from a part of them, with errors of all."""
+
+import pytest
+
+from tests.diagnosis.hiding import eg105
+from tests.truth.drives import default_programme
+from tests.truth.model import Truth
+from vehicle.measured.answer import diagnose as module
+from vehicle.measured.answer.diagnose import diagnose
+from vehicle.measured.logs.reading import log_from_frame
+from vehicle.measured.logs.record import Log
+from vehicle.measured.replay.part import balanced_part
+
+HIDDEN = {"steering_offset": {"angle_deg": 1.5}}
+
+
+def made() -> list[Log]:
+    """The sixteen runs of the first reference with an offset of the steering."""
+    world = Truth(HIDDEN, 31, rate_hz=5.0)
+    drives = list(enumerate(default_programme()))
+    return [log_from_frame(world.log(one, run), f"{run} {one.name}") for run, one in drives]
+
+
+def test_a_cause_is_told_from_a_part_and_errors_of_all_logs(monkeypatch: pytest.MonkeyPatch) -> None:
+    logs = made()
+    whole = diagnose(logs, eg105(), "soil")
+    monkeypatch.setattr(module, "balanced_part", lambda course: balanced_part(course, 480.0))
+    found = diagnose(logs, eg105(), "soil")
+    assert found.named == whole.named == ("steering_offset",)
+    spread = {}
+    for told in (found, whole):
+        (one,) = (each for each in told.findings if each.id == "steering_offset")
+        assert one.interval is not None
+        low, high = one.interval["angle_deg"]
+        assert low <= 1.5 <= high
+        spread[told is whole] = high - low
+    assert spread[False] >= spread[True], "a part is no surer than the whole"
+    assert (found.minutes, found.names, found.rows_used) == (whole.minutes, whole.names, whole.rows_used)
+    assert found.before == whole.before, "errors are of all logs"
+    for seconds, error in found.after.items():
+        assert error.cross_cm == pytest.approx(whole.after[seconds].cross_cm, rel=0.05)
+        assert found.floor[seconds].cross_cm == pytest.approx(whole.floor[seconds].cross_cm, rel=0.15)
+    assert found.unexplained_share == whole.unexplained_share == 0.0
+    logs_told = found.tractor.effects["steering_offset"].logs
+    assert set(logs_told) < set(whole.names), "the file has the logs that told it"
+    assert any("minutes, pieces from all over the logs" in note for note in found.notes)
+    assert not any("minutes, pieces" in note for note in whole.notes)
