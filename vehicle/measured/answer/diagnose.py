@@ -127,7 +127,7 @@ def _answer(
         ),
         grounds=_grounds(told),
         pace_mps=usual(course.stretches)[1],
-        along_judged=bench.has_speed,
+        along_judged=whole.case.bench.has_speed,
     )  # fmt: skip
 
 
