@@ -24,6 +24,7 @@ from vehicle.measured.causes.refit import retuned
 from vehicle.measured.causes.selection import Selection, select
 from vehicle.measured.fit.fitting import empty_fit
 from vehicle.measured.fit.openloop import settings_in
+from vehicle.measured.logs.commanded import commands_set_right
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.logs.sensors import set_right_together
 from vehicle.measured.mend.extended import Alike, extended_tractor
@@ -49,7 +50,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     and VehicleError for an unknown ground.
     """
     count = _Counter(progress)
-    logs = set_right_together(logs)
+    logs = commands_set_right(set_right_together(logs))
     course = make_course(logs)
     rig = make_rig(tractor, ground, course.origin)
     bench = prepare(course, rig, {})
