@@ -96,7 +96,8 @@ def _answer(
     # Most important first: by the held-out error that comes back without the effect.
     named = [one.id for one in sorted(each, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
     alike = {one.id: Alike(one.interval, one.equivalent_to) for one in each if one.status == EQUIVALENT}
-    share = unexplained(told, case.number(before))
+    beyond = unexplained(told, case.number(before))
+    share = beyond.share
     unseen = [one.id for one in each if one.status == NOT_VISIBLE and one.value is None]
     return Diagnosis(
         names=course.names,
@@ -126,6 +127,7 @@ def _answer(
         grounds=_grounds(told),
         pace_mps=usual(course.stretches)[1],
         along_judged=bench.has_speed,
+        above_noise_s=beyond.above_s,
     )  # fmt: skip
 
 
