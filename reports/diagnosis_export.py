@@ -64,7 +64,8 @@ def _left(diagnosis: Diagnosis) -> dict[str, Any]:
     told = {} if left is None else dict(left.__dict__)
     if told and not diagnosis.along_judged:
         told["late_s"] = None
-    return {"as_good_as_noise": diagnosis.as_good_as_noise, **told}
+    above = list(diagnosis.above_noise_s)
+    return {"as_good_as_noise": diagnosis.as_good_as_noise, "above_noise_s": above, **told}
 
 
 def _effect(one: Finding) -> dict[str, Any]:

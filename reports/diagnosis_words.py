@@ -168,6 +168,8 @@ def left_words(diagnosis: Diagnosis) -> list[str]:
         lines.append("The way along is not judged, because not every log has a measured speed.")
     if diagnosis.as_good_as_noise:
         return lines
+    if diagnosis.unexplained_share == 0.0:
+        return [*lines, *_left_in_plan(diagnosis)]
     depends = "; ".join(diagnosis.depends_on) or "nothing that was looked for"
     return [*lines, *_left_in_plan(diagnosis), f"It depends on: {depends}."]
 
@@ -189,9 +191,18 @@ def _against_noise(diagnosis: Diagnosis) -> str:
 def _share_words(diagnosis: Diagnosis) -> str:
     if diagnosis.as_good_as_noise:
         return " is as good as the noise."
+    if diagnosis.unexplained_share == 0.0:
+        return f" is {_over_others(diagnosis)}."
     share = 100.0 * diagnosis.unexplained_share
     much = f"{share:.0f} %" if share >= 0.5 else "less than 1 %"
     return f" is above the noise: no effect explains {much} of what was wrong beyond it."
+
+
+def _over_others(diagnosis: Diagnosis) -> str:
+    """How what is left stands to the noise where no share of it is left to explain, but not every horizon is at it."""
+    above = diagnosis.above_noise_s
+    pieces = f"over pieces of {listed([f'{one:g}' for one in above])} s"
+    return f"hardly above the noise {pieces}" if SHOWN_S in above else f"as good as the noise, and above it {pieces}"
 
 
 def _left_in_plan(diagnosis: Diagnosis) -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 from tests.diagnosis.sets import LogSet, diagnosed_set, size_of
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES
-from tests.truth.second import second_logs
+from tests.truth.second import Receiver, second_logs
 from vehicle.measured.answer.diagnose import diagnose
 from vehicle.measured.answer.verdict import Diagnosis
 from vehicle.measured.logs.reading import log_from_frame
@@ -60,3 +60,14 @@ def test_a_name_that_falls_leaves_the_model() -> None:
     found = diagnosed_set(LogSet(600, ("steering_lag", "steering_deadband"), "clear", "mr1000a"))
     assert set(found.named) <= {"steering_lag", "steering_deadband"}
     assert set(found.named) <= set(found.tractor.effects)
+
+
+def test_play_reads_as_it_is_behind_a_noisy_sensor() -> None:
+    """Noise of 0.2 degrees pushed the play before it: a degree read as 1.62 (1.31 to 1.92)."""
+    effects = {"steering_backlash": {"angle_deg": 1.0}}
+    frames = second_logs(effects, 520, three_speeds_programme(), "eg105", receiver=Receiver(wheel_deg=0.2))
+    found = diagnose([log_from_frame(frame, frame.attrs["name"]) for frame in frames], load_tractor("eg105"), "soil")
+    told = next(one for one in found.findings if one.id == "steering_backlash")
+    assert found.named == ("steering_backlash",) and told.interval is not None
+    low, high = told.interval["angle_deg"]
+    assert low <= 1.0 <= high and high - low < 0.7

@@ -120,6 +120,28 @@ def test_a_wheel_angle_that_is_noise_is_not_logged() -> None:
     assert read(alone).steering_deg is not None, "without a command nothing else steers"
 
 
+@pytest.mark.parametrize(("slalom_deg", "noise_deg"), [(1.5, 0.1), (3.0, 1.0), (3.0, 5.0), (6.0, 2.0)])
+def test_a_wheel_angle_that_is_noise_is_told_in_a_mild_slalom(slalom_deg: float, noise_deg: float) -> None:
+    frame = log_of(drive("slalom", 60.0, triangle(slalom_deg, 12.0), 1.4))
+    rng = np.random.default_rng(4)
+    log = read(frame.assign(steering_deg=rng.normal(0.0, noise_deg, len(frame)).round(1)))
+    assert log.steering_deg is None
+    assert log.doubts[0].startswith("steering_deg has nothing to do with the bends of the path (correlation ")
+    assert read(frame).steering_deg is not None
+    noisy = frame.steering_deg + rng.normal(0.0, 0.3 * slalom_deg, len(frame))
+    assert read(frame.assign(steering_deg=noisy)).steering_deg is not None, "noise on an angle that tells is no doubt"
+
+
+def test_noise_of_the_wheel_sensor_is_left_out_of_all_logs_of_the_set() -> None:
+    slalom, line = log_of(drive("slalom", 60.0, triangle(3.0, 12.0), 1.4)), log_of(straight(90.0, seconds=40.0))
+    rng = np.random.default_rng(6)
+    wander = rng.normal(0.0, 0.3, len(line))
+    first = read(slalom.assign(steering_deg=rng.normal(0.0, 1.0, len(slalom))))
+    second = read(line.assign(steering_command_deg=wander, steering_deg=rng.normal(0.0, 1.0, len(line))))
+    assert first.steering_deg is None and second.steering_deg is not None
+    assert set_right_together([first, second])[1].steering_deg is None
+
+
 def test_columns_that_stand_still_are_not_logged() -> None:
     frame = log_of(WEAVE)
     log = read(frame.assign(heading_deg=12.0, steering_command_deg=0.0))

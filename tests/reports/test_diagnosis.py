@@ -264,6 +264,15 @@ class TestWords:
             assert f"What is left over pieces of 5 s, {said} is as good as the noise." in text
             assert "depends on: a push" not in text
 
+    def test_a_horizon_above_the_noise_is_said_beside_one_that_is_not(self) -> None:
+        what = diagnosis(above_noise_s=(10.0, 20.0), depends_on=("a push",))
+        assert not what.as_good_as_noise and json.loads(diagnosis_json(what))["left"]["above_noise_s"] == [10.0, 20.0]
+        for text in both(what):
+            assert "is as good as the noise, and above it over pieces of 10 and 20 s." in text
+            assert "depends on: a push" not in text
+        for text in both(diagnosis(above_noise_s=(5.0,))):
+            assert "is hardly above the noise over pieces of 5 s." in text
+
     def test_the_way_along_is_not_called_noise_where_no_speed_was_measured(self) -> None:
         wrong = {h: Error(h, 90.0 * h, 0.1 * h) for h in (1.0, 5.0)}
         for share in (0.0, 0.4):

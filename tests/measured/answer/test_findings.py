@@ -13,7 +13,7 @@ from vehicle.effects import effect
 from vehicle.measured.answer import names
 from vehicle.measured.answer.case import Case, gain_between, noise_share, with_real_noise, within_noise
 from vehicle.measured.answer.findings import findings, sized, visible, with_neutral
-from vehicle.measured.answer.names import Explained, holds, unexplained, unnamed_gain
+from vehicle.measured.answer.names import Explained, Unexplained, holds, unexplained, unnamed_gain
 from vehicle.measured.answer.record import LIKELY_OF, LIKELY_RIGHT
 from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED
 from vehicle.measured.causes.challenge import challenged
@@ -104,11 +104,18 @@ def test_sizes_and_intervals_to_neutral() -> None:
     assert with_neutral(eg105(), effect("wheel_slip"), (-0.2, 0.1)) == (-0.2, 0.1)
 
 
-def stub(final: float, before: float, floor: float = 1.0, row_s: float = 0.0, seconds: float = 900.0) -> Any:
+def stub(
+    final: float, before: float, floor: float = 1.0, row_s: float = 0.0, seconds: float = 900.0, **others: float
+) -> Any:
+    """A case whose errors over 5 s are `final`, and over others, as `of_20`, what they are given."""
+    errors = {5.0: final, **{float(name[3:]): value for name, value in others.items()}}
     return SimpleNamespace(
         bench=SimpleNamespace(row_s=row_s, has_wheel=True, course=SimpleNamespace(seconds=seconds)),
-        floor="floor", number=lambda squares: np.array([floor]),
-        error=lambda settings: np.array([final] if settings == "no rest" else [0.0]),
+        floor="floor",
+        number=lambda squares, over=5.0: np.array([floor if squares == "floor" else squares[0][over][0]]),
+        squares=lambda settings: [
+            {over: np.array([error if settings == "no rest" else 0.0, 0.0, 0.0, 9.0]) for over, error in errors.items()}
+        ],
         extension=SimpleNamespace(
             ids=frozenset({"push_to_east"}), only=lambda names: "with rest" if names else "no rest"
         ),
@@ -135,7 +142,16 @@ def test_the_unexplained_share_is_what_no_name_takes_away_above_the_floor(
     final: float, before: float, share: float
 ) -> None:
     told = Explained(stub(final, before), [], None)
-    assert unexplained(told, np.array([before])) == pytest.approx(share)
+    found = unexplained(told, np.array([before]))
+    assert found.share == pytest.approx(share) and found.above_s == ((5.0,) if share > 0.0 else ())
+
+
+def test_every_horizon_is_held_against_its_own_floor() -> None:
+    """One at the floor makes no other good that stands at twice of it; longer pieces are fewer, and chance more."""
+    told = Explained(stub(1.0, 9.0, of_1=1.0, of_20=2.0), [], None)
+    assert unexplained(told, np.array([9.0])) == Unexplained(0.0, (20.0,))
+    few = Explained(stub(1.0, 9.0, seconds=100.0, of_20=1.0 + CHANCE_OF_FEW * math.sqrt(4.0 / 15.0) - 0.01), [], None)
+    assert unexplained(few, np.array([9.0])).above_s == ()
 
 
 @pytest.mark.parametrize(

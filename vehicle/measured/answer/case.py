@@ -67,17 +67,21 @@ class Case:
         """Squared error that is left, in units of the noise floor, at least 1: it hides small effects."""
         return max(1.0, float(self.final.sum()) / float(self.number(self.floor).sum()))
 
-    def number(self, squares: list[Squares]) -> Array:
-        """Squared errors of every run as one number each, in units of the noise floor."""
+    def number(self, squares: list[Squares], horizon: float = PIECE_S) -> Array:
+        """Squared errors of every run over a horizon as one number each, in units of the noise floor."""
         seen = all(stretch.speed_seen for stretch in self.bench.course.stretches)
-        return total_error(squares, self.floor, along=seen)
+        return total_error(squares, self.floor, seen, horizon)
 
     def error(self, settings: Mapping[int, Halves], by_speed: bool = False) -> Array:
         """Error of every run as one number; `by_speed` is that of replay.horizons.chain."""
+        return self.number(self.squares(settings, by_speed))
+
+    def squares(self, settings: Mapping[int, Halves], by_speed: bool = False) -> list[Squares]:
+        """Squared errors of every run by horizon, beside what is tolerated."""
         beside: dict[int, Halves] = {
             run: ({**self.tolerated, **even}, {**self.tolerated, **odd}) for run, (even, odd) in settings.items()
         }
-        return self.number(run_squares(self.bench.course, self.bench.rig, beside, by_speed))
+        return run_squares(self.bench.course, self.bench.rig, beside, by_speed)
 
     def gain_of(self, name: str) -> tuple[float, tuple[float, float]]:
         """Percent of the held-out error over 5 s that an effect takes away, with a 90 % interval over runs.
@@ -169,22 +173,30 @@ def with_real_noise(bench: Bench, fit: Fit) -> Bench:
     return replace(bench, noise=tuned(bench.course, bench.rig, first_noise(bench.course), fit.settings))
 
 
-def within_noise(case: Case, error: Array, by_chance: bool = False) -> bool:
-    """Whether an error is what noise, and what happens unseen between rows, would leave.
+def within_noise(case: Case, error: Array, by_chance: bool = False, horizon: float = PIECE_S) -> bool:
+    """Whether an error over a horizon is what noise, and what happens unseen between rows, would leave.
 
     `by_chance` grants a few pieces what chance does to them: so much is said of what is left, and no name rests on it.
     """
-    floor = float(case.number(case.floor).sum())
-    few = 1.0 + (chance_of_few(case.bench.course.seconds) if by_chance else 0.0)
+    floor = float(case.number(case.floor, horizon).sum())
+    few = 1.0 + (chance_of_few(case.bench.course.seconds, horizon) if by_chance else 0.0)
     return float(error.sum()) < (max(ABOVE_FLOOR, few) + ABOVE_PER_ROW_S * case.bench.row_s) * floor
 
 
-def chance_of_few(seconds: float) -> float:
+def horizons_above_noise(case: Case, squares: list[Squares]) -> tuple[float, ...]:
+    """Horizons (s) over which errors are above what noise, and chance with the pieces there are, would leave."""
+    driven = [horizon for horizon in squares[0] if sum(one[horizon][3] for one in squares) > 0.0]
+    return tuple(
+        horizon for horizon in driven if not within_noise(case, case.number(squares, horizon), True, horizon)
+    )
+
+
+def chance_of_few(seconds: float, piece_s: float = PIECE_S) -> float:
     """How far chance parts two mean squares of the pieces that so much driving gives, as a share.
 
     A mean of n squares has a variance of 2 / n, the noise floor is drawn as often, and a piece has three errors.
     """
-    pieces = max(seconds / PIECE_S, 1.0)
+    pieces = max(seconds / piece_s, 1.0)
     return CHANCE_OF_FEW * math.sqrt(4.0 / (3.0 * pieces))
 
 

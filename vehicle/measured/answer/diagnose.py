@@ -24,6 +24,7 @@ from vehicle.measured.answer.whole import whole_case
 from vehicle.measured.causes.refit import weighed
 from vehicle.measured.causes.selection import Selection, select
 from vehicle.measured.fit.openloop import settings_in
+from vehicle.measured.logs.commanded import commands_set_right
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.logs.sensors import set_right_together
 from vehicle.measured.mend.extended import Alike, extended_tractor
@@ -50,7 +51,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     and VehicleError for an unknown ground.
     """
     count = _Counter(progress)
-    logs = set_right_together(logs)
+    logs = commands_set_right(set_right_together(logs))
     course = make_course(logs)
     rig = make_rig(tractor, ground, course.origin)
     part = balanced_part(course)
@@ -98,7 +99,8 @@ def _answer(
     # Most important first: by the held-out error that comes back without the effect.
     named = [one.id for one in sorted(each, key=lambda one: -(one.gain_pct or 0.0)) if one.status == NAMED]
     alike = {one.id: Alike(one.interval, one.equivalent_to) for one in each if one.status == EQUIVALENT}
-    share = unexplained(whole, whole.case.number(before))
+    beyond = unexplained(whole, whole.case.number(before))
+    share = beyond.share
     unseen = [one.id for one in each if one.status == NOT_VISIBLE and one.value is None]
     return Diagnosis(
         names=course.names,
@@ -128,6 +130,7 @@ def _answer(
         grounds=_grounds(told),
         pace_mps=usual(course.stretches)[1],
         along_judged=whole.case.bench.has_speed,
+        above_noise_s=beyond.above_s,
     )  # fmt: skip
 
 

@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.effects import SPEED, STEERING, effect, neutral
-from vehicle.measured.answer.case import Case, case_of, is_calibration, noise_share, within_noise
+from vehicle.measured.answer.case import (
+    PIECE_S,
+    Case,
+    case_of,
+    horizons_above_noise,
+    is_calibration,
+    noise_share,
+    within_noise,
+)
 from vehicle.measured.causes.challenge import make_up, shows_within_runs, stands_alone
 from vehicle.measured.causes.evidence import helps, is_nameable
 from vehicle.measured.causes.refit import without
@@ -240,16 +248,24 @@ def _least_worth(bench: Bench, name: str) -> float:
     return WORTH_OF_WHEEL_PCT if of_wheel else WORTH_A_NAME_PCT
 
 
-def unexplained(told: Explained, before: Array) -> float:
-    """Share of the error above the noise floor that no effect takes away; 0 while what they leave is noise.
+@dataclass(frozen=True)
+class Unexplained:
+    """What no effect explains: share of the error over 5 s above the noise floor, horizons (s) that are above it."""
+
+    share: float
+    above_s: tuple[float, ...]
+
+
+def unexplained(told: Explained, before: Array) -> Unexplained:
+    """What no effect takes away; a share of 0 while what they leave is noise, and then horizons other than 5 s alone.
 
     Terms of the rest are no effects: what they take away is told, not explained.
     """
     case = told.case
-    floor = float(case.number(case.floor).sum())
-    error = case.error(case.extension.only(case.extension.ids - frozenset(BY_NAME)))
-    if within_noise(case, error, by_chance=True):
-        return 0.0
-    left = float(error.sum())
+    squares = case.squares(case.extension.only(case.extension.ids - frozenset(BY_NAME)))
+    above = horizons_above_noise(case, squares)
+    if PIECE_S not in above:
+        return Unexplained(0.0, above)
+    floor, left = float(case.number(case.floor).sum()), float(case.number(squares).sum())
     share = (left - floor) / max(float(before.sum()) - floor, left - floor)
-    return float(share) if share > WORTH_SAYING else 0.0
+    return Unexplained(float(share) if share > WORTH_SAYING else 0.0, above)

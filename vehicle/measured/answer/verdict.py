@@ -113,6 +113,7 @@ class Diagnosis:
     """The whole answer; see the contract of `headland diagnose --json`.
 
     `along_judged` is False where a log lacks a measured speed: errors along the way then say nothing of the tractor.
+    `above_noise_s` are the horizons over which what all effects leave is more than noise; the share is of those of 5 s.
     """
 
     names: tuple[str, ...]
@@ -138,11 +139,12 @@ class Diagnosis:
     grounds: tuple[Grounds, ...] = ()
     pace_mps: float = 0.0
     along_judged: bool = True
+    above_noise_s: tuple[float, ...] = ()
 
     @property
     def as_good_as_noise(self) -> bool:
-        """Whether what all effects together leave is what noise would leave."""
-        return self.unexplained_share == 0.0
+        """Whether what all effects together leave is what noise would leave, over every horizon."""
+        return self.unexplained_share == 0.0 and not self.above_noise_s
 
     @property
     def left(self) -> Left | None:

@@ -103,7 +103,7 @@ class Log:
     (noise down to -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file
     does not say; `implement` is then 0 throughout. `given_again` holds the further names under which the same file was
     given; `doubts` say what its instruments got wrong and what was set right. `speed_factor` is what the measured speed
-    was divided by.
+    was divided by, `stray_deg` the standard deviation of a wheel angle that moved with nothing and was left out.
     """
 
     name: str
@@ -126,6 +126,7 @@ class Log:
     given_again: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     speed_factor: float = 1.0
+    stray_deg: float = 0.0
 
     @property
     def rows_used(self) -> int:

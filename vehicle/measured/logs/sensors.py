@@ -31,6 +31,7 @@ CLOCKS_FROM_S = _LEAST_WINDOWS * _WINDOW_S
 # A wheel sensor that is off repeats one value for long; what the path says it should be is averaged over that.
 _NOTHING = "steering_deg has nothing to do with the bends of the path"
 _STRAY, _FOLLOWS = 0.3, 0.9  # correlations with the bends of the path: an honest sensor has no less than the second
+_ALL_NOISE = 0.9  # of the spread: between two rows, over the square root of 2, it is 1 for white noise
 _STILL_S, _OFF_DEG, _MOVES_DEG, _RUN_CHORDS, _OFF_SHARE = 4.0, 3.0, 2.0, 5, 0.4
 
 
@@ -73,21 +74,22 @@ def set_right_together(logs: Sequence[Log]) -> list[Log]:
     Bends alone tell a factor of the speed roughly; where that is the one that straight driving told of another log, it
     is taken. Straight driving does not tell that a wheel angle moves with nothing; where bends did, it is left out.
     """
-    stray = next((log.name for log in logs if any(one.startswith(_NOTHING) for one in log.doubts)), None)
+    stray = next((one for one in logs if one.stray_deg > 0.0), None)
     if stray is not None:
         logs = [_without_stray(log, stray) for log in logs]
     told = [log for log in logs if log.speed_factor != 1.0]
     return [_as_others(log, told) for log in logs] if told else list(logs)
 
 
-def _without_stray(log: Log, other: str) -> Log:
+def _without_stray(log: Log, other: Log) -> Log:
     """A log without a wheel angle that moves and does not bend the path, as in the `other` log."""
     if log.steering_deg is None or log.steering_command_deg is None:
         return log
-    moves = float(np.std(log.steering_deg[log.used])) >= _MOVES_DEG
+    moves = float(np.std(log.steering_deg[log.used])) >= min(_MOVES_DEG, 0.5 * other.stray_deg)
     if not moves or abs(_followed(replace(log, steering_command_deg=None))) > 2.0 * _STRAY:
         return log
-    return replace(log, steering_deg=None, doubts=(*log.doubts, f"{_NOTHING}, as in {other}; it counts as not logged"))
+    told = f"{_NOTHING}, as in {other.name}; it counts as not logged"
+    return replace(log, steering_deg=None, stray_deg=other.stray_deg, doubts=(*log.doubts, told))
 
 
 def _as_others(log: Log, told: Sequence[Log]) -> Log:
@@ -258,10 +260,53 @@ def _stray_sensor(log: Log) -> Log:
         return log
     by_sensor = _followed(replace(log, steering_command_deg=None))
     by_command = _followed(replace(log, steering_deg=None))
-    if float(np.std(log.steering_deg[log.used])) < _MOVES_DEG or abs(by_sensor) > _STRAY or by_command < _FOLLOWS:
+    clear = float(np.std(log.steering_deg[log.used])) >= _MOVES_DEG and by_command >= _FOLLOWS
+    if abs(by_sensor) > _STRAY or not (clear or _passed_over(log)):
         return log
     told = f"{_NOTHING} (correlation {by_sensor:.2f}, that of the command {by_command:.2f}); it counts as not logged"
-    return replace(log, steering_deg=None, doubts=(*log.doubts, told))
+    return replace(log, steering_deg=None, stray_deg=float(np.std(log.steering_deg[log.used])),
+                   doubts=(*log.doubts, told))  # fmt: skip
+
+
+def _passed_over(log: Log) -> bool:
+    """Whether the command bends the path for certain, and the wheel angle between hardly moves with it or is all noise.
+
+    All noise: it differs as much from row to row as over the log, which wheels do not, and more than the command moves.
+    """
+    by_sensor, by_command = bends(replace(log, steering_command_deg=None)), bends(replace(log, steering_deg=None))
+    if by_sensor is None or by_command is None or len(by_command[0]) < 2 * _FEWEST:
+        return False
+    command, path, wheel = by_command[0], _by_heading(log, by_command[2]), by_sensor[0]
+    bent, doubt = _share_of(command, by_command[1] if path is None else path)
+    moved, unsure = _share_of(command, wheel)
+    rows = log.steering_deg[log.used], log.steering_command_deg[log.used]  # type: ignore[index]
+    from_row_to_row = float(np.std(np.diff(rows[0]))) / math.sqrt(2.0)
+    noise = from_row_to_row > max(_ALL_NOISE * float(np.std(rows[0])), float(np.std(rows[1])))
+    return bent > _SURE * doubt and (noise or moved + _SURE * unsure < _STRAY)
+
+
+def _by_heading(log: Log, gear: Array) -> Array | None:
+    """Curvature (1/m) per chord as the heading has it, of less noise than that of positions; None without one."""
+    chords = motion(log)
+    if log.heading_deg is None or chords is None:
+        return None
+    rows = np.flatnonzero(log.used)
+    time, heading = log.time_s[rows], np.unwrap(np.radians(log.heading_deg[rows]))
+    middle = log.time_s[chords.row]
+    start, end = (np.interp(middle + shift * chords.span_s, time, heading) for shift in (-0.5, 0.5))
+    curvature: Array = gear * (end - start) / (chords.speed * chords.span_s)
+    return curvature
+
+
+def _share_of(one: Array, other: Array) -> tuple[float, float]:
+    """How much of `one` the `other` moves by, and the standard error of that; chords overlap by half."""
+    centred = one - one.mean()
+    square = float(centred @ centred)
+    if square == 0.0:
+        return 0.0, math.inf
+    share = float(centred @ other) / square
+    left = other - other.mean() - share * centred
+    return share, math.sqrt(2.0 * float(left @ left) / (len(one) - 2) / square)
 
 
 def _followed(log: Log) -> float:

@@ -16,6 +16,7 @@ from vehicle.measured.logs.grade import grade
 from vehicle.measured.logs.record import Array, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 from vehicle.measured.logs.tilt import Tilt, tilt
+from vehicle.measured.replay.steadying import steadied
 
 CHORD_S = 0.6  # a centimetre of antenna noise is a degree of course at walking pace
 _SHOWN_LOGS = 3  # of a refusal: more are counted
@@ -53,6 +54,18 @@ class Stretch:
     def direction(self) -> tuple[Array, Array]:
         """Cosine and sine of the heading on the grid (n,)."""
         return np.cos(self.grids["heading"]), np.sin(self.grids["heading"])
+
+    @cached_property
+    def steady_wheel(self) -> Array:
+        """The measured wheel angle on the grid (n,) without the noise of its sensor.
+
+        Raises AttributeError where none was measured.
+        """
+        if self.wheel is None:
+            raise AttributeError("A stretch without a measured wheel angle has none that is steadied either.")
+        grid = np.arange(len(self.grids["wheel"])) * DT_S
+        steady: Array = np.interp(grid, self.time, steadied(self.time, self.wheel))
+        return steady
 
     @property
     def pace(self) -> Array:

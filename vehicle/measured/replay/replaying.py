@@ -38,8 +38,8 @@ MOST_MODELS = 16  # chosen: the stretches of a course ask for one after another
 
 @compiled
 def replay_steps(  # type: ignore[no-untyped-def]
-    command, wheel, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt, from_sensor,
-    from_speed, state, model, ground, table, out,
+    command, wheel, steady, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt,
+    from_sensor, from_speed, state, model, ground, table, out,
 ) -> None:  # fmt: skip
     """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
 
@@ -47,10 +47,12 @@ def replay_steps(  # type: ignore[no-untyped-def]
     measured, beside that of the model.
 
     `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
-    are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it.
+    are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it. Play
+    behind the sensor follows `steady`, its angle without noise: the extremes of noise would take up some of the play.
     """
     x, y, angle, forward = east[0], north[0], heading[0], speed[0]
-    state.steering = state.play = state.commands[-1] = wheel[0]
+    state.steering = state.commands[-1] = wheel[0]
+    state.play = steady[0]
     state.reference_speed = forward
     right = spin = 0.0
     for i in range(len(command)):
@@ -60,18 +62,20 @@ def replay_steps(  # type: ignore[no-untyped-def]
         out[i, X], out[i, Y], out[i, ANGLE], out[i, STEERING], out[i, FORWARD] = x, y, angle, state.steering, forward
         if from_sensor:
             state.steering = wheel[i]
-            state.play = played(state.play, state.steering, model)
+            state.play = played(state.play, steady[i], model)
+            turned = wheel[i] + (state.play - steady[i])
         else:
             turn_wheels(state, model, dt)
+            turned = state.play
         if from_speed:
             drive = ground.rolling * model.mass * GRAVITY * forward / (abs(forward) + 0.05)  # what rolling takes
         else:
             drive = propel(state, model, ground, forward, dt)
         there, across = cosines[i], sines[i]
         tangent = affected_tangent(
-            state.play, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
+            turned, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
-        along, slide = ground_drift(state.play, forward, there, across, model)
+        along, slide = ground_drift(turned, forward, there, across, model)
         slide += abs(forward) * downhill[i]
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
@@ -162,12 +166,13 @@ def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, fr
 def _replayed(rig: Rig, stretch: Stretch, settings: Settings, sensed: bool, timed: bool) -> Array:
     grids = stretch.grids
     command, wheel = _steering(stretch)
+    steady = stretch.steady_wheel if sensed else wheel
     out = np.empty((len(command), 5))
     settings, downhill = _on_slope(stretch, settings)
     replay_steps(
-        command, wheel, grids["speed"], grids.get("target", grids["speed"]), grids["working"], grids["east"],
-        grids["north"], grids["heading"], *stretch.direction, downhill, stretch.start_s, DT_S, sensed, timed,
-        _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
+        command, wheel, steady, grids["speed"], grids.get("target", grids["speed"]), grids["working"],
+        grids["east"], grids["north"], grids["heading"], *stretch.direction, downhill, stretch.start_s, DT_S,
+        sensed, timed, _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
 
