@@ -5,15 +5,22 @@ With HEADLAND_TEST_SEED properties draw the same examples every time. Started in
 ignore interrupts, and so would all that they start: some of them interrupt and wait for the end.
 
 Files are handed out whole, the long ones first, so that no worker is left with one of them at the end; a worker more
-than there are processors works while the tests of the service wait.
+than there are processors works while the tests of the service wait. All processes take the sources of this folder, also
+where the package is installed beside them, so that one compiled simulator serves them all; before the whole suite
+starts on several workers it is compiled once.
 """
 
 import os
 import signal
 import threading
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.warm import warm
+
+ROOT = Path(__file__).parents[1]
 
 LONG = (
     "test_readme", "test_naming", "test_determinism", "test_plan", "test_jobs", "test_trials", "test_invariance",
@@ -25,6 +32,7 @@ LONG = (
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
 settings.register_profile("headland", deadline=None, derandomize="HEADLAND_TEST_SEED" in os.environ)
 settings.load_profile("headland")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_thread() is threading.main_thread():
@@ -35,6 +43,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_threa
 def pytest_xdist_auto_num_workers() -> int:
     """Workers of `-n auto`."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile before workers start, in the process that starts them."""
+    config = session.config
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+    if whole and config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        warm()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

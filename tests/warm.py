@@ -1,0 +1,37 @@
+"""The simulator compiled once, before tests start that would each compile it at the same time.
+
+Two processes share the work: one plans a field with every strategy, one diagnoses logs and checks a tractor. Where all
+is compiled already they take some seconds.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+
+PLANS = """
+import sys
+from planner.main import main
+sys.argv = ["headland", "plan", "netherlands", "--width", "6", "--tractors", "1-2", "--all", "--json"]
+main()
+"""
+DRIVES = """
+import os, sys
+from pathlib import Path
+from planner.main import main
+from tests.truth.model import make_logs
+here = Path(os.getcwd())
+for number, log in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:8]):
+    log.to_csv(here / f"{number}.csv", index=False)
+sys.argv = ["headland", "diagnose", *map(str, sorted(here.glob("*.csv"))), "--json"]
+main()
+"""
+
+
+def warm() -> None:
+    """Compile what most tests need; a fault here is not told, as tests will show it."""
+    with tempfile.TemporaryDirectory() as place:
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": place}
+        for process in [subprocess.Popen([sys.executable, "-c", code], **silent) for code in (DRIVES, PLANS)]:
+            process.wait()
