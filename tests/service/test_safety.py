@@ -5,19 +5,25 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from pathlib import Path
+from typing import Any, get_args
 
 import pytest
 
+import planner.service
 from planner.service.centre.alarms import CRITICAL, WARNING, Alarms
 from planner.service.centre.errors import CentreError
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
+from planner.service.centre.seeing import UNREAD_CODE
 from planner.service.centre.tractors import ASTRAY, DRIVEN, Report
+from planner.service.links.asyncapi import document
 from planner.service.links.clients import CONTROL, TRACTOR, Client
-from planner.service.links.frames import Drive, TakeLease
+from planner.service.links.diagnosing import FINDING
+from planner.service.links.frames import AlarmCode, Drive, TakeLease
 from planner.service.links.live import LiveFleet
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
 from vehicle.missions import Follow, Gate, Mission
@@ -268,3 +274,20 @@ def test_a_command_that_comes_late_or_again_is_not_driven_and_one_to_stand_alway
     commands = [frame["speed_command_mps"] for frame in waiting(tractor) if frame["kind"] == "command"]
     assert commands == [1.0]  # those before the lease was taken anew are withdrawn
     assert fleet.centre.states[0].remote_command[1] == 1.0
+
+
+def test_alarms_are_told_by_kind_with_the_other_tractor_or_obstacle() -> None:
+    alarms = Alarms()
+    for code, tractor in (("near 2", 0), ("obstacle 11", None), ("drives on", 1)):
+        alarms.raised(code, tractor, WARNING, "A sentence.", 0.0)
+    told = [(each["code"], each["other"], each["tractor"]) for each in alarms.told()]
+    assert told == [("near", 2, 1), ("obstacle", 11, None), ("drives on", None, 2)]
+
+
+def test_every_kind_of_alarm_is_in_the_document_of_frames() -> None:
+    root = Path(planner.service.__file__).parent
+    source = "\n".join(path.read_text("utf-8") for name in ("centre", "links") for path in (root / name).glob("*.py"))
+    raised = set(re.findall(r'(?:_alarm|alarms\.raised)\(\s*f?"([a-z ]+?) ?[{"]', source))
+    by_name = {"near", UNREAD_CODE, FINDING, "fence"}
+    assert raised | by_name == set(get_args(AlarmCode)) and len(raised) > 8
+    assert "unread obstacle" in json.dumps(document()["components"]["schemas"]["AlarmTold"])

@@ -15,7 +15,10 @@ MEASURED = re.compile(r"\d+\.\d+")
 
 @dataclass(frozen=True)
 class Alarm:
-    """One alarm; `code` says of what kind it is, `over` that its cause is gone."""
+    """One alarm; `code` says of what kind it is, and by a number at its end of which other tractor or obstacle.
+
+    `over` says that its cause is gone.
+    """
 
     id: int
     code: str
@@ -106,9 +109,16 @@ class Alarms:
         self.version += 1
 
     def told(self) -> list[dict[str, Any]]:
-        """As pages are told."""
+        """As pages are told: the number that ends a code, of a tractor or an obstacle, is told as `other`."""
         return [
-            {"id": a.id, "level": a.level, "tractor": None if a.tractor is None else a.tractor + 1,
-             "sentence": a.sentence, "since": a.since_s, "acknowledged": a.acknowledged, "over": a.over}
+            {"id": a.id, **_code_told(a.code), "level": a.level, "sentence": a.sentence,
+             "tractor": None if a.tractor is None else a.tractor + 1,
+             "since": a.since_s, "acknowledged": a.acknowledged, "over": a.over}
             for a in self._items.values()
         ]  # fmt: skip
+
+
+def _code_told(code: str) -> dict[str, Any]:
+    """A code as its kind and the number, from 1, that ends it; None where none does."""
+    kind, _, number = code.rpartition(" ")
+    return {"code": kind, "other": int(number)} if number.isdigit() else {"code": code, "other": None}

@@ -79,13 +79,16 @@ export function alarmList(lives, { fleetName = () => false } = {}) {
   return { node, sign, told: () => { told(); counted(); } };
 }
 
+// Whether acknowledging an alarm is the order to go on: that of a tractor that stands for what nobody can read.
+const letsGo = (alarm) => alarm.code === "unread obstacle" && !alarm.over;
+
 function alarmTile(live, alarm, fleetName) {
   const seen = alarm.acknowledged;
   const look = `tile alarm ${alarm.level === "critical" ? "critical" : ""} ${seen ? "seen" : ""}`;
   return el("li", { class: look },
     el("div", { class: "grow" }, el("p", {}, el("b", {}, fleetName ? `${live.name}: ` : ""), alarm.sentence),
       el("p", { class: "small soft" }, `since ${moment(alarm.since)}${seen ? `; seen${typeof seen === "string" ? ` by ${seen}` : ""}` : ""}${alarm.over ? "; over" : ""}`)),
-    !seen && button("Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
+    !seen && button(letsGo(alarm) ? "Let it go on" : "Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
 }
 
 /** Stop-all: one press, nothing asked. It needs a token that may control, and says so where there is none. */
