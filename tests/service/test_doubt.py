@@ -40,7 +40,7 @@ def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: Doubting
     assert fleet.live.diagnoses[0] == first  # the doubt lasts, and was diagnosed
     job = fleet.store.claim_job("test")
     assert job is not None and job.id == first and fleet.store.claim_job("test") is None
-    mended = Tractor(**EG105.model_dump() | {"name": "slips", "effects": {"wheel_slip": {"value": 0.1}}})
+    mended = Tractor(**EG105.model_dump() | {"name": "slips", "effects": {"wheel_slip": {"value": {"ratio": 0.1}}}})
     fleet.store.finish_job(job.number, "test", [
         json_of("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
         toml_of("tractor.toml", tractor_toml(mended)),

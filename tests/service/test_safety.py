@@ -105,6 +105,80 @@ def test_one_that_brakes_or_stands_is_not_told_again_and_one_that_never_stands_i
     assert driving_on("stopped", 1.0, 0.0, 6.0)[0]
 
 
+class Stopped:
+    """A tractor at 1 m/s that is told to stand, and what it says after that, by a clock that the tests turn."""
+
+    def __init__(self) -> None:
+        self.fleet = driven()
+        self.fleet.run(5)
+        self.fleet.silent = {0}
+        self.say(1.0, "automatic", 1.0)
+        self.fleet.centre.stop_all("anna", self.fleet.now)
+        self.begun_s = self.fleet.now
+
+    def say(self, speed: float, mode: str, command: float, delay_s: float = 0.0) -> None:
+        """It reports."""
+        report = Report(0.0, 5.0, math.pi / 2, speed, command, mode=mode, leg_m=5.0)
+        self.fleet.centre.reported(0, report, self.fleet.now, delay_s=delay_s)
+
+    def tick(self, seconds: float = 0.1) -> None:
+        """Time passes, and the centre looks."""
+        self.fleet.now += seconds
+        self.fleet.centre.tick(self.fleet.now)
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether everybody is told that it drives on."""
+        return self.fleet.centre.alarms.on("drives on", 0)
+
+
+@pytest.mark.parametrize(("delay_s", "at_s"), [(0.0, 0.5), (0.3, 1.1), (0.8, 2.1), (9.0, 2.5)])
+def test_how_long_one_may_drive_on_follows_from_how_long_its_reports_are_on_their_way(
+    delay_s: float, at_s: float
+) -> None:
+    tractor = Stopped()
+    while not tractor.alarmed:
+        tractor.say(1.0, "automatic", 1.0, delay_s)
+        tractor.tick()
+        assert tractor.fleet.now < tractor.begun_s + 4.0
+    assert tractor.fleet.now - tractor.begun_s == pytest.approx(at_s + 0.2, abs=0.15)  # by tenths of a second
+
+
+def test_who_brakes_over_a_slow_link_does_not_drive_on() -> None:
+    tractor, deceleration = Stopped(), 0.5
+    for step in range(50):
+        tractor.tick()
+        speed = max(1.0 - deceleration * max(0.1 * step - 1.4, 0.0), 0.0)  # 0.7 s there and back
+        told = ("automatic", 1.0) if step < 14 else ("stopped", 0.0)
+        tractor.say(speed, *told, delay_s=0.7)
+        assert not tractor.alarmed, step
+
+
+def test_who_brakes_by_a_mode_of_its_own_does_not_drive_on() -> None:
+    tractor = Stopped()
+    for step in range(40):
+        tractor.tick()
+        speed = max(1.0 - 0.4 * 0.1 * step, 0.0)
+        tractor.say(speed, "automatic", speed)
+        assert not tractor.alarmed, step
+
+
+def test_what_was_held_up_in_the_service_or_the_tractor_is_no_driving_on() -> None:
+    tractor = Stopped()
+    tractor.tick()
+    tractor.fleet.now += 2.0  # nothing was sent and nothing taken
+    for _ in range(20):
+        tractor.say(1.0, "automatic", 1.0)
+    tractor.tick(0.05)
+    tractor.say(1.0, "automatic", 1.0)
+    tractor.tick(0.05)
+    assert not tractor.alarmed
+    for _ in range(4):
+        tractor.say(1.0, "automatic", 1.0)
+        tractor.tick()
+    assert tractor.alarmed, "it goes on driving all the same"
+
+
 def test_an_operator_drives_without_being_told_to_stand() -> None:
     fleet = remote()
     for _ in range(20):
