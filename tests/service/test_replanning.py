@@ -221,13 +221,3 @@ def stand(centre: Centre) -> None:
     for state in centre.states:
         assert state.report is not None
         state.report = replace(state.report, speed_mps=0.0, mode="stopped")
-
-
-def test_a_plan_with_refills_is_refused_with_what_to_do(plan: FleetPlan) -> None:
-    centre = at(plan, 0.3)
-    course = plan.courses[0]
-    legs = (*course.legs[:-1], replace(course.legs[-1], stand_s=300.0))
-    refilling = replace(course, mission=replace(course.mission, legs=legs))
-    centre.plan = replace(plan, courses=(refilling, *plan.courses[1:]))
-    with pytest.raises(CentreError, match=r"refill.*draw what stays open as a field on the page Plan"):
-        rest_of(centre, [1], 100.0)

@@ -186,8 +186,9 @@ def _ring(ring: shapely.LinearRing, shift: np.ndarray) -> Ring:
 
 def _ground(saved: SavedPlan, field: Field | None, width_m: float) -> shapely.Geometry:
     """What tractors may drive on: the field, and the ways of the plan."""
-    lines = shapely.union_all([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
-    ways = shapely.buffer(lines, 0.5 * width_m, quad_segs=4)
+    # Each leg by itself: GEOS takes gigabytes for the buffer of all, where some drive the same way again and again.
+    lines = np.array([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
+    ways = shapely.union_all(shapely.buffer(lines, 0.5 * width_m, quad_segs=4))
     if field is not None:
         shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
         ways = shapely.union(ways, shapely.Polygon(_ring(field.boundary.exterior, shift)))

@@ -11,8 +11,8 @@ export function connectionOf(live, fix) {
 }
 
 export function waitsWords(fix) {
-  const list = fix.waits_for ?? [];
-  return list.length ? `waits for ${list.map((one) => `tractor ${one.tractor}`).join(" and ")}` : "";
+  const list = [...new Set((fix.waits_for ?? []).map((one) => `tractor ${one.tractor}`))];
+  return list.length ? `waits for ${list.join(" and ")}` : "";
 }
 
 /** A tile of one tractor that leads to its page; `told()` brings it up to date. */
