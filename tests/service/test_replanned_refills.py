@@ -15,13 +15,15 @@ from planner.saving import saved_plan
 from planner.scenario import Scenario
 from planner.service.centre import replanning
 from planner.service.centre.centre import Centre
+from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.remaining import rest_of
-from planner.service.centre.replanning import Proposal, replanned
+from planner.service.centre.replanning import Proposal, _still_there, replanned
 from planner.site import prepare
 from strategies.supply import Supply
 from tests.service.test_replanning import FIELD, at
 from vehicle.missions import REFILL, Leg
+from vehicle.plan_file import plan_to_json
 from vehicle.run import Run
 
 WIDTH_M, LOAD_M2, STAND_S = 3.0, 620.0, 60.0
@@ -102,3 +104,20 @@ def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: tuple[C
     centre.adopt("anna", proposal.plan, 101.0, (1,))
     centre.tick(102.0)
     assert centre.version == 2
+
+
+def test_notes_that_somebody_made_up_keep_no_fleet_from_being_planned_anew(plan: FleetPlan) -> None:
+    whole = plan.plan.missions
+    place = {"x_m": 0, "y_m": 0}
+    made_up = [None, "x", {}, {"tractor": 99, "leg": 0} | place, {"tractor": 0, "leg": -1} | place,
+               {"tractor": 1, "leg": "a"} | place, {"tractor": 1, "leg": 0, "x_m": [], "y_m": 0}]  # fmt: skip
+    assert not any(_still_there(stop, whole) for stop in made_up)
+    assert all(_still_there(stop, whole) for stop in plan.plan.notes["refills"])
+
+
+def test_a_plan_that_stands_for_longer_than_a_day_is_refused_at_once(plan: FleetPlan) -> None:
+    saved = plan.saved
+    told = json.loads(plan_to_json(saved.plan, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground))
+    told["tractors"][1][3]["stand_s"] = 1e18
+    with pytest.raises(CentreError, match=r"Tractor 2 of the plan stands for 1e\+18 s; at most 86400 s"):
+        prepared(json.dumps(told))

@@ -79,6 +79,13 @@ class Alarms:
         self.version += 1
         return alarm if anew else None
 
+    def reworded(self, code: str, tractor: int | None, sentence: str) -> None:
+        """One that is on says something else now that nobody has to see anew."""
+        number = self._on.get((code, tractor))
+        if number is not None and self._items[number].sentence != sentence:
+            self._items[number] = replace(self._items[number], sentence=sentence)
+            self.version += 1
+
     def ended(self, code: str, tractor: int | None) -> None:
         """Its cause is gone; it stays to be seen until somebody has acknowledged it."""
         number = self._on.pop((code, tractor), None)

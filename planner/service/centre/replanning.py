@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -372,16 +372,19 @@ def _whole_plan(rest: Rest, missions: Sequence[tuple[Leg, ...]], run: Run) -> Fl
         courses.append(Course(whole, seconds))
     notes = {**plan.plan.notes, "replanned": True}
     if "refills" in notes:
-        notes["refills"] = [stop for stop in notes["refills"] if _still_there(stop, wholes)]
+        told = notes["refills"] if isinstance(notes["refills"], list) else []
+        notes["refills"] = [stop for stop in told if _still_there(stop, wholes)]
     saved = replace(plan.saved, plan=Plan(tuple(wholes), notes))
     finish = tuple(rest.driven_s + float(seconds) for seconds in run.finish_s)
     return replace(plan, saved=saved, courses=tuple(courses), finish_s=finish,
                    near_m=min(plan.near_m, run.min_clearance_m))  # fmt: skip
 
 
-def _still_there(stop: Mapping[str, Any], wholes: Sequence[Mission]) -> bool:
-    """Whether what is noted of a stop is true of the new legs."""
-    legs = wholes[stop["tractor"] - 1].legs
-    if stop["leg"] >= len(legs) or legs[stop["leg"]].stand_s == 0.0:
+def _still_there(stop: Any, wholes: Sequence[Mission]) -> bool:
+    """Whether what is noted of a stop, in a plan that anybody may have written, is true of the new legs."""
+    try:
+        number, k, place = stop["tractor"] - 1, stop["leg"], (stop["x_m"], stop["y_m"])
+        leg = wholes[number].legs[k]
+        return number >= 0 and k >= 0 and leg.stand_s > 0.0 and math.dist(leg.points[0], place) < LEAST_M
+    except (TypeError, KeyError, IndexError):
         return False
-    return math.dist(legs[stop["leg"]].points[0], (stop["x_m"], stop["y_m"])) < LEAST_M

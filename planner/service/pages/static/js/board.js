@@ -2,6 +2,7 @@
 import { el, put, say, button, who, note } from "./dom.js";
 import { age, clock, kmh, legWords, moment, percent, span, timeOfDay, plural, DASH } from "./words.js";
 
+const BY_PLAN = "waits for another by the plan"; // for whom is told beside it
 const CONNECTIONS = { online: ["online", "good"], offline: ["offline", "off"], broken: ["connection broken", "off"] };
 
 /** Say of a fix in words how it stands with its connection. */
@@ -29,7 +30,8 @@ export function tractorTile(live, number, { fleetName = () => false } = {}) {
     badge.className = `badge ${look}`;
     const legs = live.scene?.lanes[number - 1] ?? [];
     const done = legs.length && fix.leg >= legs.length;
-    say(doing, [done ? "done" : legWords(live.leg(number)), waitsWords(fix), ...(fix.holds?.length ? fix.holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).join(", "));
+    const waits = waitsWords(fix), holds = (fix.holds ?? []).filter((hold) => !waits || hold !== BY_PLAN);
+    say(doing, [done ? "done" : legWords(live.leg(number)), waits, ...(holds.length ? holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).join(", "));
     say(cells.age, `fix ${age(live.age(number))}`);
     say(cells.speed, kmh(fix.speed_mps));
     say(cells.error, typeof fix.error_m === "number" ? `off by ${Math.round(100 * fix.error_m)}\u00A0cm` : "");
