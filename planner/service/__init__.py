@@ -9,4 +9,5 @@ centre    the control centre of a fleet, without a network
 links     tractors and operators over WebSocket, and fleets over HTTP
 robot     a simulated tractor as a client
 errors    its refusals
+faults    what is wrong with values, in a sentence
 """

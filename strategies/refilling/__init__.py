@@ -7,4 +7,5 @@ cuts            where work that is given in order is left for the next load, exa
 berths          where a tractor stands to be served at a fixed place
 stops           the missions of a plan with their stops
 plan            the whole plan with them, and who is served first
+onward          stops of work that is taken over while a plan is driven
 """

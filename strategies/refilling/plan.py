@@ -38,7 +38,7 @@ def with_refills(job: Job, plan: Plan, *, abreast: bool = False, staggered: bool
         raise StrategyError(no_leave(job, supply))
     legs = [_renumbered(each.legs, own) for each in own]
     if supply.alone and job.tractors > 1:
-        _queue(legs, [each.stops for each in own], supply)
+        queue(legs, [each.stops for each in own], supply)
     notes = {key: value for key, value in plan.notes.items() if key != "order_gap_pct"}
     notes["refills"] = [entry for number, each in enumerate(own) for entry in _entries(number, each)]
     notes["collects"] = supply.collects
@@ -113,7 +113,7 @@ class _Clock:
         self.free_s[tractor] = at + leg.stand_s + leg.length_m / leg.speed_mps
 
 
-def _queue(legs: list[list[Leg]], stops: Sequence[Sequence[Stop]], supply: Supply) -> None:
+def queue(legs: list[list[Leg]], stops: Sequence[Sequence[Stop]], supply: Supply) -> None:
     """Give legs the gates by which tractors are served one at a time, in the order in which they would come.
 
     Tractors are moved leg by leg in the order of time at the speeds that their legs ask for, so that whoever waits does

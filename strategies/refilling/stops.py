@@ -176,8 +176,12 @@ def filled(job: Job, supply: Supply, mission: Mission, busy: Sequence[Span] = ()
     """The mission with its cheapest stops, where others are served at `busy` times and one waits until they are.
 
     Raises StrategyError where none are enough or no way leads there."""
-    pieces = pieces_of(job, supply, mission)
-    gaps = Gaps(job, supply, mission, pieces, busy)
+    return filled_between(Gaps(job, supply, mission, pieces_of(job, supply, mission), busy))
+
+
+def filled_between(gaps: Gaps) -> Filled:
+    """The mission of these gaps with its cheapest stops in them; raises StrategyError as `filled` does."""
+    job, supply, mission, pieces = gaps.job, gaps.supply, gaps.mission, gaps.pieces
     needs = [piece.need for piece in pieces]
     if sum(needs) <= supply.capacity:
         return Filled(mission.legs, (), tuple(range(len(mission.legs))))
@@ -219,7 +223,7 @@ def _written(gaps: Gaps, cuts: Sequence[int]) -> Filled:
         amount = math.fsum(piece.need for piece in pieces[begun:cut])
         stop_at = len(legs) + len(to)
         least = stops[-1].leg + 1 if stops else 0
-        stops.append(Stop(stop_at, _hold(legs, least), amount))
+        stops.append(Stop(stop_at, hold_of(legs, least), amount))
         legs += [*to, *on]
         done = after.first
         moved += _still(gaps.supply, len(legs), after.first - before.last)
@@ -245,7 +249,7 @@ def _still(supply: Supply, count: int, between: int) -> list[int]:
     return [count] * between if supply.where == PLACE else list(range(count - between, count))
 
 
-def _hold(legs: Sequence[Leg], least: int) -> int:
+def hold_of(legs: Sequence[Leg], least: int) -> int:
     """The last leg of the work before a stop at which a tractor may be kept waiting; the way there without one."""
     work = (number for number in range(len(legs) - 1, least - 1, -1) if legs[number].may_wait)
     return next(work, len(legs))

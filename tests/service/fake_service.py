@@ -23,6 +23,10 @@ REPORT = (
 )
 
 
+NOTHING = {"named": [], "words": "Nothing was found that the tractor file lacks.", "mends": False}
+UNDERSTEER = {"named": ["understeer"], "words": "The tractor turns less than its wheels say.", "mends": True}
+
+
 class Made:
     """What the service was told, for tests to look at."""
 
@@ -38,7 +42,8 @@ class Made:
         }
         self.options: dict[str, dict[str, Any]] = {}
         self.polls = 0
-        self.diagnosed = self.deaf = False
+        self.diagnosed = self.deaf = self.looked = False
+        self.finding = NOTHING
         self.holder: str | None = None
         self.acknowledged: str | None = None
 
@@ -228,6 +233,7 @@ def _fleets(app: FastAPI, made: Made) -> None:
             "corrections": {"time_s": rows, "ahead_m": ahead, "right_m": right},
             "doubt": doubt if tractor == 2 else None,
             "diagnosis": {"id": "old", "status": "done", "error": None} if made.diagnosed else None,
+            "finding": made.finding if made.diagnosed else None,
         }
 
     @app.post("/api/v1/twins/{fleet}/{tractor}/diagnose")
@@ -237,6 +243,7 @@ def _fleets(app: FastAPI, made: Made) -> None:
 
     @app.post("/api/v1/twins/{fleet}/{tractor}/mend")
     def mend(fleet: str, tractor: int) -> dict[str, Any]:
+        made.finding = made.finding | {"mends": False}
         return {"tractor": "eg105 mended"}
 
 
@@ -276,6 +283,8 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
     return [
         {
             "id": 1,
+            "code": "broken",
+            "other": None,
             "level": "critical",
             "tractor": 3,
             "sentence": "Tractor 3 has not been heard of for 42 s; it finishes its released leg and stops.",
@@ -285,12 +294,25 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
         },
         {
             "id": 2,
+            "code": "obstacle",
+            "other": 1,
             "level": "warning",
             "tractor": 2,
             "sentence": f"An obstacle {NASTY} is on track 9.",
             "since": 1_790_000_100.0,
             "acknowledged": "office",
             "over": True,
+        },
+        {
+            "id": 3,
+            "code": "unread obstacle",
+            "other": None,
+            "level": "critical",
+            "tractor": 2,
+            "sentence": "Tractor 2 sees an obstacle that could not be taken, and stands.",
+            "since": 1_790_000_200.0,
+            "acknowledged": None,
+            "over": made.looked,
         },
     ]
 
@@ -353,6 +375,8 @@ async def _listen(socket: WebSocket, made: Made) -> None:
         elif frame["kind"] == "stop_all" and not made.deaf:
             event = {"kind": "event", "time": "2026-11-20T09:11:00Z", "who": "office", "what": "stop_all", "data": {}}
             await socket.send_json(event)
+        elif frame["kind"] == "acknowledge" and frame["alarm"] == 3:
+            made.looked = True
         elif frame["kind"] == "acknowledge":
             made.acknowledged = "office"
         elif frame["kind"] == "replan":

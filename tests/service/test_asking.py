@@ -89,6 +89,20 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
     return refusal
 
 
+@pytest.mark.parametrize(
+    ("request_", "sentence"),
+    [
+        ({"width": "wide"}, 'width is "wide"; give a number.'),
+        ({"cell_bearing": "x"}, 'cell_bearing is "x"; give a list.'),
+        ({"widht": 3}, "widht is unknown; /api/v1/docs shows what there is."),
+        ([], "The body is []; give an object in braces."),
+    ],
+)
+def test_values_of_no_use_are_named_with_the_rule(shared: Shared, request_: Any, sentence: str) -> None:
+    client, token = shared
+    assert client.post("/api/v1/plans", json=request_, headers=token).json()["error"] == sentence
+
+
 @pytest.mark.parametrize("request_, parameter", OF_SERVICE, ids=[str(request) for request, _ in OF_SERVICE])
 def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], parameter: str) -> None:
     client, token = shared

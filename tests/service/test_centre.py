@@ -61,6 +61,13 @@ def test_a_gate_opens_by_what_was_really_driven() -> None:
     assert fleet.at_m[1] > LENGTH and fleet.centre.waits_for(1) == []
 
 
+def test_whom_one_waits_for_is_told_once_however_many_places_it_waits_for() -> None:
+    twice = (Gate(0, 1, 5.0), Gate(0, 1, 12.0), Gate(2, 0, 30.0))
+    fleet = driven(fleet_plan(3, gates={(1, 1): twice}), pace={0: 0.2, 2: 0.2})
+    fleet.run(30)
+    assert fleet.centre.waits_for(1) == [(0, 1), (2, 0)]
+
+
 @settings(max_examples=12)
 @given(pace=st.floats(0.2, 0.9), late=st.integers(0, 2))
 def test_a_late_tractor_delays_those_that_must_wait_and_nobody_else(pace: float, late: int) -> None:

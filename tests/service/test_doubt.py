@@ -16,6 +16,7 @@ from planner.service.links.recording import holding
 from tests.service.doubting import Doubting
 from tests.service.fleets import EG105, fleet_plan
 from vehicle.measured.answer.save import tractor_toml
+from vehicle.tractor import Tractor
 from vehicle.twin.motion import Noise
 
 VERDICT = "The tractor drives 10 % slower over ground than commanded."
@@ -39,18 +40,37 @@ def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: Doubting
     assert fleet.live.diagnoses[0] == first  # the doubt lasts, and was diagnosed
     job = fleet.store.claim_job("test")
     assert job is not None and job.id == first and fleet.store.claim_job("test") is None
-    mended = EG105.model_copy(update={"name": "slips"})
+    mended = Tractor(**EG105.model_dump() | {"name": "slips", "effects": {"wheel_slip": {"value": {"ratio": 0.1}}}})
     fleet.store.finish_job(job.number, "test", [
         json_of("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
         toml_of("tractor.toml", tractor_toml(mended)),
     ])  # fmt: skip
     asyncio.run(fleet.look())
     assert f"Diagnosis of tractor 1: {VERDICT}" in fleet.alarms()
-    assert fleet.client.get(TWIN).json()["finding"] == {"named": ["wheel_slip"], "words": VERDICT}
+    assert fleet.client.get(TWIN).json()["finding"] == {"named": ["wheel_slip"], "words": VERDICT, "mends": True}
     taken = fleet.client.post(f"{TWIN}/mend", json={"name": "mine"})
     assert taken.status_code == 201 and taken.json() == {"tractor": "mine"}
     assert b"slips" in fleet.store.blobs.get(fleet.store.file("tractor", "mine").sha256)
     assert fleet.live.twins.tractors[0].name == "slips" and not any("Diagnosis" in one for one in fleet.alarms())
+    assert fleet.client.get(TWIN).json()["finding"]["mends"] is False
+    again = fleet.client.post(f"{TWIN}/mend", json={})
+    assert again.status_code == 409 and "nothing that its file lacks" in again.json()["error"]
+
+
+def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: Doubting) -> None:
+    fleet.drive(1.0)
+    fleet.client.post(f"{TWIN}/diagnose")
+    job = fleet.store.claim_job("test")
+    assert job is not None
+    same = EG105.model_copy(update={"name": "another name"})
+    fleet.store.finish_job(job.number, "test", [
+        json_of("result.json", json.dumps({"verdict": "Nothing.", "named": []})),
+        toml_of("tractor.toml", tractor_toml(same)),
+    ])  # fmt: skip
+    asyncio.run(fleet.look())
+    assert fleet.client.get(TWIN).json()["finding"] == {"named": [], "words": "Nothing.", "mends": False}
+    assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
+    assert fleet.live.twins.tractors[0] == EG105
 
 
 def test_an_operator_asks_again_and_a_diagnosis_that_fails_says_why(fleet: Doubting) -> None:

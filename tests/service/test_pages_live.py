@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.service.fake_service import Made
+from tests.service.fake_service import NOTHING, UNDERSTEER, Made
 from tests.service.watching import Watched, needs_browser, told_by, until
 
 pytestmark = needs_browser
@@ -81,13 +81,45 @@ def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, pa
     watched.well()
 
 
-def test_a_twin_in_doubt_is_diagnosed_and_mended(watched: Watched) -> None:
+def test_who_stands_for_what_cannot_be_read_is_let_go_on_by_a_button_that_says_so(
+    watched: Watched, pages: tuple[str, Made]
+) -> None:
+    page, made = watched.open("/fleet/f1"), pages[1]
+    made.frames.clear()
+    alarm = page.locator(".alarm:has-text('could not be taken')")
+    alarm.wait_for()
+    assert alarm.get_by_role("button").all_inner_texts() == ["Let it go on"]
+    alarm.get_by_role("button").click()
+    until(page, lambda: bool(made.frames))
+    assert {key: made.frames[0][key] for key in ("kind", "alarm")} == {"kind": "acknowledge", "alarm": 3}
+    alarm.locator("text=Acknowledge").wait_for()  # it is over: nothing goes on by it any more
+    made.looked = False
+    watched.well()
+
+
+def test_a_diagnosis_that_found_nothing_has_nothing_to_take_into_the_file(
+    watched: Watched, pages: tuple[str, Made]
+) -> None:
+    made = pages[1]
+    made.diagnosed, made.finding = True, NOTHING
+    page = watched.open("/fleet/f1/tractor/2")
+    page.wait_for_selector("text=Nothing was found that the tractor file lacks.")
+    assert page.locator("text=Read the diagnosis").count() == 1
+    assert page.locator("text=Take it into the tractor file").count() == 0
+    made.diagnosed = False
+    watched.well()
+
+
+def test_a_twin_in_doubt_is_diagnosed_and_mended(watched: Watched, pages: tuple[str, Made]) -> None:
+    pages[1].finding = UNDERSTEER
     page = watched.open("/fleet/f1/tractor/2")
     page.click("text=Find the cause")
-    page.wait_for_selector("text=The diagnosis of its recording is ready.")
+    page.wait_for_selector("text=The tractor turns less than its wheels say.")
     assert page.get_attribute("text=Read the diagnosis", "href") == "#/diagnose/old"
     page.click("text=Take it into the tractor file")
     page.wait_for_selector("text=Saved as the tractor file eg105 mended")
+    page.wait_for_selector("text=Take it into the tractor file", state="detached")
+    assert page.locator("text=Saved as the tractor file eg105 mended").count() == 1, "it is said as long as it counts"
     watched.well()
 
 

@@ -119,12 +119,15 @@ def test_an_accepted_plan_has_the_same_released_legs_and_goes_on(half: tuple[Cen
     centre, proposal = half
     before = [(state.leg, state.released) for state in centre.states]
     legs = [len(course.legs) for course in centre.courses]
-    centre.adopt("anna", proposal.plan, 101.0)
+    centre.acknowledge("bert", centre.alarms.items()[0].id, 100.5)
+    centre.adopt("anna", proposal.plan, 101.0, (1,))
     assert [(state.leg, state.released) for state in centre.states] == before
     assert len(centre.courses[0].legs) > legs[0] or len(centre.courses[2].legs) > legs[2]
     orders, events = centre.taken()
     assert {order.tractor for order in orders if order.kind == "plan"} == {0, 1, 2}
     assert "accept" in [event.what for event in events]
+    (alarm,) = [each for each in centre.alarms.items() if each.code == "failed"]
+    assert alarm.sentence == "Tractor 2 has failed; its tracks were given to others." and alarm.acknowledged == "bert"
     centre.tick(102.0)
     assert not any(gate.tractor == 1 for n in (0, 2) for leg in centre.courses[n].legs for gate in leg.gates)
     again = Centre(centre.plan, Rules())
@@ -221,13 +224,3 @@ def stand(centre: Centre) -> None:
     for state in centre.states:
         assert state.report is not None
         state.report = replace(state.report, speed_mps=0.0, mode="stopped")
-
-
-def test_a_plan_with_refills_is_refused_with_what_to_do(plan: FleetPlan) -> None:
-    centre = at(plan, 0.3)
-    course = plan.courses[0]
-    legs = (*course.legs[:-1], replace(course.legs[-1], stand_s=300.0))
-    refilling = replace(course, mission=replace(course.mission, legs=legs))
-    centre.plan = replace(plan, courses=(refilling, *plan.courses[1:]))
-    with pytest.raises(CentreError, match=r"refill.*draw what stays open as a field on the page Plan"):
-        rest_of(centre, [1], 100.0)

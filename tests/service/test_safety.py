@@ -5,19 +5,25 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from pathlib import Path
+from typing import Any, get_args
 
 import pytest
 
+import planner.service
 from planner.service.centre.alarms import CRITICAL, WARNING, Alarms
 from planner.service.centre.errors import CentreError
 from planner.service.centre.orders import Order
 from planner.service.centre.rules import Rules
+from planner.service.centre.seeing import UNREAD_CODE
 from planner.service.centre.tractors import ASTRAY, DRIVEN, Report
+from planner.service.links.asyncapi import document
 from planner.service.links.clients import CONTROL, TRACTOR, Client
-from planner.service.links.frames import Drive, TakeLease
+from planner.service.links.diagnosing import FINDING
+from planner.service.links.frames import AlarmCode, Drive, TakeLease
 from planner.service.links.live import LiveFleet
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
 from vehicle.missions import Follow, Gate, Mission
@@ -97,6 +103,80 @@ def test_one_that_brakes_or_stands_is_not_told_again_and_one_that_never_stands_i
     assert driving_on("stopped", 1.0, 0.0, 1.4) == ([], [])
     assert driving_on("automatic", 0.0, 0.0, 3.0) == ([], [])
     assert driving_on("stopped", 1.0, 0.0, 6.0)[0]
+
+
+class Stopped:
+    """A tractor at 1 m/s that is told to stand, and what it says after that, by a clock that the tests turn."""
+
+    def __init__(self) -> None:
+        self.fleet = driven()
+        self.fleet.run(5)
+        self.fleet.silent = {0}
+        self.say(1.0, "automatic", 1.0)
+        self.fleet.centre.stop_all("anna", self.fleet.now)
+        self.begun_s = self.fleet.now
+
+    def say(self, speed: float, mode: str, command: float, delay_s: float = 0.0) -> None:
+        """It reports."""
+        report = Report(0.0, 5.0, math.pi / 2, speed, command, mode=mode, leg_m=5.0)
+        self.fleet.centre.reported(0, report, self.fleet.now, delay_s=delay_s)
+
+    def tick(self, seconds: float = 0.1) -> None:
+        """Time passes, and the centre looks."""
+        self.fleet.now += seconds
+        self.fleet.centre.tick(self.fleet.now)
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether everybody is told that it drives on."""
+        return self.fleet.centre.alarms.on("drives on", 0)
+
+
+@pytest.mark.parametrize(("delay_s", "at_s"), [(0.0, 0.5), (0.3, 1.1), (0.8, 2.1), (9.0, 2.5)])
+def test_how_long_one_may_drive_on_follows_from_how_long_its_reports_are_on_their_way(
+    delay_s: float, at_s: float
+) -> None:
+    tractor = Stopped()
+    while not tractor.alarmed:
+        tractor.say(1.0, "automatic", 1.0, delay_s)
+        tractor.tick()
+        assert tractor.fleet.now < tractor.begun_s + 4.0
+    assert tractor.fleet.now - tractor.begun_s == pytest.approx(at_s + 0.2, abs=0.15)  # by tenths of a second
+
+
+def test_who_brakes_over_a_slow_link_does_not_drive_on() -> None:
+    tractor, deceleration = Stopped(), 0.5
+    for step in range(50):
+        tractor.tick()
+        speed = max(1.0 - deceleration * max(0.1 * step - 1.4, 0.0), 0.0)  # 0.7 s there and back
+        told = ("automatic", 1.0) if step < 14 else ("stopped", 0.0)
+        tractor.say(speed, *told, delay_s=0.7)
+        assert not tractor.alarmed, step
+
+
+def test_who_brakes_by_a_mode_of_its_own_does_not_drive_on() -> None:
+    tractor = Stopped()
+    for step in range(40):
+        tractor.tick()
+        speed = max(1.0 - 0.4 * 0.1 * step, 0.0)
+        tractor.say(speed, "automatic", speed)
+        assert not tractor.alarmed, step
+
+
+def test_what_was_held_up_in_the_service_or_the_tractor_is_no_driving_on() -> None:
+    tractor = Stopped()
+    tractor.tick()
+    tractor.fleet.now += 2.0  # nothing was sent and nothing taken
+    for _ in range(20):
+        tractor.say(1.0, "automatic", 1.0)
+    tractor.tick(0.05)
+    tractor.say(1.0, "automatic", 1.0)
+    tractor.tick(0.05)
+    assert not tractor.alarmed
+    for _ in range(4):
+        tractor.say(1.0, "automatic", 1.0)
+        tractor.tick()
+    assert tractor.alarmed, "it goes on driving all the same"
 
 
 def test_an_operator_drives_without_being_told_to_stand() -> None:
@@ -268,3 +348,20 @@ def test_a_command_that_comes_late_or_again_is_not_driven_and_one_to_stand_alway
     commands = [frame["speed_command_mps"] for frame in waiting(tractor) if frame["kind"] == "command"]
     assert commands == [1.0]  # those before the lease was taken anew are withdrawn
     assert fleet.centre.states[0].remote_command[1] == 1.0
+
+
+def test_alarms_are_told_by_kind_with_the_other_tractor_or_obstacle() -> None:
+    alarms = Alarms()
+    for code, tractor in (("near 2", 0), ("obstacle 11", None), ("drives on", 1)):
+        alarms.raised(code, tractor, WARNING, "A sentence.", 0.0)
+    told = [(each["code"], each["other"], each["tractor"]) for each in alarms.told()]
+    assert told == [("near", 2, 1), ("obstacle", 11, None), ("drives on", None, 2)]
+
+
+def test_every_kind_of_alarm_is_in_the_document_of_frames() -> None:
+    root = Path(planner.service.__file__).parent
+    source = "\n".join(path.read_text("utf-8") for name in ("centre", "links") for path in (root / name).glob("*.py"))
+    raised = set(re.findall(r'(?:_alarm|alarms\.raised)\(\s*f?"([a-z ]+?) ?[{"]', source))
+    by_name = {"near", UNREAD_CODE, FINDING, "fence"}
+    assert raised | by_name == set(get_args(AlarmCode)) and len(raised) > 8
+    assert "unread obstacle" in json.dumps(document()["components"]["schemas"]["AlarmTold"])

@@ -225,3 +225,35 @@ def test_an_acknowledgement_that_was_held_up_lets_nobody_go_on() -> None:
 def test_an_obstacle_is_named_by_its_kind_or_by_its_corners() -> None:
     assert names_obstacle('{"kind":"obstacle"') and names_obstacle('{"polygon_m" : 3}')
     assert not names_obstacle('{"kind":"state","name":"obstacle"}')
+
+
+@pytest.mark.parametrize(
+    ("frame", "sentence"),
+    [
+        ({"kind": "obstacle", "polygon_m": CIRCLE}, "polygon_m has 300 entries; give at most 200."),
+        ({"kind": "obstacle", "polygon_m": SQUARE[:2]}, "polygon_m has 2 entries; give at least 3."),
+        ({"kind": "obstacle", "polygon_m": [["a", 0.0], *SQUARE]}, 'polygon_m.0.0 is "a"; give a number.'),
+        ({"kind": "obstacle"}, "polygon_m is missing; give it."),
+        ({"polygon_m": SQUARE}, "kind is missing; say with it what this is."),
+        ({"kind": "stone", "polygon_m": SQUARE}, "kind is \"stone\"; use 'state', 'obstacle' or 'goodbye'."),
+        ({"kind": "obstacle", "polygon_m": SQUARE, "name": "a\x00b"}, 'name is "a\\u0000b", which has letters that it '
+         "may not have; leave them out."),
+        ({"kind": "obstacle", "polygon_m": SQUARE, "a\x00b": 1}, "a\\u0000b is unknown; /api/v1/docs shows what there "
+         "is."),
+        ({"kind": "obstacle", "polygon_m": SQUARE, "k" * 500: 1}, f"{'k' * 40} is unknown; /api/v1/docs shows what "
+         "there is."),
+        (state(0, speed_mps=-1.0), "speed_mps is -1.0; use at least 0."),
+        (state(0, time="now"), 'time is "now"; give a time with its zone, such as 2026-05-04T08:00:00Z.'),
+        (state(0, shuttle=7), "shuttle is 7; use -1, 0 or 1."),
+        (state(0, done="yes"), 'done is "yes"; give true or false.'),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_frame_is_one_sentence_with_value_rule_and_fix(
+    frame: dict[str, Any], sentence: str
+) -> None:
+    fleet, first, _, _ = started()
+    _take(fleet, first, json.dumps(frame))
+    (refused,) = [told for told in waiting(first) if told["kind"] == "refused"]
+    assert refused["sentence"] == f"The frame cannot be used: {sentence}"
+    for alarm in fleet.centre.alarms.items():
+        assert sentence in alarm.sentence and "\x00" not in alarm.sentence

@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from planner.errors import HeadlandError
+from planner.service.faults import place_of, told_of
 
 FAULT = "A fault of Headland; the log of the service has what happened. Please report it."
 METHODS = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
@@ -81,12 +82,8 @@ def _allowed(app: FastAPI, request: Request) -> list[str]:
 def _first(faults: Any) -> tuple[str, str | None]:
     """The first fault of a request as a sentence, and its parameter."""
     fault = faults[0]
-    place = [str(part) for part in fault["loc"][1:] if not isinstance(part, int)]
-    name = place[0] if place else None
-    words = " ".join(str(fault["msg"]).split()).rstrip(".")
     if fault["type"] == "json_invalid":
-        return f"The body is not JSON: {words}.", None
-    if fault["type"] == "extra_forbidden":
-        return f"{name} is unknown; /api/v1/docs shows what there is.", name
-    where = name or str(fault["loc"][0])
-    return f"{where} cannot be used: {words[:1].lower()}{words[1:]}.", name
+        return told_of(fault, "The body"), None
+    place = fault["loc"][1:]
+    name = next((part for part in place if isinstance(part, str)), None)
+    return told_of(fault, place_of(place) or f"The {fault['loc'][0]}"), name

@@ -15,7 +15,10 @@ MEASURED = re.compile(r"\d+\.\d+")
 
 @dataclass(frozen=True)
 class Alarm:
-    """One alarm; `code` says of what kind it is, `over` that its cause is gone."""
+    """One alarm; `code` says of what kind it is, and by a number at its end of which other tractor or obstacle.
+
+    `over` says that its cause is gone.
+    """
 
     id: int
     code: str
@@ -76,6 +79,13 @@ class Alarms:
         self.version += 1
         return alarm if anew else None
 
+    def reworded(self, code: str, tractor: int | None, sentence: str) -> None:
+        """One that is on says something else now that nobody has to see anew."""
+        number = self._on.get((code, tractor))
+        if number is not None and self._items[number].sentence != sentence:
+            self._items[number] = replace(self._items[number], sentence=sentence)
+            self.version += 1
+
     def ended(self, code: str, tractor: int | None) -> None:
         """Its cause is gone; it stays to be seen until somebody has acknowledged it."""
         number = self._on.pop((code, tractor), None)
@@ -106,9 +116,16 @@ class Alarms:
         self.version += 1
 
     def told(self) -> list[dict[str, Any]]:
-        """As pages are told."""
+        """As pages are told: the number that ends a code, of a tractor or an obstacle, is told as `other`."""
         return [
-            {"id": a.id, "level": a.level, "tractor": None if a.tractor is None else a.tractor + 1,
-             "sentence": a.sentence, "since": a.since_s, "acknowledged": a.acknowledged, "over": a.over}
+            {"id": a.id, **_code_told(a.code), "level": a.level, "sentence": a.sentence,
+             "tractor": None if a.tractor is None else a.tractor + 1,
+             "since": a.since_s, "acknowledged": a.acknowledged, "over": a.over}
             for a in self._items.values()
         ]  # fmt: skip
+
+
+def _code_told(code: str) -> dict[str, Any]:
+    """A code as its kind and the number, from 1, that ends it; None where none does."""
+    kind, _, number = code.rpartition(" ")
+    return {"code": kind, "other": int(number)} if number.isdigit() else {"code": code, "other": None}

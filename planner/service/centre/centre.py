@@ -59,10 +59,13 @@ class Centre(Operated):
         if not goodbye:
             self._broken(number, now)
 
-    def reported(self, number: int, report: Report, now: float, age_s: float = 0.0) -> None:
+    def reported(
+        self, number: int, report: Report, now: float, age_s: float = 0.0, *, delay_s: float = 0.0
+    ) -> None:
         """A tractor says where it is, or was `age_s` ago where the report is much too old to say where it is.
 
-        Raises CentreError for a leg that it does not have.
+        `delay_s` is how long the report has been on its way, by the clocks of both. Raises CentreError for a leg that
+        it does not have.
         """
         state, course = self.states[number], self.courses[number]
         if not 0 <= report.leg < len(course.legs):
@@ -72,6 +75,7 @@ class Centre(Operated):
             )
         before, state.report = state.report, report
         driving_s = self._driving_s(before, report, now - state.heard_s)
+        state.delay_s = delay_s
         state.seen_s = max(state.seen_s, now - age_s)
         self._heard(number, age_s, now)
         if not self._believed(number, report, now):
@@ -196,7 +200,7 @@ class Centre(Operated):
         """One that drives on though it was told to stand is told again, and so is everybody who watches."""
         state = self.states[number]
         if not disobeys(state, now, self.rules):
-            if state.drives_on_since is None:
+            if state.driving_on is None:
                 self.alarms.ended("drives on", number)
             return
         self._alarm("drives on", number, CRITICAL, f"Tractor {number + 1} was told to stand and drives on.", now)
@@ -288,8 +292,8 @@ class Centre(Operated):
             self.alarms.ended(_near(other), one)
         for number, state in near.items():
             on = [pair for pair in pairs if number in pair and self.alarms.on(_near(pair[1]), pair[0])]
-            if DRIVEN in state.holds and not on:
-                state.holds.discard(NEAR)  # what its operator may do is asked at every command
+            if (DRIVEN in state.holds or state.mode in BY_HAND) and not on:
+                state.holds.discard(NEAR)  # where it goes is its driver's; an operator is asked at every command
         waiting = [n for n, state in near.items() if NEAR in state.holds and DRIVEN not in state.holds]
         reports = [near[n].report for n in alone]
         moving = any(report is not None and report.speed_mps > MOVING_MPS for report in reports)

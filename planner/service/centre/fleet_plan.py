@@ -29,6 +29,7 @@ from vehicle.world import simulate
 
 NEARER = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
 LEAST_S = 0.05
+LONGEST_STANDS_S = 86400.0  # of one tractor of a plan, all its refills
 Ring = tuple[tuple[float, float], ...]
 
 
@@ -104,6 +105,7 @@ def prepared(
     CentreError.
     """
     saved = saved_from_json(text)
+    _check_stands(saved.plan)
     scenario = scenario_of(saved)
     if tractor is not None:
         scenario = replace(scenario, tractor=str(tractor))
@@ -121,6 +123,17 @@ def prepared(
     width_m = max(implement.contact_width_m, machine.width_m)
     ground = _ground(saved, known, width_m)
     return FleetPlan(saved, scenario, machine, implement, courses, finish_s, near_m, ground, known)
+
+
+def _check_stands(plan: Plan) -> None:
+    """Raise CentreError for stands that nobody would wait for: a plan is simulated to its end before it is driven."""
+    for number, mission in enumerate(plan.missions, start=1):
+        stands_s = math.fsum(leg.stand_s for leg in mission.legs)
+        if stands_s > LONGEST_STANDS_S:
+            raise CentreError(
+                f"Tractor {number} of the plan stands for {stands_s:.6g} s; at most {LONGEST_STANDS_S:.0f} s, a day, "
+                "are taken.", parameter="plan",
+            )  # fmt: skip
 
 
 Timed = tuple[tuple[Course, ...], tuple[float, ...], float]
@@ -186,8 +199,9 @@ def _ring(ring: shapely.LinearRing, shift: np.ndarray) -> Ring:
 
 def _ground(saved: SavedPlan, field: Field | None, width_m: float) -> shapely.Geometry:
     """What tractors may drive on: the field, and the ways of the plan."""
-    lines = shapely.union_all([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
-    ways = shapely.buffer(lines, 0.5 * width_m, quad_segs=4)
+    # Each leg by itself: GEOS takes gigabytes for the buffer of all, where some drive the same way again and again.
+    lines = np.array([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
+    ways = shapely.union_all(shapely.buffer(lines, 0.5 * width_m, quad_segs=4))
     if field is not None:
         shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
         ways = shapely.union(ways, shapely.Polygon(_ring(field.boundary.exterior, shift)))

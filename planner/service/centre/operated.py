@@ -227,6 +227,7 @@ class Operated(Seeing):
             if not self.states[number].out:
                 self.fail(who, number, now)
             self.states[number].holds.add(GIVEN)
+            self.alarms.reworded("failed", number, f"Tractor {number + 1} has failed; its tracks were given to others.")
         self.plan = plan
         self.version += 1
         self.guard = Guard(plan, self.rules, self.twins)

@@ -53,12 +53,17 @@ def waits_for(
     state, course = states[number], courses[number]
     here = [] if state.done else waits_here(course, state, states)
     if here:
-        return [(gate.tractor, gate.leg) for gate in here]
+        return _each_once(here)
     if state.done or state.released >= len(course.legs):
         return []
     if course.before_m[state.released] - _at_m(state, course) > _reach_m(state, course, rules):
         return []
-    return [(gate.tractor, gate.leg) for gate in closed_gates(course, state.released, states)]
+    return _each_once(closed_gates(course, state.released, states))
+
+
+def _each_once(gates: Sequence[Gate]) -> list[tuple[int, int]]:
+    """(tractor, leg) of gates; two may wait for two places on one leg."""
+    return list(dict.fromkeys((gate.tractor, gate.leg) for gate in gates))
 
 
 def _at_m(state: TractorState, course: Course) -> float:

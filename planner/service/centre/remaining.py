@@ -19,12 +19,6 @@ from planner.service.centre.tractors import DRIVEN, MANUAL, REMOTE, TractorState
 MOVED_M = 1.0  # of a tractor that stands
 LEAST_M = 0.05
 
-REFILLS = (
-    "Tractors of this plan refill, and where they would have to with tracks of another is not worked out while they "
-    "drive: let those finish that wait for nobody, draw what stays open as a field on the page Plan, and plan that "
-    "with its refills for the tractors that are left."
-)
-
 
 @dataclass(frozen=True, eq=False)
 class Rest:
@@ -63,8 +57,6 @@ def rest_of(centre: Core, without: Sequence[int], now: float) -> Rest:
     if centre.plan.field is None:
         raise CentreError("The field of this plan is not known here; make the fleet with its field file.",
                           parameter="field")  # fmt: skip
-    if any(leg.stand_s for course in centre.courses for leg in course.legs):
-        raise CentreError(REFILLS, parameter="without")
     _check_on_legs(centre, gone)
     states = tuple(copy.copy(state) for state in centre.states)
     driven_s = 0.0 if centre.started_s is None else (now - centre.started_s) * centre.rules.times

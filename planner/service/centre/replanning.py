@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import shapely
@@ -15,6 +16,7 @@ import shapely.ops
 
 from fields.errors import HeadlandError
 from planner.candidates.evaluate import beside_clearance_m
+from planner.candidates.refills import crowded
 from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, timed
@@ -28,6 +30,8 @@ from planner.yielding.giving_way import Rules as WayRules
 from planner.yielding.giving_way import Scheduled, giving_way
 from strategies.entrance import way_out
 from strategies.job import Job
+from strategies.refilling.onward import berths_of, served_in_turn, supply_of, taken_up
+from strategies.supply import HEADLAND, TENDER, Supply
 from strategies.ways.connect import Connector
 from strategies.ways.paths import Pose
 from vehicle.missions import ENTER, LEAVE, Follow, Gate, Leg, Mission, Plan, Task
@@ -101,8 +105,13 @@ def _attempt(rest: Rest, site: Site, blocked: shapely.Geometry, helpers: Sequenc
     pieces = [piece for share, _ in shares for piece in share]
     hands = [_hand(rest, number, ends[number]) for number in helpers]
     unreached = hand_over(pieces, hands, job)
-    missions = _missions(rest, job, hands, ends)
-    run = _without_meetings(rest, site, _from_here(rest, missions))
+    supply = _supply(plan)
+    missions = _missions(rest, job, hands, ends, supply)
+    here = _from_here(rest, missions)
+    run = _without_meetings(rest, site, here if supply is None else served_in_turn(here, supply))
+    why = crowded(run, replace(job, supply=supply))
+    if why is not None:
+        raise CentreError(f"The rest cannot be planned: {why}.")
     moved = sum(piece.work_m for piece in pieces) - sum(piece.work_m for piece in unreached)
     left = sum(piece.work_m for piece in unreached)
     blocked_m = sum(metres for _, metres in shares)
@@ -208,15 +217,31 @@ def _hand(rest: Rest, number: int, end: int) -> Hand:
     return Hand(number, left_s, pose_at(course.legs[end - 1], -1), [])
 
 
-def _missions(rest: Rest, job: Job, hands: Sequence[Hand], ends: Sequence[int]) -> list[tuple[Leg, ...]]:
-    """All legs of every tractor, gates of the gone left out; those before `ends` are as they were."""
+def _supply(plan: FleetPlan) -> Supply | None:
+    """What tractors of a plan carry, by what they do with it; None where they do not stop for it."""
+    asked = (plan.scenario.refill or "").strip().lower()
+    where = TENDER if asked == TENDER else HEADLAND
+    return supply_of([course.legs for course in plan.courses], plan.implement.width_m, where)
+
+
+def _missions(
+    rest: Rest, job: Job, hands: Sequence[Hand], ends: Sequence[int], supply: Supply | None
+) -> list[tuple[Leg, ...]]:
+    """All legs of every tractor, gates of the gone left out; those before `ends` are as they were.
+
+    What is taken over has stops where the load that a tractor has left then asks for them.
+    """
     taken = {hand.number: hand.legs for hand in hands}
+    known = berths_of([course.legs for course in rest.plan.courses])
+    several = replace(job, tractors=rest.plan.tractors)
     missions = []
     for number, course in enumerate(rest.plan.courses):
         end = ends[number]
         legs = [_heeding(leg, rest) for leg in course.legs[:end]]
         if (number not in rest.without and end < len(course.legs)) or taken.get(number):
             legs += taken[number]
+            if supply is not None:
+                legs = taken_up(several, supply, legs, end, known)
             if course.legs[-1].task.kind == LEAVE and job.gate is not None:
                 legs += way_out(job, job.gate, Mission(tuple(legs)))
         missions.append(tuple(legs))
@@ -280,7 +305,8 @@ def _cut(leg: Leg, driven_m: float) -> Leg:
     """What is left of a leg."""
     line = shapely.LineString(leg.points)
     rest = shapely.ops.substring(line, min(max(driven_m, 0.0), line.length - LEAST_M), line.length)
-    return replace(leg, points=np.asarray(rest.coords), gates=(), stand_s=0.0)
+    stand_s = leg.stand_s if driven_m <= LEAST_M else 0.0  # for how long it stands already nobody knows
+    return replace(leg, points=np.asarray(rest.coords), gates=(), stand_s=stand_s)
 
 
 def _shifted(leg: Leg, rest: Rest, sign: int) -> Leg:
@@ -344,7 +370,21 @@ def _whole_plan(rest: Rest, missions: Sequence[tuple[Leg, ...]], run: Run) -> Fl
         wholes.append(whole)
         seconds = (*old.seconds[: len(driven)], *times[number].seconds[first : first + len(ahead)])
         courses.append(Course(whole, seconds))
-    saved = replace(plan.saved, plan=Plan(tuple(wholes), {**plan.plan.notes, "replanned": True}))
+    notes = {**plan.plan.notes, "replanned": True}
+    if "refills" in notes:
+        told = notes["refills"] if isinstance(notes["refills"], list) else []
+        notes["refills"] = [stop for stop in told if _still_there(stop, wholes)]
+    saved = replace(plan.saved, plan=Plan(tuple(wholes), notes))
     finish = tuple(rest.driven_s + float(seconds) for seconds in run.finish_s)
     return replace(plan, saved=saved, courses=tuple(courses), finish_s=finish,
                    near_m=min(plan.near_m, run.min_clearance_m))  # fmt: skip
+
+
+def _still_there(stop: Any, wholes: Sequence[Mission]) -> bool:
+    """Whether what is noted of a stop, in a plan that anybody may have written, is true of the new legs."""
+    try:
+        number, k, place = stop["tractor"] - 1, stop["leg"], (stop["x_m"], stop["y_m"])
+        leg = wholes[number].legs[k]
+        return number >= 0 and k >= 0 and leg.stand_s > 0.0 and math.dist(leg.points[0], place) < LEAST_M
+    except (TypeError, KeyError, IndexError):
+        return False

@@ -67,7 +67,7 @@ class Seeing(Core):
         state.faces_s = now
         self.note(f"tractor {number + 1}", UNREAD_CODE, tractor=number + 1, sentence=sentence)
         told = (f"Tractor {number + 1} sees an obstacle that could not be taken, and stands. {sentence} Look what is "
-                "there; acknowledging this lets it go on.")  # fmt: skip
+                "there before you let it go on.")  # fmt: skip
         self._alarm(UNREAD_CODE, number, CRITICAL, told, now)
         self._stand(number, UNREAD)
 

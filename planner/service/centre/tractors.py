@@ -50,16 +50,26 @@ class Report:
 
 
 @dataclass
+class DrivingOn:
+    """A tractor that moves though it was told to stand: how fast it was first seen to, when its last report of that
+    came, and for how long there were such reports without a break."""
+
+    speed_mps: float
+    heard_s: float
+    seen_s: float = 0.0
+
+
+@dataclass
 class TractorState:
     """One tractor. Times are of the clock that the centre is told; -inf for never.
 
     `heard_s` is when its link was last known to work, `seen_s` when it was where `report` says, `joined_s` when it was
     linked. `doubtful` is one that drove when the centre's memory ends, and may have been told to stand after that.
     `leg` and `leg_m` never go back. `released` legs may be driven. `driving_s` counts seconds of moving under its own
-    guidance, against which the plan is scaled. `drives_on_since` is when, and how fast, it was first seen to move
-    though it was told to stand, `told_again_s` when it was told once more. `unread_s` and `read_s` are when it told
-    last of an obstacle that could not be read, and of one that could; `faces_s` since when it stands for one,
-    `looked_at` where it stood when somebody had looked.
+    guidance, against which the plan is scaled. `delay_s` is how long its last report was on its way. `driving_on` is
+    there while it is seen to move though it was told to stand, `told_again_s` when it was told once more. `unread_s`
+    and `read_s` are when it told last of an obstacle that could not be read, and of one that could; `faces_s` since
+    when it stands for one, `looked_at` where it stood when somebody had looked.
     """
 
     report: Report | None = None
@@ -82,7 +92,8 @@ class TractorState:
     standing_ordered: bool = True
     commanded_s: float = -math.inf
     remote_command: tuple[float, float] = (0.0, 0.0)
-    drives_on_since: tuple[float, float] | None = None
+    delay_s: float = 0.0
+    driving_on: DrivingOn | None = None
     told_again_s: float = -math.inf
     unread_s: float = -math.inf
     read_s: float = -math.inf

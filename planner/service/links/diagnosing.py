@@ -51,7 +51,7 @@ class Diagnosing:
         except BusyError:
             return  # asked again when fewer jobs wait
         except HeadlandError as refusal:
-            live.findings[number] = {"named": [], "words": str(refusal)}
+            live.findings[number] = _nothing(str(refusal))
         live.doubted[number] = told_s
 
     async def begin(self, live: LiveFleet, number: int, who: Who) -> None:
@@ -76,7 +76,7 @@ class Diagnosing:
     async def _found(self, live: LiveFleet, number: int, now: float) -> None:
         """Raise an alarm with what the diagnosis of a tractor found, once it is over."""
         id = live.diagnoses[number]
-        found = await run_in_threadpool(self._finding, id)
+        found = await run_in_threadpool(self._finding, id, live.twins.tractors[number])
         if found is None or live.diagnoses.get(number) != id:
             return
         live.findings[number] = found
@@ -84,18 +84,25 @@ class Diagnosing:
         live.centre.alarms.raised(FINDING, number, WARNING, told, now)
         live.centre.note(CENTRE, FINDING, tractor=number + 1, **found)
 
-    def _finding(self, id: str) -> dict[str, Any] | None:
-        """The effects that a job has named and its verdict, or why it has none; None while it is open."""
+    def _finding(self, id: str, tractor: Tractor) -> dict[str, Any] | None:
+        """The effects that a job has named, its verdict, and whether what it found is more than the file of `tractor`
+        has; or why it found nothing. None while it is open."""
         try:
             row = self.store.job(id, KIND)
         except MissingError:
-            return {"named": [], "words": "it was deleted."}
+            return _nothing("it was deleted.")
         if row.status in OPEN:
             return None
         if row.status != DONE:
-            return {"named": [], "words": row.error or f"it was {row.status}."}
+            return _nothing(row.error or f"it was {row.status}.")
         result = json.loads(self.store.blobs.get(self.store.result(id, RESULT, KIND).sha256))
-        return {"named": result["named"], "words": result["verdict"]}
+        mends = differs(self._tractor(id), tractor)
+        return {"named": result["named"], "words": result["verdict"], "mends": mends}
+
+    def _tractor(self, id: str) -> Tractor:
+        """The tractor that a job which is done has found."""
+        content = self.store.blobs.get(self.store.result(id, FILE, KIND).sha256)
+        return Tractor(**tomllib.loads(content.decode()))
 
     def job(self, live: LiveFleet, number: int) -> dict[str, Any] | None:
         """The job that was asked for last of a tractor, None for none. Raises MissingError for one that is deleted."""
@@ -106,15 +113,34 @@ class Diagnosing:
         return {"id": row.id, "status": row.status, "error": row.error, "results": [one.name for one in row.results]}
 
     def mended(self, live: LiveFleet, number: int, name: str) -> Tractor:
-        """The tractor of the last diagnosis, kept under a name. Raises TakenError while there is none."""
+        """The tractor of the last diagnosis, kept under a name.
+
+        Raises TakenError while there is none, and where it found nothing that the file of the twin lacks.
+        """
         job = self.job(live, number)
         if job is None or job["status"] != DONE or FILE not in job["results"]:
             raise TakenError(
                 f"No diagnosis of tractor {number + 1} is done; ask for one and wait for it.", parameter="tractor"
             )
-        content = self.store.blobs.get(self.store.result(job["id"], FILE, KIND).sha256)
-        self.store.add_file("tractor", name, content)
-        return Tractor(**tomllib.loads(content.decode()))
+        made = self._tractor(job["id"])
+        if not differs(made, live.twins.tractors[number]):
+            raise TakenError(
+                f"The diagnosis of tractor {number + 1} found nothing that its file lacks; there is nothing to take "
+                "into it.", parameter="tractor",
+            )  # fmt: skip
+        self.store.add_file("tractor", name, self.store.blobs.get(self.store.result(job["id"], FILE, KIND).sha256))
+        return made
+
+
+def differs(made: Tractor, before: Tractor) -> bool:
+    """Whether two tractors drive unlike, whatever they are called and wherever their values come from."""
+    told = {"name", "source"}
+    return made.model_dump(exclude=told) != before.model_dump(exclude=told)
+
+
+def _nothing(why: str) -> dict[str, Any]:
+    """What a diagnosis that gave no answer found."""
+    return {"named": [], "words": why, "mends": False}
 
 
 def _doubted(live: LiveFleet, number: int) -> float | None:

@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from planner.service.faults import place_of, told_of
+
 LARGEST_FRAME = 64 * 1024
 VERSION = 1
 MOST_TRACTORS = 999
@@ -226,6 +228,12 @@ OF_ROLE: dict[str, TypeAdapter[Any]] = {
 HELLO: TypeAdapter[Hello] = TypeAdapter(Hello)
 
 
+AlarmCode = Literal[
+    "astray", "broken", "doubt", "drives on", "error", "failed", "fence", "finding", "late", "leap", "near", "obstacle",
+    "stood", "unread obstacle",
+]  # fmt: skip
+
+
 class Told(BaseModel):
     """Any frame of the service."""
 
@@ -418,11 +426,41 @@ class Painted(Told):
     points: list[list[float] | None]
 
 
+class AlarmTold(Told):
+    """One alarm. `code` says of what kind it is:
+
+    - astray: a tractor says it is where it cannot be
+    - broken: its link is broken
+    - doubt, finding, leap: its twin drives otherwise, why it does, its fixes leap
+    - drives on: it was told to stand and does not
+    - error: it reports errors of its own
+    - failed: it drives no more
+    - fence: it leaves the fence
+    - late: its states come late
+    - near: it comes too near to the tractor `other`
+    - obstacle: the obstacle `other` is in the way; of no tractor
+    - stood: it was told to stand just before the service ended
+    - unread obstacle: it stands for an obstacle that cannot be read, and goes on once this is acknowledged
+
+    One that is `over` has lost its cause and is told until somebody has `acknowledged` it, which is who did.
+    """
+
+    id: int
+    code: AlarmCode
+    other: int | None
+    level: Literal["warning", "critical"]
+    tractor: int | None
+    sentence: str
+    since: str
+    acknowledged: str | None
+    over: bool
+
+
 class AlarmsTold(Told):
     """All alarms that are on or not yet acknowledged."""
 
     kind: Literal["alarms"] = "alarms"
-    items: list[dict[str, Any]]
+    items: list[AlarmTold]
 
 
 class ProposalTold(Told):
@@ -466,8 +504,6 @@ def names_obstacle(text: str) -> bool:
 
 def told_why(error: ValidationError) -> str:
     """The first fault of a frame in one sentence."""
-    fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    place = [str(part) for part in fault["loc"]]
-    words = " ".join(str(fault["msg"]).split()).rstrip(".")
-    where = ".".join(place[1:] if len(place) > 1 else place)
-    return f"The frame cannot be used{f': {where}' if where else ''}: {words[:200]}."
+    fault = error.errors(include_url=False)[0]
+    place = fault["loc"][1:] if len(fault["loc"]) > 1 else fault["loc"]
+    return f"The frame cannot be used: {told_of(fault, place_of(place) or 'it')}"

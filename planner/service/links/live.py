@@ -158,7 +158,8 @@ class LiveFleet:
             return
         self.recorder.check(number, state)
         age_s = time.time() - state.time.timestamp()
-        self.centre.reported(number, report_of(state, self.centre.plan), now, age_s if age_s > OLDEST_S else 0.0)
+        report, old_s = report_of(state, self.centre.plan), age_s if age_s > OLDEST_S else 0.0
+        self.centre.reported(number, report, now, old_s, delay_s=max(age_s, 0.0))
         self.recorder.add(number, row_of(state, self.begin_s, self.centre.rules.times))
         self.twins.reported(number, state, time.time())
         self._times[number] = state.time.isoformat(timespec="milliseconds").replace("+00:00", "Z")

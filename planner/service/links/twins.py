@@ -29,7 +29,8 @@ SHOWN = 600  # corrections, ten minutes of them
 class TwinAnswer(Answer):
     """A twin. Its `state` is null before its tractor has reported; `diagnosis` is the job that was asked for last.
 
-    `finding` is what that found once it is over: the ids of `named` effects, and `words`.
+    `finding` is what that found once it is over: the ids of `named` effects, `words`, and whether it `mends` the file
+    of the tractor, or found nothing that could be taken into it.
     """
 
     fleet: str
@@ -137,6 +138,8 @@ async def mend(request: Request, who: Operator, fleet: str, tractor: Number, wan
     made = await run_in_threadpool(_diagnosing(request).mended, live, tractor - 1, name)
     live.twins.mended(tractor - 1, made)
     live.mended[tractor - 1] = name
+    if tractor - 1 in live.findings:
+        live.findings[tractor - 1] |= {"mends": False}
     live.centre.alarms.ended(FINDING, tractor - 1)
     live.centre.note(who.name, "mend", tractor=tractor, file=name)
     live.flush()

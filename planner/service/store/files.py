@@ -74,7 +74,7 @@ class Files(Part):
         with self.database.reads() as session:
             row = session.scalar(wanted) if is_text(name) else None
         if row is None:
-            raise MissingError(f"There is no {kind} {name!r}; the list shows all.", parameter=kind)
+            raise MissingError(f"There is no {kind} {name[:60]!r}; the list shows all.", parameter=kind)
         return row
 
     def files(self, kind: str) -> list[File]:

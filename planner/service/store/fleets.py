@@ -40,7 +40,7 @@ class Fleets(Part):
         with self.database.reads() as session:
             row = session.get(Fleet, id) if is_text(id) else None
         if row is None:
-            raise MissingError(f"There is no fleet {id!r}; the list shows all.", parameter="id")
+            raise MissingError(f"There is no fleet {id[:60]!r}; the list shows all.", parameter="id")
         return row
 
     def save_progress(self, id: str, progress: Mapping[str, Any]) -> None:
@@ -48,14 +48,14 @@ class Fleets(Part):
         with self.database.writes() as session:
             done = session.execute(sa.update(Fleet).where(Fleet.id == id).values(progress=dict(progress)))
             if not done.rowcount:  # type: ignore[attr-defined]
-                raise MissingError(f"There is no fleet {id!r}; the list shows all.", parameter="id")
+                raise MissingError(f"There is no fleet {id[:60]!r}; the list shows all.", parameter="id")
 
     def delete_fleet(self, id: str) -> None:
         """Forget a fleet and its recording; its events stay. Raises MissingError."""
         with self.database.writes() as session:
             done = session.execute(sa.delete(Fleet).where(Fleet.id == id))
             if not done.rowcount:  # type: ignore[attr-defined]
-                raise MissingError(f"There is no fleet {id!r}; the list shows all.", parameter="id")
+                raise MissingError(f"There is no fleet {id[:60]!r}; the list shows all.", parameter="id")
 
     def add_recording(self, fleet: str, tractor: int, rows: Sequence[Sequence[Any]]) -> None:
         """Keep more rows of what a tractor reported; some seconds of them at a time."""

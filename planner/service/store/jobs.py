@@ -54,7 +54,7 @@ class Jobs(Part):
         with self.database.reads() as session:
             row = session.scalar(sa.select(Job).where(Job.id == id, *_of(kind))) if is_text(id) else None
         if row is None:
-            raise MissingError(f"There is no {kind or 'job'} {id!r}; the list shows all.", parameter="id")
+            raise MissingError(f"There is no {kind or 'job'} {id[:60]!r}; the list shows all.", parameter="id")
         return row
 
     def jobs(self, kind: str | None = None) -> list[Job]:

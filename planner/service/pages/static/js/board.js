@@ -2,6 +2,7 @@
 import { el, put, say, button, who, note } from "./dom.js";
 import { age, clock, kmh, legWords, moment, percent, span, timeOfDay, plural, DASH } from "./words.js";
 
+const BY_PLAN = "waits for another by the plan"; // for whom is told beside it
 const CONNECTIONS = { online: ["online", "good"], offline: ["offline", "off"], broken: ["connection broken", "off"] };
 
 /** Say of a fix in words how it stands with its connection. */
@@ -11,8 +12,8 @@ export function connectionOf(live, fix) {
 }
 
 export function waitsWords(fix) {
-  const list = fix.waits_for ?? [];
-  return list.length ? `waits for ${list.map((one) => `tractor ${one.tractor}`).join(" and ")}` : "";
+  const list = [...new Set((fix.waits_for ?? []).map((one) => `tractor ${one.tractor}`))];
+  return list.length ? `waits for ${list.join(" and ")}` : "";
 }
 
 /** A tile of one tractor that leads to its page; `told()` brings it up to date. */
@@ -29,7 +30,8 @@ export function tractorTile(live, number, { fleetName = () => false } = {}) {
     badge.className = `badge ${look}`;
     const legs = live.scene?.lanes[number - 1] ?? [];
     const done = legs.length && fix.leg >= legs.length;
-    say(doing, [done ? "done" : legWords(live.leg(number)), waitsWords(fix), ...(fix.holds?.length ? fix.holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).join(", "));
+    const waits = waitsWords(fix), holds = (fix.holds ?? []).filter((hold) => !waits || hold !== BY_PLAN);
+    say(doing, [done ? "done" : legWords(live.leg(number)), waits, ...(holds.length ? holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).join(", "));
     say(cells.age, `fix ${age(live.age(number))}`);
     say(cells.speed, kmh(fix.speed_mps));
     say(cells.error, typeof fix.error_m === "number" ? `off by ${Math.round(100 * fix.error_m)}\u00A0cm` : "");
@@ -79,13 +81,16 @@ export function alarmList(lives, { fleetName = () => false } = {}) {
   return { node, sign, told: () => { told(); counted(); } };
 }
 
+// Whether acknowledging an alarm is the order to go on: that of a tractor that stands for what nobody can read.
+const letsGo = (alarm) => alarm.code === "unread obstacle" && !alarm.over;
+
 function alarmTile(live, alarm, fleetName) {
   const seen = alarm.acknowledged;
   const look = `tile alarm ${alarm.level === "critical" ? "critical" : ""} ${seen ? "seen" : ""}`;
   return el("li", { class: look },
     el("div", { class: "grow" }, el("p", {}, el("b", {}, fleetName ? `${live.name}: ` : ""), alarm.sentence),
       el("p", { class: "small soft" }, `since ${moment(alarm.since)}${seen ? `; seen${typeof seen === "string" ? ` by ${seen}` : ""}` : ""}${alarm.over ? "; over" : ""}`)),
-    !seen && button("Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
+    !seen && button(letsGo(alarm) ? "Let it go on" : "Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
 }
 
 /** Stop-all: one press, nothing asked. It needs a token that may control, and says so where there is none. */

@@ -9,6 +9,8 @@ import { colours } from "../palette.js";
 import { capital, clock, moment, plural, LOOKS } from "../words.js";
 
 const TELL_MS = 250, LEAST_CORNERS = 3;
+// What an operator ends by letting all go on; who waits for another, or has failed, stands all the same.
+const RESUMED = new Set(["paused", "stopped by stop-all", "remote control"]);
 
 export async function open(main, shell, [id]) {
   const about = await get(`fleets/${part(id)}`);
@@ -51,7 +53,7 @@ export async function open(main, shell, [id]) {
         el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
   main.classList.add("has-stop");
   const tell = () => {
-    const now = live.fleet.state ?? about.fleet?.state ?? "", held = live.numbers().some((number) => live.fixes.get(number).holds?.length);
+    const now = live.fleet.state ?? about.fleet?.state ?? "", held = live.numbers().some((number) => live.fixes.get(number).holds?.some((hold) => RESUMED.has(hold)));
     say(state, capital(now || "not linked"));
     state.className = `badge ${LOOKS[now] ?? ""}`;
     start.hidden = now !== "ready";

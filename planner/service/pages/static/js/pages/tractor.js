@@ -81,7 +81,7 @@ const othersOf = (live, number) =>
 // What the service says of the twin: its doubt, the diagnosis of its cause, and the way into the tractor file.
 function twinPanel(id, number, doubt, chart) {
   const path = `twins/${part(id)}/${number}`, node = el("div");
-  let shown = "", gone = false;
+  let shown = "", gone = false, saved = "";
   const ask = (what, done) => async (event) => {
     event.target.disabled = true;
     try { done(await post(`${path}/${what}`)); } catch (error) { put(doubt, note(error.message, "error")); }
@@ -91,16 +91,16 @@ function twinPanel(id, number, doubt, chart) {
     if (gone) return;
     try { answer = await get(path); } catch (error) { gone = error.status === 404; return; }
     chart.set(correctionRows(answer.corrections));
-    const { doubt: wrong, diagnosis, finding } = answer, key = JSON.stringify([wrong?.words, diagnosis, finding]);
+    const { doubt: wrong, diagnosis, finding } = answer, key = JSON.stringify([wrong?.words, diagnosis, finding, saved]);
     if (key === shown) return;
     shown = key;
     put(node, !wrong && el("p", { class: "small soft" }, "The corrections are no larger than noise explains."));
-    const find = button("Find the cause", ask("diagnose", look), "small main");
-    const mend = button("Take it into the tractor file", ask("mend", (made) => put(doubt, note(`Saved as the tractor file ${made.tractor}; plan with it from now on.`))), finding && !finding.named?.length ? "small" : "small main");
+    const find = button("Find the cause", ask("diagnose", () => { saved = ""; look(); }), "small main");
+    const mend = button("Take it into the tractor file", ask("mend", (made) => { saved = `Saved as the tractor file ${made.tractor}; plan with it from now on.`; look(); }), "small main");
     const read = diagnosis && el("a", { class: "button small", href: `#/diagnose/${part(diagnosis.id)}` }, "Read the diagnosis");
-    const steps = { done: [read, mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
+    const steps = { done: [read, finding?.mends && mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
     const more = !diagnosis ? "" : { done: finding?.words ?? "The diagnosis of its recording is ready.", failed: diagnosis.error ?? "" }[diagnosis.status] ?? "Its recording is being diagnosed.";
-    put(doubt, (wrong || diagnosis) && note([wrong?.words, more].filter(Boolean).join(" "), "warn", ...steps));
+    put(doubt, (wrong || diagnosis) && note([wrong?.words, more, saved].filter(Boolean).join(" "), "warn", ...steps));
   };
   return { node, look };
 }

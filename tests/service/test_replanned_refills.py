@@ -1,0 +1,123 @@
+"""The tracks of one that has failed given to others whose tanks run empty."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from planner.candidates.evaluate import Candidate, simulated
+from planner.candidates.refills import crowded, served_of
+from planner.saving import saved_plan
+from planner.scenario import Scenario
+from planner.service.centre import replanning
+from planner.service.centre.centre import Centre
+from planner.service.centre.errors import CentreError
+from planner.service.centre.fleet_plan import FleetPlan, prepared
+from planner.service.centre.remaining import rest_of
+from planner.service.centre.replanning import Proposal, _still_there, replanned
+from planner.site import prepare
+from strategies.supply import Supply
+from tests.service.test_replanning import FIELD, at
+from vehicle.missions import REFILL, Leg
+from vehicle.plan_file import plan_to_json
+from vehicle.run import Run
+
+WIDTH_M, LOAD_M2, STAND_S = 3.0, 620.0, 60.0
+TANK = Supply(LOAD_M2, 1.0, STAND_S)
+
+
+@pytest.fixture(scope="module", params=["headland", "tender", "0,30"])
+def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
+    """A plan of three tractors each of which stops for a load."""
+    file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
+    file.write_text(json.dumps(FIELD), encoding="utf-8")
+    scenario = Scenario(field=str(file), local=True, width_m=WIDTH_M, tractors=(3,), strategies=("split-field",),
+                        entrance=(0.0, 0.0), refill=request.param)
+    site = prepare(scenario, supply=TANK)
+    run = simulated(site, Candidate("split-field", 3)).run
+    assert run is not None and run.plan.notes["refills"]
+    return prepared(saved_plan(site, run.plan), file)
+
+
+@pytest.fixture(scope="module", params=[0.15, 0.45])
+def made(plan: FleetPlan, request: pytest.FixtureRequest) -> tuple[Centre, Proposal]:
+    centre = at(plan, request.param)
+    centre.fail("anna", 1, 1.0)
+    return centre, replanned(rest_of(centre, [], 100.0))
+
+
+def test_one_is_served_at_a_time_where_only_one_can_be(
+    plan: FleetPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[Run] = []
+    monkeypatch.setattr(replanning, "crowded", lambda run, job: runs.append(run) or crowded(run, job))
+    centre = at(plan, 0.45)
+    centre.fail("anna", 1, 1.0)
+    replanned(rest_of(centre, [], 100.0))
+    stops = served_of(runs[-1])
+    assert len(stops) >= 2 and {round(stop.to_s - stop.from_s) for stop in stops} == {STAND_S}
+    if plan.scenario.refill != "headland":
+        assert all(after.from_s >= before.to_s - 1e-6 for before, after in pairwise(stops))
+
+
+def loads_m2(legs: tuple[Leg, ...]) -> Iterator[float]:
+    """What is worked with each load."""
+    used = 0.0
+    for leg in legs:
+        if leg.stand_s:
+            yield used
+            used = 0.0
+        used += leg.length_m * leg.implement * WIDTH_M
+    yield used
+
+
+def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_needed(
+    made: tuple[Centre, Proposal],
+) -> None:
+    centre, proposal = made
+    most = max(load for course in centre.courses for load in loads_m2(course.legs))
+    assert 0.0 < most <= LOAD_M2 + 1e-6 and proposal.moved_m > 50.0
+    for number in (0, 2):
+        new, kept = proposal.plan.courses[number].legs, proposal.kept[number]
+        assert max(loads_m2(new)) <= most + WIDTH_M  # what is worked twice where a begun track is taken up
+        before = centre.courses[number].legs
+        assert [leg.stand_s for leg in new[:kept]] == [leg.stand_s for leg in before[:kept]]
+        assert {leg.stand_s for leg in new} <= {0.0, STAND_S}
+    assert sum(len(list(loads_m2(proposal.plan.courses[number].legs))) for number in (0, 2)) >= sum(
+        len(list(loads_m2(centre.courses[number].legs))) for number in (0, 2)
+    )
+
+
+def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: tuple[Centre, Proposal]) -> None:
+    centre, proposal = made
+    legs = [mission.legs for mission in proposal.plan.plan.missions]
+    for stop in proposal.plan.plan.notes["refills"]:
+        leg = legs[stop["tractor"] - 1][stop["leg"]]
+        assert leg.stand_s == STAND_S and leg.points[0].tolist() == pytest.approx([stop["x_m"], stop["y_m"]])
+    for each in legs:  # who goes to the place stands there
+        ends = [k for k, leg in enumerate(each[:-1]) if leg.task.kind == REFILL and each[k + 1].task.kind != REFILL]
+        assert all(each[k + 1].stand_s == STAND_S for k in ends)
+    centre.adopt("anna", proposal.plan, 101.0, (1,))
+    centre.tick(102.0)
+    assert centre.version == 2
+
+
+def test_notes_that_somebody_made_up_keep_no_fleet_from_being_planned_anew(plan: FleetPlan) -> None:
+    whole = plan.plan.missions
+    place = {"x_m": 0, "y_m": 0}
+    made_up = [None, "x", {}, {"tractor": 99, "leg": 0} | place, {"tractor": 0, "leg": -1} | place,
+               {"tractor": 1, "leg": "a"} | place, {"tractor": 1, "leg": 0, "x_m": [], "y_m": 0}]  # fmt: skip
+    assert not any(_still_there(stop, whole) for stop in made_up)
+    assert all(_still_there(stop, whole) for stop in plan.plan.notes["refills"])
+
+
+def test_a_plan_that_stands_for_longer_than_a_day_is_refused_at_once(plan: FleetPlan) -> None:
+    saved = plan.saved
+    told = json.loads(plan_to_json(saved.plan, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground))
+    told["tractors"][1][3]["stand_s"] = 1e18
+    with pytest.raises(CentreError, match=r"Tractor 2 of the plan stands for 1e\+18 s; at most 86400 s"):
+        prepared(json.dumps(told))
