@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vehicle.effects import SPEED, STEERING, effect
+from vehicle.effects import SPEED, STEERING, STEERING_SPEED, effect
 from vehicle.learnt import Settings
 from vehicle.measured.causes.refit import with_unnamed
 from vehicle.measured.causes.selection import Selection
@@ -157,13 +157,13 @@ def within_tolerance(selection: Selection) -> Settings:
 
 
 def is_calibration(bench: Bench, term: Term) -> bool:
-    """Whether an effect of the speed, or a time of the steering, is within what the file tolerates of any tractor.
+    """Whether an effect of the speed, a time of the steering or a play is within what the file tolerates of any tractor.
 
     Drive lines differ by the tolerance. Every steering is late by a beat of commands and rows that no file tells, and
-    on top of it by what its own shape poses as.
+    on top of it by what its own shape poses as; and as a small play poses how the wheels of any make come to rest.
     """
     entry = effect(term.knobs.id)
-    of_steering = entry.block == STEERING and entry.size.unit == "s"
+    of_steering = (entry.block == STEERING and entry.size.unit == "s") or STEERING_SPEED in entry.plot
     beat = off_alike(bench, term) if of_steering else 0.0
     return (of_steering or entry.block == SPEED) and term.knobs.deviation(term.at) <= tolerance(bench, term) + beat
 
