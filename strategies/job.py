@@ -74,8 +74,9 @@ class Job:
     work begins, and stay where it ends. Ways once worked out are kept in `ways`, as strategies ask for the same ones,
     `tables` of turns (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared
     out, `shifts` the legs of such shares, `formations` the groups of tracks worked abreast, `blocks` of neighbouring
-    tracks in their quickest orders by how many tractors share them out; jobs of one site have these in common. `supply`
-    is what every tractor carries, None for nothing. `used` counts turns driven by kind.
+    tracks in their quickest orders by how many tractors share them out, `legs` those of tracks and ways (strategies.legs);
+    jobs of one site have these in common. `supply` is what every tractor carries, None for nothing. `used` counts turns
+    driven by kind.
     """
 
     layout: Layout
@@ -102,6 +103,7 @@ class Job:
     shifts: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formations: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     blocks: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
+    legs: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:
@@ -203,7 +205,7 @@ class Job:
         if a.track.cell != b.track.cell:
             radius = self.manner.radius_m
             return shortest_m(np.array(self.exit(a)), np.array(self.entry(b)), radius) / self.manner.turn_speed_mps
-        (ax, ay, heading), (bx, by, _) = self.exit(a), self.entry(b)
+        (ax, ay, heading), (bx, by) = self.exit(a), b.track.start if b.direction > 0 else b.track.end
         along = (bx - ax) * math.cos(heading) + (by - ay) * math.sin(heading)
         across = abs((by - ay) * math.cos(heading) - (bx - ax) * math.sin(heading))
         speed = self.manner.turn_speed_mps
