@@ -118,9 +118,13 @@ def _stretches(mission: Mission, pace: Pace, saved_m: Sequence[float]) -> list[_
     ]
     limits = [0.0, *(0.0 if back else min(ends) for ends, back in zip(pairwise(speeds), turns, strict=True)), 0.0]
     for n in range(len(legs) - 1, -1, -1):
-        limits[n] = min(limits[n], _gained(limits[n + 1], lengths[n], pace))
+        gained = _gained(limits[n + 1], lengths[n], pace.mps2)
+        if gained < limits[n]:
+            limits[n] = gained
     for n in range(len(legs)):
-        limits[n + 1] = min(limits[n + 1], _gained(limits[n], lengths[n], pace))
+        gained = _gained(limits[n], lengths[n], pace.mps2)
+        if gained < limits[n + 1]:
+            limits[n + 1] = gained
     before = [0.0, *(
         pace.shift_s if back else -pace.late_s * max(0.0, 1.0 - b / a)
         for (a, b), back in zip(pairwise(speeds), turns, strict=True)
@@ -131,9 +135,9 @@ def _stretches(mission: Mission, pace: Pace, saved_m: Sequence[float]) -> list[_
     ]
 
 
-def _gained(speed: float, metres: float, pace: Pace) -> float:
+def _gained(speed: float, metres: float, mps2: float) -> float:
     """The speed that is reached from another within so many metres."""
-    return math.sqrt(speed * speed + 2.0 * pace.mps2 * metres)
+    return math.sqrt(speed * speed + 2.0 * mps2 * metres)
 
 
 def _saved_m(legs: Sequence[Leg], pace: Pace) -> list[float]:
@@ -288,5 +292,8 @@ def _asked_s(mission: Mission) -> float:
 
 def ungated(plan: Plan) -> Plan:
     """The plan with nobody waiting for anybody."""
-    free = (tuple(replace(leg, gates=(), follow=None) for leg in mission.legs) for mission in plan.missions)
+    free = (
+        tuple(replace(leg, gates=(), follow=None) if leg.gates or leg.follow else leg for leg in mission.legs)
+        for mission in plan.missions
+    )
     return Plan(tuple(Mission(legs) for legs in free), plan.notes)

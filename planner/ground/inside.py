@@ -1,4 +1,4 @@
-"""Places that surely lie inside an area, looked up in a table of square cells: most of what is driven is far from edges.
+"""Places that surely lie inside an area, looked up in a table of cells: most of what is driven is far from edges.
 
 What the table does not know is left to exact predicates, so that no answer depends on the cells.
 """
@@ -16,7 +16,6 @@ from vehicle.jit import compiled
 CELLS = 20_000
 LEAST_CELL_M = 1.0
 ROUNDED = 1.05  # buffers have chords for arcs, and are so much too small at the most
-Flags = npt.NDArray[np.bool_]
 Points = npt.NDArray[np.float64]
 
 
@@ -46,5 +45,5 @@ class Inside:
         self._inner = np.asarray(shapely.contains_xy(core, *np.meshgrid(x, y)), dtype=np.bool_)
 
     def unsure(self, places: Points) -> npt.NDArray[np.int64]:
-        """Numbers of the places, x and y in the first columns of (t, 2 or more), that may be outside or near the edge."""
+        """Numbers of the places (t, 2 or more), x and y in the first columns, that may be outside or near the edge."""
         return np.flatnonzero(_looked_up(places, *self._origin, self._cell, self._inner))
