@@ -74,8 +74,9 @@ class Job:
     work begins, and stay where it ends. Ways once worked out are kept in `ways`, as strategies ask for the same ones,
     `tables` of turns (orders.table) by their tracks, `sharings` of the rounds (headland.rounds) by how they are shared
     out, `shifts` the legs of such shares, `formations` the groups of tracks worked abreast, `blocks` of neighbouring
-    tracks in their quickest orders by how many tractors share them out; jobs of one site have these in common. `supply`
-    is what every tractor carries, None for nothing. `used` counts turns driven by kind.
+    tracks in their quickest orders by how many tractors share them out, `legs` of tracks and ways (strategies.legs);
+    jobs of one site have these in common. `supply` is what every tractor carries, None for nothing. `used` counts turns
+    driven by kind.
     """
 
     layout: Layout
@@ -102,6 +103,7 @@ class Job:
     shifts: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formations: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     blocks: dict[tuple[int, tuple[Track, ...]], Any] = field(default_factory=dict)
+    legs: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     used: dict[str, int] = field(default_factory=dict)
 
     def way(self, a: Pose, b: Pose) -> Path | None:
@@ -203,10 +205,12 @@ class Job:
         if a.track.cell != b.track.cell:
             radius = self.manner.radius_m
             return shortest_m(np.array(self.exit(a)), np.array(self.entry(b)), radius) / self.manner.turn_speed_mps
-        (ax, ay, heading), (bx, by, _) = self.exit(a), self.entry(b)
-        along = (bx - ax) * math.cos(heading) + (by - ay) * math.sin(heading)
-        across = abs((by - ay) * math.cos(heading) - (bx - ax) * math.sin(heading))
-        speed = self.manner.turn_speed_mps
+        heading, speed = self.heading(a), self.manner.turn_speed_mps
+        cosine, sine = math.cos(heading), math.sin(heading)
+        x, y = a.track.end if a.direction > 0 else a.track.start
+        to_x, to_y = b.track.start if b.direction > 0 else b.track.end
+        off_x, off_y = to_x - (x + self.manner.tool_m * cosine), to_y - (y + self.manner.tool_m * sine)
+        along, across = off_x * cosine + off_y * sine, abs(off_y * cosine - off_x * sine)
         if a.direction == b.direction:
             return (abs(along) + across + 2.0 * math.pi * self.manner.radius_m) / speed
         table = self.manner.turn_s

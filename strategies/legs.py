@@ -28,8 +28,15 @@ def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, task: Task, *,
     """A leg between two distances ahead of a pose: work at work speed, anything else at turn speed.
 
     It is straight but for small obstacles that a pass beginning at the pose is driven round; distances are always those
-    along the track.
+    along the track. The same one is written once for all plans of a site.
     """
+    key = a, start_m, end_m, task, may_wait
+    if key not in job.legs:
+        job.legs[key] = _straight_leg(job, a, start_m, end_m, task, may_wait)
+    return job.legs[key]  # type: ignore[no-any-return]
+
+
+def _straight_leg(job: Job, a: Pose, start_m: float, end_m: float, task: Task, may_wait: bool) -> Leg:
     bent = job.around.bent.get(a[:2])
     if bent is None:
         ahead = np.array([math.cos(a[2]), math.sin(a[2])])
@@ -47,8 +54,15 @@ def straight_leg(job: Job, a: Pose, start_m: float, end_m: float, task: Task, *,
 
 
 def way_legs(job: Job, path: Path, goal: Track) -> list[Leg]:
-    """A turn or route to a track as one leg per gear; one with direction changes is all driven at manoeuvring speed."""
-    return driven_legs(job, path, task_on(WAY if path.kind == "route" else TURN, goal))
+    """A turn or route to a track as one leg per gear; one with direction changes is all driven at manoeuvring speed.
+
+    The same one is written once for all plans of a site; its path is kept, as that is what it is known by.
+    """
+    key = id(path), goal.line, goal.piece
+    if key not in job.legs:
+        legs = driven_legs(job, path, task_on(WAY if path.kind == "route" else TURN, goal))
+        job.legs[key] = path, tuple(legs)
+    return list(job.legs[key][1])
 
 
 def driven_legs(job: Job, path: Path, task: Task) -> list[Leg]:

@@ -118,9 +118,13 @@ def _stretches(mission: Mission, pace: Pace, saved_m: Sequence[float]) -> list[_
     ]
     limits = [0.0, *(0.0 if back else min(ends) for ends, back in zip(pairwise(speeds), turns, strict=True)), 0.0]
     for n in range(len(legs) - 1, -1, -1):
-        limits[n] = min(limits[n], _gained(limits[n + 1], lengths[n], pace))
+        gained = _gained(limits[n + 1], lengths[n], pace.mps2)
+        if gained < limits[n]:
+            limits[n] = gained
     for n in range(len(legs)):
-        limits[n + 1] = min(limits[n + 1], _gained(limits[n], lengths[n], pace))
+        gained = _gained(limits[n], lengths[n], pace.mps2)
+        if gained < limits[n + 1]:
+            limits[n + 1] = gained
     before = [0.0, *(
         pace.shift_s if back else -pace.late_s * max(0.0, 1.0 - b / a)
         for (a, b), back in zip(pairwise(speeds), turns, strict=True)
@@ -131,18 +135,26 @@ def _stretches(mission: Mission, pace: Pace, saved_m: Sequence[float]) -> list[_
     ]
 
 
-def _gained(speed: float, metres: float, pace: Pace) -> float:
+def _gained(speed: float, metres: float, mps2: float) -> float:
     """The speed that is reached from another within so many metres."""
-    return math.sqrt(speed * speed + 2.0 * pace.mps2 * metres)
+    return math.sqrt(speed * speed + 2.0 * mps2 * metres)
 
 
-def _saved_m(leg: Leg, pace: Pace) -> float:
-    """What a leg may be shorter for who drives it."""
-    if not pace.bend_m or len(leg.points) < 3:
-        return 0.0
-    east, north = np.diff(leg.points, axis=0).T
+def _saved_m(legs: Sequence[Leg], pace: Pace) -> list[float]:
+    """What each of the legs may be shorter for who drives it."""
+    saved = [0.0] * len(legs)
+    bent = [number for number, leg in enumerate(legs) if len(leg.points) > 2]
+    if not pace.bend_m or not bent:
+        return saved
+    east, north = np.diff(np.concatenate([legs[number].points for number in bent]), axis=0).T
     turns = np.diff(np.arctan2(north, east))
-    return pace.bend_m * float(np.abs((turns + math.pi) % (2.0 * math.pi) - math.pi).sum())
+    turned = np.abs((turns + math.pi) % (2.0 * math.pi) - math.pi)
+    first = 0
+    for number in bent:
+        last = first + len(legs[number].points)
+        saved[number] = pace.bend_m * float(turned[first : last - 2].sum())
+        first = last
+    return saved
 
 
 class _Way(Protocol):
@@ -207,9 +219,13 @@ class _Clock:
         """Let a tractor drive on to a gate that is not known to open; whether it drove."""
         begun, legs = self.begun[tractor], self.missions[tractor].legs
         before = len(begun)
-        while len(begun) < len(legs) and self._through(tractor, legs[len(begun)].gates):
+        ways = self.ways[tractor]
+        while len(begun) < len(legs):
+            leg = legs[len(begun)]
+            if leg.gates and not self._through(tractor, leg.gates):
+                break
             begun.append(self.free[tractor])
-            self.free[tractor] += self.ways[tractor][len(begun) - 1].seconds
+            self.free[tractor] += ways[len(begun) - 1].seconds
         return len(begun) > before
 
     def _through(self, tractor: int, gates: Sequence[Gate]) -> bool:
@@ -231,7 +247,7 @@ def done_s(plan: Plan, pace: Pace = BARE) -> list[float]:
 
     Where tractors wait for each other and none can go on, what is driven until then counts.
     """
-    saved_m = [[_saved_m(leg, pace) for leg in mission.legs] for mission in plan.missions]
+    saved_m = [_saved_m(mission.legs, pace) for mission in plan.missions]
     ways = [_stretches(*each) for each in zip(plan.missions, repeat(pace), saved_m)]
     return _done_s(_Clock(plan, ways, [[saved + pace.short_m for saved in each] for each in saved_m]))
 
@@ -276,5 +292,8 @@ def _asked_s(mission: Mission) -> float:
 
 def ungated(plan: Plan) -> Plan:
     """The plan with nobody waiting for anybody."""
-    free = (tuple(replace(leg, gates=(), follow=None) for leg in mission.legs) for mission in plan.missions)
+    free = (
+        tuple(replace(leg, gates=(), follow=None) if leg.gates or leg.follow else leg for leg in mission.legs)
+        for mission in plan.missions
+    )
     return Plan(tuple(Mission(legs) for legs in free), plan.notes)

@@ -1,6 +1,7 @@
 """The ground itself: what was worked, missed, driven over and come near.
 
 overlays  unions and differences of ground
+inside    places that surely lie inside an area
 swept     ground under the tool of a run
 trampled  finished ground under wheels
 unworked  what no track and no round covers, and why

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.ground.inside import Inside
 from planner.ground.overlays import Areas, left_of, only_areas, united, within, without_slivers
 from planner.ground.swept import Swept, swept_ground
 from planner.site import Site
@@ -59,9 +60,19 @@ class Coverage:
 
 def guided_point(run: Run, site: Site, tractor: int) -> Points:
     """Track of the antenna, shape (t, 2)."""
-    x, y, angle = run.poses(tractor).T
-    reach = site.tractor.antenna_forward_m - site.tractor.rear_axle_m
+    return _guided(run.poses(tractor), site)
+
+
+def _guided(poses: Points, site: Site) -> Points:
+    """Places (t, 2) of the antenna at poses (t, 3) of the centre of mass."""
+    x, y, angle = poses.T
+    reach = _antenna_m(site)
     return np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
+
+
+def _antenna_m(site: Site) -> float:
+    """How far the antenna is ahead of the centre of mass."""
+    return site.tractor.antenna_forward_m - site.tractor.rear_axle_m
 
 
 def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
@@ -138,14 +149,18 @@ def excursion(run: Run, site: Site) -> Excursion:
     """How much of the guided points' paths lies outside the field."""
     boundary = site.layout.field.whole
     shapely.prepare(boundary)
+    inside = Inside(boundary, abs(_antenna_m(site)))
     length = depth = 0.0
     for tractor in range(run.plan.tractors):
-        path = guided_point(run, site, tractor)
+        poses = run.poses(tractor)
+        near = inside.unsure(poses)
+        path = _guided(poses[near], site)
         outside = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])
-        if outside.any():
+        near, path = near[outside], path[outside]
+        if len(near):
             steps = np.hypot(*np.diff(path, axis=0).T)
-            length += float(steps[outside[1:] & outside[:-1]].sum())
-            depth = max(depth, float(shapely.distance(shapely.points(path[outside]), boundary).max()))
+            length += float(steps[np.diff(near) == 1].sum())
+            depth = max(depth, float(shapely.distance(shapely.points(path), boundary).max()))
     return Excursion(length, depth)
 
 
@@ -157,12 +172,14 @@ def outline_excursion_m(run: Run, site: Site) -> float:
     boundary = site.layout.field.whole
     inner = boundary.buffer(-1.01 * reach)
     shapely.prepare([boundary, inner])
+    deep = Inside(inner, 0.0)
     posts = shapely.STRtree(shapely.points(shapely.get_coordinates(boundary)))
     length = 0.0
     for tractor in range(run.plan.tractors):
         poses = run.poses(tractor)
         poses = poses[np.append(np.arange(0, len(poses) - 1, EVERY), len(poses) - 1)]
-        near = np.flatnonzero(~shapely.contains_xy(inner, poses[:, :2]))
+        near = deep.unsure(poses)
+        near = near[~shapely.contains_xy(inner, poses[near, :2])]
         outside = np.zeros(len(poses))
         x, y = _placed(corners, poses[near])
         outside[near] = ~shapely.intersects_xy(boundary, x, y).all(axis=1)

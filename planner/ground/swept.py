@@ -41,12 +41,10 @@ class Swept:
 
 def swept_ground(run: Run, site: Site) -> Swept:
     """Every polygon that an implement swept; a stretch of work that bends is in several, edge to edge."""
-    marks = [mark for tractor in range(run.plan.tractors) for mark in _pieces(run, site, tractor)]
-    table = np.array(marks, dtype=np.int64).reshape(-1, 4)
+    pieces = [piece for tractor in range(run.plan.tractors) for piece in _pieces(run, site, tractor)]
+    table = np.array([mark for mark, _ in pieces], dtype=np.int64).reshape(-1, 4)
     tractor, first, last, on_round = table.T
-    rows = [_rows(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
-    ends = [bar_ends(run.poses(k)[at], site) for k, at in zip(tractor.tolist(), rows, strict=True)]
-    return Swept(_polygons(ends), tractor, first, last, on_round.astype(bool))
+    return Swept(_polygons([ends for _, ends in pieces]), tractor, first, last, on_round.astype(bool))
 
 
 def swept_until(run: Run, site: Site, pieces: list[tuple[int, int, int]]) -> Areas:
@@ -67,8 +65,11 @@ def _rows(first: int, last: int) -> Rows:
     return np.append(np.arange(first, last, EVERY), last)
 
 
-def _pieces(run: Run, site: Site, tractor: int) -> Iterator[tuple[int, int, int, int]]:
-    """Tractor, first row, last row, on a round or not, of stretches of work cut where they bend or change direction."""
+def _pieces(run: Run, site: Site, tractor: int) -> Iterator[tuple[tuple[int, int, int, int], Points]]:
+    """Stretches of work cut where they bend or change direction.
+
+    Of each tractor, first row, last row, and whether on a round; and the ends of the bar (2, t, 2) as of `bar_ends`.
+    """
     legs = run.plan.missions[tractor].legs
     kinds = np.array([(2 if leg.task.kind == ROUND else 1) if leg.implement else 0 for leg in legs], dtype=np.int8)
     kind = kinds[run.leg(tractor)]
@@ -82,7 +83,7 @@ def _pieces(run: Run, site: Site, tractor: int) -> Iterator[tuple[int, int, int,
         if len(rows) < 2 or float(np.hypot(*np.diff(ends, axis=1).T).sum()) < 2.0 * SHORTEST_M:
             continue
         for a, b in _straight(np.unwrap(poses[:, 2]), _direction(poses[:, 2], ends)):
-            yield tractor, int(rows[a]), int(rows[b]), int(kind[first] == 2)
+            yield (tractor, int(rows[a]), int(rows[b]), int(kind[first] == 2)), ends[:, a : b + 1]
 
 
 def _direction(angle: Points, ends: Points) -> npt.NDArray[np.int8]:

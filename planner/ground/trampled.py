@@ -69,27 +69,30 @@ def _wheel_paths(run: Run, tractor: Tractor) -> tuple[Areas, Rows]:
 def _paths_of(run: Run, number: int, tractor: Tractor) -> tuple[Areas, Rows]:
     """The same of one tractor."""
     up = ~np.array([leg.implement for leg in run.plan.missions[number].legs])[run.leg(number)]
-    stretches = _stretches(up)
-    if not stretches:
+    rows, owner, first = _stretches(up)
+    if not len(first):
         return np.empty(0, dtype=np.object_), np.empty(0, dtype=np.int64)
-    owner = np.repeat(np.arange(len(stretches)), [len(stretch) for stretch in stretches])
-    wheels = _wheels(run.poses(number)[np.concatenate(stretches)], tractor)
+    wheels = _wheels(run.poses(number)[rows], tractor)
     steps = np.hypot(*np.diff(wheels, axis=1).transpose(2, 0, 1)) * (owner[1:] == owner[:-1])
-    moved = np.stack([np.bincount(owner[1:], each, len(stretches)) for each in steps], axis=1) > STILL_M
+    moved = np.stack([np.bincount(owner[1:], each, len(first)) for each in steps], axis=1) > STILL_M
     lines = np.stack([shapely.linestrings(wheel, indices=owner) for wheel in wheels], axis=1)
-    first = np.array([int(stretch[0]) for stretch in stretches])
     return lines[moved], np.repeat(first, moved.sum(axis=1))
 
 
-def _stretches(up: npt.NDArray[np.bool_]) -> list[Rows]:
-    """Rows of the record, every EVERY one and the last, of stretches of at most STRETCH with the implement up."""
+def _stretches(up: npt.NDArray[np.bool_]) -> tuple[Rows, Rows, Rows]:
+    """Stretches of at most STRETCH rows of the record with the implement up.
+
+    Of all of them the rows, every EVERY one and the last; for each row the number of its stretch; their first rows.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate(([0], up.astype(np.int8), [0])))).reshape(-1, 2)
-    return [
-        np.append(np.arange(first, last, EVERY), last)
-        for start, end in edges.tolist()
-        for first in range(start, end - 1, STRETCH)
-        if (last := min(first + STRETCH, end - 1)) > first
-    ]
+    counts = np.maximum(0, -(-(edges[:, 1] - 1 - edges[:, 0]) // STRETCH))
+    end = np.repeat(edges[:, 1] - 1, counts)
+    number = np.arange(len(end)) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = np.repeat(edges[:, 0], counts) + STRETCH * number
+    last = np.minimum(first + STRETCH, end)
+    rows = np.column_stack([first[:, None] + np.arange(0, STRETCH, EVERY), last])
+    taken = np.column_stack([rows[:, :-1] < last[:, None], np.ones(len(last), dtype=np.bool_)])
+    return rows[taken], np.nonzero(taken)[0], first
 
 
 def _wheels(poses: Points, tractor: Tractor) -> Points:

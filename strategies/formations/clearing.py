@@ -79,15 +79,17 @@ def blocked_on(job: Job, this: Pass, ways: Iterable[Floats]) -> Blocked:
     angle = angle - heading
     along = (x - x0) * math.cos(heading) + (y - y0) * math.sin(heading)
     across = (y - y0) * math.cos(heading) - (x - x0) * math.sin(heading)
-    beside = (np.abs(np.sin(angle)) < math.sin(PARALLEL_RAD)) & (np.abs(across) > BESIDE * job.layout.width_m)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    beside = (np.abs(sine) < math.sin(PARALLEL_RAD)) & (np.abs(across) > BESIDE * job.layout.width_m)
     room = np.where(settling > 0.0, SWAY_M, np.where(beside, 0.0, ASIDE_M))
     lows, highs = [], []
     for rear, front, half in job.manner.boxes:
-        ends = np.array([(end, side) for end in (rear, front) for side in (-half, half)]).T
-        ahead = along + np.outer(ends[0], np.cos(angle)) - np.outer(ends[1], np.sin(angle))
-        aside = across + np.outer(ends[0], np.sin(angle)) + np.outer(ends[1], np.cos(angle))
+        end, side = np.array([(end, side) for end in (rear, front) for side in (-half, half)]).T[:, :, None]
+        ahead = along + end * cosine - side * sine
+        aside = across + end * sine + side * cosine
+        (first, last), (right, left) = ((reach.min(axis=0), reach.max(axis=0)) for reach in (ahead, aside))
         for my_rear, my_front, my_half in job.manner.boxes:
-            over = (aside.min(axis=0) < my_half + room) & (aside.max(axis=0) > -my_half - room)
-            lows.append(ahead.min(axis=0)[over] - my_front - ROOM_M)
-            highs.append(ahead.max(axis=0)[over] - my_rear + ROOM_M)
+            over = (right < my_half + room) & (left > -my_half - room)
+            lows.append(first[over] - my_front - ROOM_M)
+            highs.append(last[over] - my_rear + ROOM_M)
     return Blocked(np.concatenate(lows), np.concatenate(highs))

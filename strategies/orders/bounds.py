@@ -43,37 +43,35 @@ def held_karp(between, enough):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _nearest_outside(reach, inside):  # type: ignore[no-untyped-def]
-    """The first track with the least of `reach` (n,) that is not yet inside (n,) the tree."""
-    near = -1
-    for j in range(len(reach)):
-        if not inside[j] and (near < 0 or reach[j] < reach[near]):
-            near = j
-    return near
-
-
-@compiled
 def _ascended(between, enough):  # type: ignore[no-untyped-def]
     """As `held_karp`, with the prices of the tracks (n + 1,) that it was found with."""
     n = len(between) - 1
     price, degree = np.zeros(n + 1), np.zeros(n + 1)
-    reach, parent, inside = np.empty(n), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_)
+    reach, parent, outside = np.empty(n), np.zeros(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     step = FIRST_STEP * between[:n, :n].min()
     best, kept = -np.inf, price.copy()
     for _ in range(STEPS):
-        total, degree[:], inside[:], inside[0] = 0.0, 0.0, False, True
+        total, degree[:], near = 0.0, 0.0, 1
         for j in range(1, n):
-            reach[j], parent[j] = between[0, j] + price[0] + price[j], 0
-        for _ in range(n - 1):
-            near = _nearest_outside(reach, inside)
-            inside[near] = True
+            reach[j], parent[j], outside[j - 1] = between[0, j] + price[0] + price[j], 0, j
+            if reach[j] < reach[near]:
+                near = j
+        for left in range(n - 1, 0, -1):
             total += reach[near]
             degree[near] += 1.0
             degree[parent[near]] += 1.0
-            for j in range(n):
-                cost = between[near, j] + price[near] + price[j]
-                if not inside[j] and cost < reach[j]:
-                    reach[j], parent[j] = cost, near
+            kept_out, last = 0, near
+            for k in range(left):  # tracks keep their order: of equally near ones the first is taken
+                j = outside[k]
+                if j == last:
+                    continue
+                cost = between[last, j] + price[last] + price[j]
+                if cost < reach[j]:
+                    reach[j], parent[j] = cost, last
+                if not kept_out or reach[j] < reach[near]:
+                    near = j
+                outside[kept_out] = j
+                kept_out += 1
         one = two = -1
         for j in range(n):
             cost = between[n, j] + price[j]
@@ -141,24 +139,32 @@ def _nearest_ends(ends, price, i, j):  # type: ignore[no-untyped-def]
 def _by_ends(ends, price, enough):  # type: ignore[no-untyped-def]
     """The best bound of an ascent from prices (2 n,) of the ends; `ends` is from `between_ends`."""
     n = len(price) // 2
-    degree, inside = np.zeros(2 * n), np.zeros(n, dtype=np.bool_)
+    degree, outside = np.zeros(2 * n), np.empty(n, dtype=np.int64)
     reach, own, other = np.empty(n), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
     step, best = FIRST_STEP * ends[: 2 * n, : 2 * n].min(), -np.inf
     for _ in range(STEPS):
-        total, degree[:], inside[:], inside[0] = 0.0, 0.0, False, True
+        total, degree[:], near = 0.0, 0.0, 1
         for j in range(1, n):
             reach[j], other[j], own[j] = _nearest_ends(ends, price, 0, j)
-        for _ in range(n - 1):
-            near = _nearest_outside(reach, inside)
-            inside[near] = True
+            outside[j - 1] = j
+            if reach[j] < reach[near]:
+                near = j
+        for left in range(n - 1, 0, -1):
             total += reach[near]
             degree[own[near]] += 1.0
             degree[other[near]] += 1.0
-            for j in range(n):
-                if not inside[j]:
-                    cost, p, q = _nearest_ends(ends, price, near, j)
-                    if cost < reach[j]:
-                        reach[j], other[j], own[j] = cost, p, q
+            kept_out, last = 0, near
+            for k in range(left):
+                j = outside[k]
+                if j == last:
+                    continue
+                cost, p, q = _nearest_ends(ends, price, last, j)
+                if cost < reach[j]:
+                    reach[j], other[j], own[j] = cost, p, q
+                if not kept_out or reach[j] < reach[near]:
+                    near = j
+                outside[kept_out] = j
+                kept_out += 1
         for j in range(n):
             one = ends[2 * n, 2 * j] + price[2 * j] > ends[2 * n, 2 * j + 1] + price[2 * j + 1]
             own[j] = 2 * j + one
