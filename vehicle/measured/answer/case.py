@@ -157,7 +157,7 @@ def within_tolerance(selection: Selection) -> Settings:
 
 
 def is_calibration(bench: Bench, term: Term) -> bool:
-    """Whether an effect of the speed, a time of the steering or a play is within what the file tolerates of any tractor.
+    """Whether an effect of the speed, a time or a play of the steering is within what files tolerate of any tractor.
 
     Drive lines differ by the tolerance. Every steering is late by a beat of commands and rows that no file tells, and
     on top of it by what its own shape poses as; and as a small play poses how the wheels of any make come to rest.
