@@ -7,30 +7,48 @@ bit. That is the last one, or the last that was driven to its end: what is found
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from vehicle.control import ARRIVED_M
-from vehicle.missions import Leg, Mission, Plan
+from vehicle.missions import Follow, Gate, Leg, Mission, Plan
 from vehicle.run import DONE, Run
 from vehicle.tractor import Implement, Tractor
 from vehicle.world import Snapshot, World
 
 SNAPSHOT_S = 60.0  # of simulated time
+CLOSE_S = 1.0  # where it matters which of two tractors was sooner
 FASTER = 1.5  # than any leg asks for nobody drives
 BESIDE_M = 1.0  # more than the guided point is ahead of where progress is counted to, errors of position included
 
+Array = npt.NDArray[Any]
+
 
 @dataclass(eq=False)
-class _Driven:
-    """A plan that was driven, and the world at moments of its run."""
+class Driven:
+    """A plan that was driven, where the legs of each tractor end (m), and the world at moments of its run.
+
+    `close` is how far each tractor had come (m, each (n,)) every second from some of these moments to the next.
+    """
 
     plan: Plan
+    ends: Sequence[Array]
     kept: list[Snapshot] = field(default_factory=list)
+    close: dict[int, list[Array]] = field(default_factory=dict)
+
+    @cached_property
+    def progress(self) -> Array:
+        """How far each tractor had come at these moments (m), (k, n)."""
+        return np.array([one.states["progress"] for one in self.kept]).reshape(len(self.kept), self.plan.tractors)
+
+    def place_m(self, gate: Gate) -> float:
+        """How far the tractor that a gate waits for has come when it opens."""
+        return (float(self.ends[gate.tractor][gate.leg - 1]) if gate.leg else 0.0) + gate.after_m
 
 
 class Rehearsal:
@@ -44,14 +62,14 @@ class Rehearsal:
         self.stop_clearance_m, self.beside_clearance_m = stop_clearance_m, beside_clearance_m
         self.position_errors, self.seed = position_errors, seed
         self.began_s = 0.0
-        self._last: _Driven | None = None
-        self._done: _Driven | None = None
+        self._last: Driven | None = None
+        self._done: Driven | None = None
 
     def simulate(self, plan: Plan, max_time_s: float) -> Run:
         """The run of a plan, as a world of its own would drive it."""
-        world = World(plan, self.tractor, self.implement, position_errors=self.position_errors, seed=self.seed)
-        known = [self._common(driven, world, max_time_s) for driven in (self._last, self._done) if driven is not None]
-        now = _Driven(plan, max(known, key=_last_s, default=[]))
+        world = self._world(plan)
+        known = [self._common(driven, plan, max_time_s) for driven in (self._last, self._done) if driven is not None]
+        now = Driven(plan, world.ends_m, max(known, key=_last_s, default=[]))
         self.began_s = 0.0
         if now.kept:
             world.restore(now.kept[-1])
@@ -72,21 +90,59 @@ class Rehearsal:
             self._done = now
         return run
 
-    def _common(self, driven: _Driven, world: World, max_time_s: float) -> list[Snapshot]:
-        """The snapshots of a run before which nobody heeded what the plan of this world has other than that one."""
-        limits = self._limits(driven.plan, world)
-        return [one for one in driven.kept if one.time_s < max_time_s and (one.states["progress"] < limits).all()]
+    def _world(self, plan: Plan) -> World:
+        return World(plan, self.tractor, self.implement, position_errors=self.position_errors, seed=self.seed)
 
-    def _limits(self, before: Plan, world: World) -> npt.NDArray[np.float64]:
-        """How far each tractor may have driven (m) without heeding what this plan has other than the one before."""
-        plan, program = world.plan, world.program
+    def _common(self, driven: Driven, plan: Plan, max_time_s: float) -> list[Snapshot]:
+        """The snapshots of a run before which nobody heeded what a plan has other than that one."""
+        if driven.plan.tractors != plan.tractors:
+            return []
+        unseen = np.all(driven.progress < self._limits(driven, plan), axis=1)
+        return [one for one, same in zip(driven.kept, unseen.tolist(), strict=True) if same and one.time_s < max_time_s]
+
+    def _limits(self, driven: Driven, plan: Plan) -> Array:
+        """How far each tractor may have driven (m) without heeding what a plan has other than the one driven."""
         limits = np.full(plan.tractors, np.inf)
-        for number, same in enumerate(same_legs(before, plan)):
-            legs = plan.missions[number].legs
-            if same < max(len(legs), len(before.missions[number].legs)):
-                end = program.legs["end"][program.states["first_leg"][number] + same - 1] if same else 0.0
-                limits[number] = end - self._sight_m(before.missions[number], plan.missions[number])
+        same = same_ways(driven.plan, plan)
+        for number, mission in enumerate(plan.missions):
+            before = driven.plan.missions[number]
+            sight_m = self._sight_m(before, mission)
+            for leg in range(max(len(before.legs), len(mission.legs))):
+                links = (before.legs[leg], mission.legs[leg]) if leg < same[number] else None
+                if links and same_links(*links, same):
+                    continue
+                limit = (float(driven.ends[number][leg - 1]) if leg else 0.0) - sight_m
+                gates = _other_gates(*links, same) if links else None
+                if gates is None or not self._open_by_then(driven, number, limit, gates):
+                    limits[number] = limit
+                    break
         return limits
+
+    def _open_by_then(self, driven: Driven, number: int, limit_m: float, gates: set[Gate]) -> bool:
+        """Whether gates were open in a run while a tractor had not yet come so far as to see them."""
+        moments = int(np.count_nonzero(driven.progress[:, number] < limit_m))
+
+        def passed(progress: Array) -> bool:
+            return all(progress[gate.tractor] >= driven.place_m(gate) for gate in gates)
+
+        if moments and passed(driven.progress[moments - 1]):
+            return True
+        if not 0 < moments < len(driven.kept) or not passed(driven.progress[moments]):
+            return False
+        return any(passed(one) for one in self._closely(driven, moments - 1) if one[number] < limit_m)
+
+    def _closely(self, driven: Driven, moment: int) -> list[Array]:
+        """How far each tractor had come (m) every second until the next snapshot of a run."""
+        if moment not in driven.close:
+            world = self._world(driven.plan)
+            world.restore(driven.kept[moment])
+            driven.close[moment] = found = []
+            world.run(
+                stop_clearance_m=self.stop_clearance_m, beside_clearance_m=self.beside_clearance_m, chunk_s=CLOSE_S,
+                max_time_s=driven.kept[moment + 1].time_s,
+                progress=lambda _: found.append(world.program.states["progress"].copy()),
+            )  # fmt: skip
+        return driven.close[moment]
 
     def _sight_m(self, *missions: Mission) -> float:
         """More than how far ahead a tractor heeds its legs.
@@ -112,18 +168,28 @@ def same_legs(before: Plan, after: Plan) -> list[int]:
     """
     if before.tractors != after.tractors:
         return [0] * after.tractors
+    same, pairs = same_ways(before, after), zip(before.missions, after.missions, strict=True)
+    return [
+        next((n for n in range(count) if not same_links(a.legs[n], b.legs[n], same)), count)
+        for count, (a, b) in zip(same, pairs, strict=True)
+    ]
+
+
+def same_ways(before: Plan, after: Plan) -> list[int]:
+    """As `same_legs` of plans for as many tractors, whoever waits for whom."""
     pairs = [list(zip(a.legs, b.legs, strict=False)) for a, b in zip(before.missions, after.missions, strict=True)]
-    same = [_first(pair, _same_way) for pair in pairs]
-
-    def same_links(a: Leg, b: Leg) -> bool:
-        return a is b or _links(a, same) == _links(b, same)
-
-    return [min(count, _first(pair[:count], same_links)) for count, pair in zip(same, pairs, strict=True)]
+    return [next((n for n, (a, b) in enumerate(pair) if not _same_way(a, b)), len(pair)) for pair in pairs]
 
 
-def _first(pairs: Sequence[tuple[Leg, Leg]], same: Callable[[Leg, Leg], bool]) -> int:
-    """How many pairs at the start are the same."""
-    return next((number for number, (a, b) in enumerate(pairs) if not same(a, b)), len(pairs))
+def same_links(a: Leg, b: Leg, same: Sequence[int]) -> bool:
+    """Whether two legs wait for and follow the same, where so many legs of each tractor are the same."""
+    return a is b or _links(a, same) == _links(b, same)
+
+
+def _other_gates(a: Leg, b: Leg, same: Sequence[int]) -> set[Gate] | None:
+    """The gates that only one of two legs has; None where they differ in more, or these are on legs that differ."""
+    (gates, follow, late), (others, leader, later) = _links(a, same), _links(b, same)
+    return None if late or later or follow != leader else gates ^ others
 
 
 def _same_way(a: Leg, b: Leg) -> bool:
@@ -137,7 +203,7 @@ def _same_way(a: Leg, b: Leg) -> bool:
     return told[0] == told[1] and (a.points is b.points or bool((a.points == b.points).all()))
 
 
-def _links(leg: Leg, known: Sequence[int]) -> tuple[Any, ...]:
+def _links(leg: Leg, known: Sequence[int]) -> tuple[set[Gate], Follow | None, bool]:
     """What a leg waits for and follows of so many legs of each tractor, and whether it waits for something later."""
     gates = {gate for gate in leg.gates if gate.leg < known[gate.tractor]}
     follow = leg.follow if leg.follow and leg.follow.leg < known[leg.follow.tractor] else None
