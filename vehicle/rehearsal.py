@@ -8,13 +8,12 @@ bit. That is the last one, or the last that was driven to its end: what is found
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.apart import Driven, Single, met_by, part, single, together
 from vehicle.control import ARRIVED_M
 from vehicle.missions import Follow, Gate, Leg, Mission, Plan
 from vehicle.run import DONE, Run
@@ -27,28 +26,6 @@ FASTER = 1.5  # than any leg asks for nobody drives
 BESIDE_M = 1.0  # more than the guided point is ahead of where progress is counted to, errors of position included
 
 Array = npt.NDArray[Any]
-
-
-@dataclass(eq=False)
-class Driven:
-    """A plan that was driven, where the legs of each tractor end (m), and the world at moments of its run.
-
-    `close` is how far each tractor had come (m, each (n,)) every second from some of these moments to the next.
-    """
-
-    plan: Plan
-    ends: Sequence[Array]
-    kept: list[Snapshot] = field(default_factory=list)
-    close: dict[int, list[Array]] = field(default_factory=dict)
-
-    @cached_property
-    def progress(self) -> Array:
-        """How far each tractor had come at these moments (m), (k, n)."""
-        return np.array([one.states["progress"] for one in self.kept]).reshape(len(self.kept), self.plan.tractors)
-
-    def place_m(self, gate: Gate) -> float:
-        """How far the tractor that a gate waits for has come when it opens."""
-        return (float(self.ends[gate.tractor][gate.leg - 1]) if gate.leg else 0.0) + gate.after_m
 
 
 class Rehearsal:
@@ -64,16 +41,23 @@ class Rehearsal:
         self.began_s = 0.0
         self._last: Driven | None = None
         self._done: Driven | None = None
+        self._singles: dict[int, Single] = {}
+        self._fleet: tuple[list[Single], Driven] | None = None
 
     def simulate(self, plan: Plan, max_time_s: float) -> Run:
         """The run of a plan, as a world of its own would drive it."""
         world = self._world(plan)
         known = [self._common(driven, plan, max_time_s) for driven in (self._last, self._done) if driven is not None]
         now = Driven(plan, world.ends_m, max(known, key=_last_s, default=[]))
+        begin = self._from_singles(plan, max_time_s, world.models)
+        if begin is not None and begin.time_s > _last_s(now.kept):
+            now.kept = []
+        else:
+            begin = now.kept[-1] if now.kept else None
         self.began_s = 0.0
-        if now.kept:
-            world.restore(now.kept[-1])
-            self.began_s = now.kept[-1].time_s
+        if begin is not None:
+            world.restore(begin)
+            self.began_s = begin.time_s
 
         def keep(_: float) -> None:
             snapshot = world.snapshot()
@@ -89,6 +73,56 @@ class Rehearsal:
         if run.outcome == DONE:
             self._done = now
         return run
+
+    def apart(self, plan: Plan, numbers: Sequence[int], most_s: Sequence[float]) -> list[Run | None]:
+        """What some tractors of a plan in which nobody waits drive, each alone on the field, for so long at most.
+
+        None where only a world of its own tells, as for tractors with errors of position: these are drawn for each.
+        """
+        if self.position_errors is not None and len(self.position_errors):
+            return [None] * len(numbers)
+        for number in numbers:
+            self._singles.pop(number, None)
+        self._fleet = None
+        world = self._world(Plan(tuple(plan.missions[number] for number in numbers)))
+        known = max((self._driven_alike(each, plan, numbers) for each in (self._last, self._done)), key=len)
+        moments = [(one, list(numbers)) for one in known]
+        if known:
+            world.restore(part(known[-1], numbers))
+
+        def keep(_: float) -> None:
+            snapshot = world.snapshot()
+            if snapshot is not None:
+                moments.append((snapshot, list(range(len(numbers)))))
+
+        run = world.run(apart=True, max_time_s=max(most_s), progress=keep, chunk_s=SNAPSHOT_S)
+        for place, (number, ends, most) in enumerate(zip(numbers, world.ends_m, most_s, strict=True)):
+            own = single(run, place, ends, [(one, places[place]) for one, places in moments], most)
+            if own is not None:
+                self._singles[number] = own
+        return [self._singles[number].run if number in self._singles else None for number in numbers]
+
+    def _driven_alike(self, driven: Driven | None, plan: Plan, numbers: Sequence[int]) -> list[Snapshot]:
+        """The snapshots of a run before which some tractors heeded nothing but their own legs."""
+        if driven is None or driven.plan.tractors != plan.tractors:
+            return []
+        limits = self._limits(driven, plan)[numbers]
+        return driven.kept[: int(np.count_nonzero(np.all(driven.progress[:, numbers] < limits, axis=1)))]
+
+    def _from_singles(self, plan: Plan, max_time_s: float, models: npt.NDArray[np.void]) -> Snapshot | None:
+        """The last moment up to which a plan is known from what its tractors drive alone, if that is known."""
+        own = [self._singles.get(number) for number in range(plan.tractors)]
+        singles = [one for one, mission in zip(own, plan.missions, strict=True) if one and _same_legs(one, mission)]
+        if plan.tractors == 1 or len(singles) < plan.tractors:
+            return None
+        if self._fleet is None or self._fleet[0] != singles:
+            self._fleet = singles, together(singles)
+        fleet = self._fleet[1]
+        fastest = FASTER * max(leg.speed_mps for mission in plan.missions for leg in mission.legs)
+        stop = self.stop_clearance_m
+        limits = stop, stop if self.beside_clearance_m is None else self.beside_clearance_m
+        allowed = len(self._common(fleet, plan, max_time_s))
+        return met_by(fleet, singles, allowed, models, limits, fastest / self.tractor.guidance.rate_hz)
 
     def _world(self, plan: Plan) -> World:
         return World(plan, self.tractor, self.implement, position_errors=self.position_errors, seed=self.seed)
@@ -139,7 +173,7 @@ class Rehearsal:
             driven.close[moment] = found = []
             world.run(
                 stop_clearance_m=self.stop_clearance_m, beside_clearance_m=self.beside_clearance_m, chunk_s=CLOSE_S,
-                max_time_s=driven.kept[moment + 1].time_s,
+                max_time_s=driven.kept[moment + 1].time_s, apart=driven.apart,
                 progress=lambda _: found.append(world.program.states["progress"].copy()),
             )  # fmt: skip
         return driven.close[moment]
@@ -173,6 +207,12 @@ def same_legs(before: Plan, after: Plan) -> list[int]:
         next((n for n in range(count) if not same_links(a.legs[n], b.legs[n], same)), count)
         for count, (a, b) in zip(same, pairs, strict=True)
     ]
+
+
+def _same_legs(one: Single, mission: Mission) -> bool:
+    """Whether a mission has the legs of a tractor that was driven alone."""
+    legs = one.mission.legs
+    return len(legs) == len(mission.legs) and all(_same_way(*pair) for pair in zip(legs, mission.legs, strict=True))
 
 
 def same_ways(before: Plan, after: Plan) -> list[int]:

@@ -18,7 +18,7 @@ from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compil
 from vehicle.engine import Engine, EngineUnavailable
 from vehicle.gnss import NO_ERROR, error_keys
 from vehicle.layout import DT_S, RECORD
-from vehicle.loop import ALL_DONE, NEIGHBOURS, RUNNING, STALLED, TOO_CLOSE, run_loop
+from vehicle.loop import ALL_DONE, APART, NEIGHBOURS, RUNNING, STALLED, TOO_CLOSE, run_loop
 from vehicle.missions import Plan, check_plan
 from vehicle.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, Run
 from vehicle.slow import Scene, run_slow
@@ -50,6 +50,11 @@ class Snapshot:
     def time_s(self) -> float:
         """When it was taken."""
         return float(self.clock[0] * DT_S)
+
+    @property
+    def step(self) -> int:
+        """The steps before it."""
+        return int(self.clock[0])
 
     def within(self, record: Array) -> Snapshot:
         """The same with its rows in the record of the whole run, so that they are held once."""
@@ -105,15 +110,17 @@ class World:
         max_time_s: float = 4 * 86400.0,
         progress: Callable[[float], None] | None = None,
         slow: bool = False,
+        apart: bool = False,
         chunk_s: float = CHUNK_S,
     ) -> Run:
         """Simulate until every tractor is done, two come closer than `stop_clearance_m`, or nothing moves any more.
 
         Two on parallel lines beside each other (vehicle.clearance) may come as close as `beside_clearance_m`.
         `progress` is called with the share of all path length driven, every `chunk_s` of simulated time. `slow` takes
-        the plain Python loop.
+        the plain Python loop. Tractors that are `apart` drive through each other, and no clearance is measured.
         """
         advance = self._chooser(slow)
+        stop_clearance_m = APART if apart else stop_clearance_m
         stop = stop_clearance_m, stop_clearance_m if beside_clearance_m is None else beside_clearance_m
         most = math.ceil(max_time_s / DT_S)
         outcome = RUNNING
