@@ -2,7 +2,8 @@
 
 Plans are mended by gates, slower legs and other turns, and driven again to see whether that helps. Up to the first leg
 that was changed nothing can differ, so the run goes on from a snapshot of the other one, with the same result bit for
-bit. That is the last one, or the last that was driven to its end: what is found wrong with it is mended after others.
+bit; a gate counts only where it was not open yet when its tractor came in sight of it. That run is the last one, the
+last that was driven to its end, as what is found wrong with it is mended after others, or what each drives alone.
 """
 
 from __future__ import annotations
@@ -81,8 +82,8 @@ class Rehearsal:
         """
         if self.position_errors is not None and len(self.position_errors):
             return [None] * len(numbers)
-        for number in numbers:
-            self._singles.pop(number, None)
+        kept = ((n, one) for n, one in self._singles.items() if n < plan.tractors and n not in numbers)
+        self._singles = {n: one for n, one in kept if _same_legs(one, plan.missions[n])}
         self._fleet = None
         world = self._world(Plan(tuple(plan.missions[number] for number in numbers)))
         known = max((self._driven_alike(each, plan, numbers) for each in (self._last, self._done)), key=len)

@@ -10,7 +10,7 @@ import shapely
 from fields import Field
 from planner.candidates.alone import Alone
 from planner.candidates.beaten import Rival, contenders
-from planner.candidates.bounds import alone_s, least_s, pace_of
+from planner.candidates.bounds import alone_s, least_s, pace_of, ungated
 from planner.candidates.choosing import Limits, best_first, driven_alike, untried
 from planner.candidates.evaluate import Candidate, run_candidate, simulated
 from planner.scenario import Scenario
@@ -18,6 +18,7 @@ from planner.site import Site, prepare
 from strategies.record import Refined
 from strategies.split_field import split_field
 from vehicle.missions import Gate, Mission, Plan
+from vehicle.rehearsal import Rehearsal
 from vehicle.run import Run
 
 
@@ -118,6 +119,29 @@ def test_who_is_driven_alone_is_forgotten_only_where_records_are_long(
     alone(split_field(round_site.job(1)).missions[0])
     again = alone(one)
     assert again is not first and np.array_equal(again.record, first.record)
+
+
+def test_of_an_expected_plan_all_others_are_driven_with_the_second_that_is_asked_for(
+    round_site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = split_field(round_site.job(4))
+    free, site = ungated(plan).missions, round_site
+    rehearsal = Rehearsal(site.tractor, site.implement, stop_clearance_m=0.5, seed=site.scenario.seed)
+    alone, plain, driven, apart = Alone(site, rehearsal), Alone(site), [], rehearsal.apart
+
+    def noted(plan: Plan, numbers: list[int], most_s: list[float]) -> Any:
+        driven.append(numbers)
+        return apart(plan, numbers, most_s)
+
+    monkeypatch.setattr(rehearsal, "apart", noted)
+    alone.expect([plan])
+    alone.expect_also(plan)
+    for number in (2, 0, 1, 3):
+        run, own = alone(free[number]), plain(free[number])
+        assert run.record.tobytes() == own.record.tobytes() and run.outcome == own.outcome
+    assert driven == [[2], [0, 1, 3]]
+    alone(Mission(free[0].legs[:5]))
+    assert len(driven) == 2  # that is no tractor of the plan
 
 
 def test_blocks_of_a_field_are_worked_out_once_for_all_orders(monkeypatch: pytest.MonkeyPatch) -> None:
