@@ -104,11 +104,10 @@ class Rehearsal:
         return [self._singles[number].run if number in self._singles else None for number in numbers]
 
     def _driven_alike(self, driven: Driven | None, plan: Plan, numbers: Sequence[int]) -> list[Snapshot]:
-        """The snapshots of a run before which some tractors heeded nothing but their own legs."""
-        if driven is None or driven.plan.tractors != plan.tractors:
+        """The snapshots of a run before which some tractors heeded nothing that a plan has other than that one."""
+        if driven is None or driven.plan.tractors != plan.tractors or not driven.kept:
             return []
-        limits = self._limits(driven, plan)[numbers]
-        return driven.kept[: int(np.count_nonzero(np.all(driven.progress[:, numbers] < limits, axis=1)))]
+        return driven.kept[: self._moments(driven, plan, numbers)]
 
     def _from_singles(self, plan: Plan, max_time_s: float, models: npt.NDArray[np.void]) -> Snapshot | None:
         """The last moment up to which a plan is known from what its tractors drive alone, if that is known."""
@@ -130,28 +129,29 @@ class Rehearsal:
 
     def _common(self, driven: Driven, plan: Plan, max_time_s: float) -> list[Snapshot]:
         """The snapshots of a run before which nobody heeded what a plan has other than that one."""
-        if driven.plan.tractors != plan.tractors:
-            return []
-        unseen = np.all(driven.progress < self._limits(driven, plan), axis=1)
-        return [one for one, same in zip(driven.kept, unseen.tolist(), strict=True) if same and one.time_s < max_time_s]
+        return [one for one in self._driven_alike(driven, plan, range(plan.tractors)) if one.time_s < max_time_s]
 
-    def _limits(self, driven: Driven, plan: Plan) -> Array:
-        """How far each tractor may have driven (m) without heeding what a plan has other than the one driven."""
-        limits = np.full(plan.tractors, np.inf)
-        same = same_ways(driven.plan, plan)
-        for number, mission in enumerate(plan.missions):
-            before = driven.plan.missions[number]
+    def _moments(self, driven: Driven, plan: Plan, numbers: Sequence[int]) -> int:
+        """How many of the snapshots of a run are before some of the tractors heeded what a plan has other than it."""
+        same, most = same_ways(driven.plan, plan), len(driven.kept)
+        for number in numbers:
+            before, mission = driven.plan.missions[number], plan.missions[number]
             sight_m = self._sight_m(before, mission)
             for leg in range(max(len(before.legs), len(mission.legs))):
                 links = (before.legs[leg], mission.legs[leg]) if leg < same[number] else None
                 if links and same_links(*links, same):
                     continue
                 limit = (float(driven.ends[number][leg - 1]) if leg else 0.0) - sight_m
+                unseen = int(np.count_nonzero(driven.progress[:, number] < limit))
+                if unseen >= most:
+                    break
                 gates = _other_gates(*links, same) if links else None
                 if gates is None or not self._open_by_then(driven, number, limit, gates):
-                    limits[number] = limit
+                    most = unseen
                     break
-        return limits
+            if not most:
+                return 0
+        return most
 
     def _open_by_then(self, driven: Driven, number: int, limit_m: float, gates: set[Gate]) -> bool:
         """Whether gates were open in a run while a tractor had not yet come so far as to see them."""
