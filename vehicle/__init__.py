@@ -18,6 +18,7 @@
     calibration       the steering table made from such circles
     world, run        drives missions and hands back a run
     rehearsal         plans of one fleet one after another, each from where it differs from the one before
+    apart             tractors as each drives alone, and what a fleet drives, one from the other
     clearance         how close two tractors come
     approach          who comes too near to whom on ways foreseen
 meetings          where on their ways two tractors cannot be at once

@@ -37,6 +37,8 @@ from vehicle.terms import affected_tangent, ground_drift
 # Nothing moves so slowly (m/s, rad/s). What dies away on a straight line gets ever smaller, and below 1e-307 processors
 # calculate many times slower; the cube of this is above.
 AT_REST = 1e-100
+GETS_ON_M = 0.05  # of progress of all together, or they have not got on
+APART = -math.inf  # as a clearance to stop at: tractors drive through each other
 RUNNING, ALL_DONE, TOO_CLOSE, STALLED, NEIGHBOURS = 0, 1, 2, 3, 4
 
 
@@ -114,14 +116,15 @@ def run_loop(  # type: ignore[no-untyped-def]
     `tables` (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last
     row counts. `position_errors` (k, 4) is a GNSS table of vehicle.gnss, without rows for no error. `near` (n,) tells
     which tractors have their contact boxes in the space: before a tick at which these are the wrong ones the loop ends
-    with NEIGHBOURS and the right ones in `wanted` (n,). Returns an outcome of this module, the number of record rows,
-    and the closest pair.
+    with NEIGHBOURS and the right ones in `wanted` (n,). With a `stop_clearance` of APART none is near any. Returns an
+    outcome of this module, the number of record rows, and the closest pair.
     """
     read, write, states, models = unowned(read), unowned(write), unowned(states), unowned(models)
     grounds, tables, legs, gates = unowned(grounds), unowned(tables), unowned(legs), unowned(gates)
     points, cumulative, record, near = unowned(points), unowned(cumulative), unowned(record), unowned(near)
     clearances, position_errors, wanted = unowned(clearances), unowned(position_errors), unowned(wanted)
     count = len(states)
+    meeting = count > 1 and stop_clearance > APART
     touchable = near.any()
     rows = 0
     for _ in range(steps):
@@ -134,7 +137,7 @@ def run_loop(  # type: ignore[no-untyped-def]
             for i in range(count):
                 state = states[i]
                 state.x, state.y, state.angle = read[READ_WIDTH * i], read[READ_WIDTH * i + 1], read[READ_WIDTH * i + 2]
-            if count > 1 and look_around(states, models, every * dt, near, wanted):
+            if meeting and look_around(states, models, every * dt, near, wanted):
                 return NEIGHBOURS, rows, -1, -1
             for i in range(count):
                 if len(position_errors) > 0:
@@ -146,13 +149,13 @@ def run_loop(  # type: ignore[no-untyped-def]
                 standing += states[i].stand_left > 0.0 and states[i].started == 1
             note(record, rows, states)
             rows += 1
-            if count > 1:
+            if meeting:
                 _, first, second = too_close(states, models, clearances, stop_clearance, beside_clearance)
                 if first >= 0:
                     return TOO_CLOSE, rows, first, second
             if running == 0:
                 return ALL_DONE, rows, -1, -1
-            if total > clock[1] + 0.05 or standing > 0:
+            if total > clock[1] + GETS_ON_M or standing > 0:
                 clock[1], clock[2] = total, time
             elif time - clock[2] > stall_s:
                 return STALLED, rows, -1, -1

@@ -18,7 +18,7 @@ from vehicle.clearance import too_close
 from vehicle.compile import CompiledPlan
 from vehicle.control import control_tick
 from vehicle.gnss import draw_error
-from vehicle.loop import ALL_DONE, RUNNING, STALLED, TOO_CLOSE, drive_tractor, note
+from vehicle.loop import ALL_DONE, APART, GETS_ON_M, RUNNING, STALLED, TOO_CLOSE, drive_tractor, note
 
 Array = npt.NDArray[Any]
 
@@ -62,7 +62,7 @@ def run_slow(
                 control_tick(
                     me, states, models, legs, gates, program.points, program.cumulative, time, scene.every * dt
                 )
-            scene.boxes.wanted[:] = states["away"] == 0
+            scene.boxes.wanted[:] = (states["away"] == 0) & (stop[0] > APART)
             scene.boxes.bring()
             note(record, rows, states)
             rows += 1
@@ -91,7 +91,7 @@ def _read_poses(scene: Scene) -> None:
 
 def _judge(scene: Scene, time: float, stop: tuple[float, float], stall_s: float) -> tuple[int, tuple[int, int]]:
     states = scene.program.states
-    if len(states) > 1:
+    if len(states) > 1 and stop[0] > APART:
         _, first, second = too_close(states, scene.models, scene.clearances, *stop)
         if first >= 0:
             return TOO_CLOSE, (first, second)
@@ -99,7 +99,7 @@ def _judge(scene: Scene, time: float, stop: tuple[float, float], stall_s: float)
         return ALL_DONE, (-1, -1)
     total = float(states["progress"].sum())
     standing = ((states["stand_left"] > 0.0) & (states["started"] == 1)).any()
-    if total > scene.clock[1] + 0.05 or standing:
+    if total > scene.clock[1] + GETS_ON_M or standing:
         scene.clock[1], scene.clock[2] = total, time
     elif time - scene.clock[2] > stall_s:
         return STALLED, (-1, -1)

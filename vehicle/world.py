@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compil
 from vehicle.engine import Engine, EngineUnavailable
 from vehicle.gnss import NO_ERROR, error_keys
 from vehicle.layout import DT_S, RECORD
-from vehicle.loop import ALL_DONE, NEIGHBOURS, RUNNING, STALLED, TOO_CLOSE, run_loop
+from vehicle.loop import ALL_DONE, APART, NEIGHBOURS, RUNNING, STALLED, TOO_CLOSE, run_loop
 from vehicle.missions import Plan, check_plan
 from vehicle.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, Run
 from vehicle.slow import Scene, run_slow
@@ -33,8 +33,9 @@ Array = npt.NDArray[Any]
 class Snapshot:
     """A world in the middle of a run without contacts: all it takes to go on from there bit for bit.
 
-    `motion` (n, 6) are x, y, angle, velocity and spin of the bodies, `chunks` the record so far. The legs and segments
-    of the `states` are counted from the first of each tractor, so that another plan may have others behind them.
+    `motion` (n, 6) are x, y, angle, velocity and spin of the bodies, the first `rows` of `chunks` the record so far.
+    The legs and segments of the `states` are counted from the first of each tractor, so that another plan may have
+    others behind them.
     """
 
     clock: Array
@@ -42,17 +43,32 @@ class Snapshot:
     clearances: Array
     motion: Array
     near: Array
-    chunks: tuple[Array, ...]
+    chunks: Sequence[Array]
+    rows: int
 
     @property
     def time_s(self) -> float:
         """When it was taken."""
         return float(self.clock[0] * DT_S)
 
+    @property
+    def step(self) -> int:
+        """The steps before it."""
+        return int(self.clock[0])
+
     def within(self, record: Array) -> Snapshot:
         """The same with its rows in the record of the whole run, so that they are held once."""
-        rows = sum(len(chunk) for chunk in self.chunks)
-        return replace(self, chunks=(record[:rows],))
+        return replace(self, chunks=(record[: self.rows],))
+
+    def record(self) -> list[Array]:
+        """The record so far, in parts; `chunks` may have grown since."""
+        parts, left = [], self.rows
+        for chunk in self.chunks:
+            parts.append(chunk[:left])
+            left -= len(parts[-1])
+            if not left:
+                break
+        return parts
 
 
 class World:
@@ -83,6 +99,7 @@ class World:
         self.contacts = np.zeros((256, 3))
         self.pair = (-1, -1)
         self.chunks: list[Array] = []
+        self.rows = 0
         self.outcome = RUNNING
 
     def run(
@@ -93,15 +110,17 @@ class World:
         max_time_s: float = 4 * 86400.0,
         progress: Callable[[float], None] | None = None,
         slow: bool = False,
+        apart: bool = False,
         chunk_s: float = CHUNK_S,
     ) -> Run:
         """Simulate until every tractor is done, two come closer than `stop_clearance_m`, or nothing moves any more.
 
         Two on parallel lines beside each other (vehicle.clearance) may come as close as `beside_clearance_m`.
         `progress` is called with the share of all path length driven, every `chunk_s` of simulated time. `slow` takes
-        the plain Python loop.
+        the plain Python loop. Tractors that are `apart` drive through each other, and no clearance is measured.
         """
         advance = self._chooser(slow)
+        stop_clearance_m = APART if apart else stop_clearance_m
         stop = stop_clearance_m, stop_clearance_m if beside_clearance_m is None else beside_clearance_m
         most = math.ceil(max_time_s / DT_S)
         outcome = RUNNING
@@ -112,6 +131,7 @@ class World:
             outcome, rows, *self.pair = advance(steps, chunk, stop)
             self.outcome = outcome
             self.chunks.append(chunk[:rows])
+            self.rows += rows
             if progress:
                 progress(min(1.0, float(self.program.states["progress"].sum()) / total))
         return self._result(outcome, np.concatenate(self.chunks))
@@ -125,8 +145,8 @@ class World:
         states["leg"] -= legs
         states["segment"] -= segments
         return Snapshot(
-            self.clock.copy(), states, self.clearances.copy(), np.array(motion), self.boxes.near.copy(),
-            tuple(self.chunks),
+            self.clock.copy(), states, self.clearances.copy(), np.array(motion), self.boxes.near.copy(), self.chunks,
+            self.rows,
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -144,7 +164,13 @@ class World:
         for body, (x, y, angle, vx, vy, spin) in zip(self.bodies, snapshot.motion.tolist(), strict=True):
             body.position, body.angle, body.velocity, body.angular_velocity = (x, y), angle, (vx, vy), spin
         self.boxes.bring()
-        self.chunks = list(snapshot.chunks)
+        self.chunks, self.rows = snapshot.record(), snapshot.rows
+
+    @property
+    def ends_m(self) -> list[Array]:
+        """Where the legs of each tractor end, counted from its start."""
+        first, ends = self.program.states["first_leg"], self.program.legs["end"]
+        return np.split(ends, first[1:])
 
     def _first_places(self) -> tuple[Array, Array]:
         """The first leg and the first segment of each tractor (n,) in the arrays of the program."""

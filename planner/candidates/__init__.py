@@ -3,6 +3,7 @@
 evaluate          the whole of it
 headland          its plans with rounds, of which the quickest stands
 choosing, bounds  which plans of the same work are simulated; the least time a plan can take
+alone             what its tractors drive with nobody else on the field, each way once
 other_orders      what is tried where the order found first cannot be driven
 refills           its plans with refills, and whether they went as planned
 rivals, beaten    candidates that cannot win are told so with their bound

@@ -273,7 +273,7 @@ def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.
     """
     missions = ungated(plan).missions
     ways: dict[int, list[_Driven]] = {}
-    for number in sorted(range(len(missions)), key=lambda number: (-_asked_s(missions[number]), number)):
+    for number in sorted(range(len(missions)), key=lambda number: (-asked_s(missions[number]), number)):
         run = alone(missions[number])
         if run.outcome != DONE:
             return 0.0
@@ -285,7 +285,7 @@ def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.
     return OTHERWISE * max(_done_s(_Clock(plan, [ways[number] for number in range(len(missions))], unsaved)))
 
 
-def _asked_s(mission: Mission) -> float:
+def asked_s(mission: Mission) -> float:
     """Seconds at the speeds that are asked for."""
     return round(math.fsum(leg.length_m / leg.speed_mps for leg in mission.legs), 3)
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from fields.layout import Layout
+from planner.candidates.alone import Alone, patience_s
 from planner.candidates.beaten import Beaten, Rival, contenders, from_any_corner, quickest_of, result_of, surely
 from planner.candidates.bounds import pace_of
 from planner.candidates.choosing import Limits, best_first, untried
@@ -26,9 +27,8 @@ from planner.outlook import with_outlook
 from planner.price.cost import as_simulated, coming_and_going
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import ROOM_KEPT, Site
-from planner.yielding.courses import Alone, mission_key
 from planner.yielding.deconflict import GiveWay, without_conflicts
-from planner.yielding.giving_way import Rules, giving_way
+from planner.yielding.giving_way import Rules, Scheduled, giving_way
 from reports.results import PlanResult, done_s
 from strategies.errors import StrategyError
 from strategies.formations.grouping import Corner
@@ -36,10 +36,9 @@ from strategies.formations.promise import corners_by_promise
 from strategies.job import Job
 from strategies.record import Refined, Simulate, Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import ROUND, Mission, Plan
+from vehicle.missions import ROUND, Plan
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import DONE, Run
-from vehicle.world import World
 
 FARTHEST_OUTSIDE_M = 0.5
 FARTHEST_ASIDE = 1.0 / 3.0  # of the working width: more leaves a strip that nobody works
@@ -47,7 +46,6 @@ CROSSED_M = 0.02  # a width of wire
 LOST_ASIDE, LOST_M = 1.0, 2.5  # working widths and metres: who begins farther aside than both has lost its line
 SMALLEST_GAIN_M = 0.02
 SAME_LINE_M = 1e-3
-MOST_ROWS = 5_000_000  # of the records of tractors driven alone that are kept: some 300 MB
 
 
 @dataclass(frozen=True)
@@ -175,14 +173,14 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     )  # fmt: skip
 
     def simulate(plan: Plan) -> Run:
-        return rehearsal.simulate(plan, _patience_s(plan))
+        return rehearsal.simulate(plan, patience_s(plan))
 
     def build(job: Job) -> Refined:
         refine = strategy.refine
         return refine(job, simulate, site.tractor, site.implement) if refine else Refined(strategy.build(job))
 
     check_leave(job, strategy)
-    alone = _alone(site)
+    alone = Alone(site, rehearsal)
     give_way = _give_way(site, alone)
     limits = Limits(pace_of(site.tractor, site.implement, site.manner.radius_m), alone)
     refined, reached = built_within_reach(job, build)
@@ -197,6 +195,7 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     for dry in with_headland(site, job, refined):
         every = refilled(job, strategy, dry)
         choices = left = untried(every, tried)
+        alone.expect(choice.plan for choice in choices)
         if rival and not (first and strategy.abreast):  # another corner might do with the first passage
             left, found = contenders(site, choices, rival, alone)
             lost = not left and len(choices) == len(every)
@@ -218,34 +217,17 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     return first if slower is None else replace(slower, driven=True)
 
 
-def _alone(site: Site) -> Alone:
-    """Drives one mission of this site alone; each tractor's own way once, however often it is asked for.
-
-    On large fields the ways of earlier plans are forgotten for those of later ones.
-    """
-    known: dict[bytes, Run] = {}
-
-    def alone(mission: Mission) -> Run:
-        key = mission_key(mission)
-        if key not in known:
-            while sum(len(run.time_s) for run in known.values()) > MOST_ROWS:
-                del known[next(iter(known))]
-            world = World(
-                Plan((mission,)), site.tractor, site.implement, seed=site.scenario.seed,
-                position_errors=site.position_errors,
-            )  # fmt: skip
-            known[key] = world.run(max_time_s=_patience_s(Plan((mission,))))
-        return known[key]
-
-    return alone
-
-
 def _give_way(site: Site, alone: Alone) -> GiveWay:
     """Schedules plans of this site."""
     rules = Rules(
         site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven
     )  # fmt: skip
-    return lambda plan, slack: giving_way(plan, rules, slack)
+
+    def give_way(plan: Plan, slack: float) -> Scheduled | None:
+        alone.expect_also(plan)
+        return giving_way(plan, rules, slack)
+
+    return give_way
 
 
 def _run_plan(
@@ -363,12 +345,6 @@ def _fault(site: Site, run: Run, worst: Slip | None) -> str | None:
     if worst is not None and worst.metres > max(LOST_ASIDE * width, LOST_M):
         return f"{_begun(run, worst)}, more than a working width: the tractor has lost it"
     return None
-
-
-def _patience_s(plan: Plan) -> float:
-    """More than the plan takes with only one tractor moving at a time: whoever is not done by then never will be."""
-    driven = sum(leg.stand_s + leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
-    return 600.0 + 2.0 * driven
 
 
 def _turns(job: Job) -> str:

@@ -8,15 +8,17 @@ import pytest
 import shapely
 
 from fields import Field
+from planner.candidates.alone import Alone
 from planner.candidates.beaten import Rival, contenders
-from planner.candidates.bounds import alone_s, least_s, pace_of
+from planner.candidates.bounds import alone_s, least_s, pace_of, ungated
 from planner.candidates.choosing import Limits, best_first, driven_alike, untried
-from planner.candidates.evaluate import Candidate, _alone, run_candidate, simulated
+from planner.candidates.evaluate import Candidate, run_candidate, simulated
 from planner.scenario import Scenario
 from planner.site import Site, prepare
 from strategies.record import Refined
 from strategies.split_field import split_field
 from vehicle.missions import Gate, Mission, Plan
+from vehicle.rehearsal import Rehearsal
 from vehicle.run import Run
 
 
@@ -55,7 +57,7 @@ def test_a_choice_that_is_beaten_leaves_the_other_to_be_driven(round_site: Site)
     pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
     quick, slow = least_s(plan, pace), least_s(waits, pace)
     assert slow > 1.2 * quick
-    choices, alone = [Refined(waits), Refined(plan)], _alone(round_site)
+    choices, alone = [Refined(waits), Refined(plan)], Alone(round_site)
     left, beaten = contenders(round_site, choices, Rival("another", 0.9 * slow), alone)
     assert left == choices[1:] and beaten is not None and beaten.seconds == pytest.approx(slow)
     assert contenders(round_site, choices, Rival("another", 2.0 * slow), alone) == (choices, None)
@@ -91,7 +93,7 @@ def test_the_slowest_alone_is_asked_first_and_may_be_enough(round_site: Site) ->
     plan = split_field(round_site.job(2))
     legs = [mission.legs for mission in plan.missions]
     short = Plan((Mission(legs[0][: len(legs[0]) // 2]), plan.missions[1]))
-    alone, asked = _alone(round_site), []
+    alone, asked = Alone(round_site), []
 
     def drive(mission: Mission) -> Run:
         asked.append(mission)
@@ -109,14 +111,37 @@ def test_who_is_driven_alone_is_forgotten_only_where_records_are_long(
     round_site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one, other = split_field(round_site.job(2)).missions
-    alone = _alone(round_site)
+    alone = Alone(round_site)
     first = alone(one)
     alone(other)
     assert alone(one) is first
-    monkeypatch.setattr("planner.candidates.evaluate.MOST_ROWS", 0)
+    monkeypatch.setattr("planner.candidates.alone.MOST_ROWS", 0)
     alone(split_field(round_site.job(1)).missions[0])
     again = alone(one)
     assert again is not first and np.array_equal(again.record, first.record)
+
+
+def test_of_an_expected_plan_all_others_are_driven_with_the_second_that_is_asked_for(
+    round_site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = split_field(round_site.job(4))
+    free, site = ungated(plan).missions, round_site
+    rehearsal = Rehearsal(site.tractor, site.implement, stop_clearance_m=0.5, seed=site.scenario.seed)
+    alone, plain, driven, apart = Alone(site, rehearsal), Alone(site), [], rehearsal.apart
+
+    def noted(plan: Plan, numbers: list[int], most_s: list[float]) -> Any:
+        driven.append(numbers)
+        return apart(plan, numbers, most_s)
+
+    monkeypatch.setattr(rehearsal, "apart", noted)
+    alone.expect([plan])
+    alone.expect_also(plan)
+    for number in (2, 0, 1, 3):
+        run, own = alone(free[number]), plain(free[number])
+        assert run.record.tobytes() == own.record.tobytes() and run.outcome == own.outcome
+    assert driven == [[2], [0, 1, 3]]
+    alone(Mission(free[0].legs[:5]))
+    assert len(driven) == 2  # that is no tractor of the plan
 
 
 def test_blocks_of_a_field_are_worked_out_once_for_all_orders(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from fields import Field
 from planner import SerialExecutor, plan
+from planner.candidates.alone import Alone
 from planner.candidates.beaten import SURE, Beaten, Rival, beaten
 from planner.candidates.bounds import Pace, alone_s, done_s, least_s, pace_of
 from planner.candidates.choosing import Limits, promising
-from planner.candidates.evaluate import Candidate, Evaluation, _alone, run_candidate, simulated
+from planner.candidates.evaluate import Candidate, Evaluation, run_candidate, simulated
 from planner.candidates.rivals import WORTH_S, hopeless, rivals, waves, worth_bounds
 from planner.outlook import stakes_of
 from planner.scenario import Scenario
@@ -137,14 +138,14 @@ def test_who_drives_alone_is_not_later_than_among_others(
         run = driven_once(strategy).run
         assert run is not None
         pace = pace_of(round_site.tractor, round_site.implement, round_site.manner.radius_m)
-        seconds = alone_s(run.plan, _alone(round_site))
+        seconds = alone_s(run.plan, Alone(round_site))
         assert least_s(run.plan, pace) < seconds < run.duration_s
-        limits = Limits(pace, _alone(round_site))
+        limits = Limits(pace, Alone(round_site))
         assert limits.beaten(run.plan, seconds - 1.0) and not limits.beaten(run.plan, seconds + 1.0)
         rival = Rival("another", seconds - 1.0)
-        assert beaten(round_site, [run.plan], rival, _alone(round_site)) == Beaten(seconds, rival)
+        assert beaten(round_site, [run.plan], rival, Alone(round_site)) == Beaten(seconds, rival)
         assert beaten(round_site, [run.plan], rival) is None
-        assert beaten(round_site, [run.plan], Rival("another", seconds + 1.0), _alone(round_site)) is None
+        assert beaten(round_site, [run.plan], Rival("another", seconds + 1.0), Alone(round_site)) is None
 
 
 def test_one_strategy_comes_before_the_others_save_on_small_fields(small_site: Site) -> None:

@@ -64,6 +64,23 @@ def test_every_plan_is_driven_as_in_a_world_of_its_own(
     assert began == [0.0, 3 * SNAPSHOT_S, 2 * SNAPSHOT_S, 2 * SNAPSHOT_S, 0.0, 2 * SNAPSHOT_S]
 
 
+@pytest.mark.parametrize(("metres", "began_s"), [(60.0, 240.0), (72.0, 240.0), (85.0, 180.0), (140.0, 180.0)])
+@pytest.mark.parametrize("taken", [False, True])
+def test_gates_that_were_open_before_they_were_seen_change_nothing(
+    build: Any, eg105: Tractor, implement: Implement, metres: float, began_s: float, taken: bool
+) -> None:
+    """At 5 km/h the leg with the gate comes in sight after some 200 s, between two snapshots."""
+    beside = [build.leg((50, 0), (50, 200)), build.leg((50, 200), (50, 290)), build.leg((50, 290), (50, LONG_M))]
+    plan = build.plan([build.leg((0, 0), (0, 200)), build.leg((0, 200), (0, LONG_M))], beside)
+    plans = [plan, plan.with_gate(1, 2, Gate(0, 1, metres))]
+    rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5)
+    for one in plans[::-1] if taken else plans:
+        run = rehearsal.simulate(one, FOREVER_S)
+        assert run.outcome == "done"
+        assert_same_bits(run, World(one, eg105, implement).run(stop_clearance_m=0.5, max_time_s=FOREVER_S))
+    assert rehearsal.began_s == began_s
+
+
 def test_nothing_is_kept_of_another_fleet_or_of_a_longer_time(
     build: Any, eg105: Tractor, implement: Implement
 ) -> None:
