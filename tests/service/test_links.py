@@ -26,6 +26,7 @@ from planner.service.api.refusals import add_refusals
 from planner.service.centre.operated import SEEN_S
 from planner.service.centre.rules import Rules
 from planner.service.links import fleets, frames, link
+from planner.service.links import told as outgoing
 from planner.service.links.asyncapi import document
 from planner.service.links.hub import Hub
 from planner.service.links.live import LiveFleet
@@ -37,8 +38,8 @@ from planner.service.store import Store
 from tests.service.fleets import fleet_plan
 from vehicle.measured.logs.reading import read_log
 
-TOLD = TypeAdapter(frames.Told)
-OF_KIND = {model.model_fields["kind"].default: model for model in frames.TOLD}
+TOLD = TypeAdapter(outgoing.Told)
+OF_KIND = {model.model_fields["kind"].default: model for model in outgoing.TOLD}
 
 
 @dataclass

@@ -23,8 +23,9 @@ from planner.service.centre.tractors import ASTRAY, DRIVEN, Report
 from planner.service.links.asyncapi import document
 from planner.service.links.clients import CONTROL, TRACTOR, Client
 from planner.service.links.diagnosing import FINDING
-from planner.service.links.frames import AlarmCode, Drive, TakeLease
+from planner.service.links.frames import Drive, TakeLease
 from planner.service.links.live import LiveFleet
+from planner.service.links.told import AlarmCode
 from tests.service.fleets import EG105, Driven, driven, fleet_plan
 from vehicle.missions import Follow, Gate, Mission
 

@@ -1,6 +1,7 @@
 """Tractors, operators and viewers of live fleets, over one WebSocket each; fleets and twins over HTTP.
 
-frames       every frame as a model: what comes in is checked against it, what goes out is documented by it
+frames       frames that come in, as models against which they are checked
+told         frames that go out, as models by which they are documented
 asyncapi     the document of these frames
 converting   frames to reports of the centre and back
 freshness    whether a remote command is of now

@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from pydantic.json_schema import models_json_schema
 
-from planner.service.links import frames
+from planner.service.links import frames, told
 
 TAKEN: tuple[type[frames.Frame], ...] = (frames.Hello, frames.State, *get_args(frames.Orders), frames.Goodbye)
 SCHEMAS = "#/components/schemas/{model}"
@@ -22,9 +22,9 @@ ROLES = (
 @lru_cache(maxsize=1)
 def document() -> dict[str, Any]:
     """The AsyncAPI document as plain values."""
-    modes = [(model, "validation") for model in (*TAKEN, *frames.TOLD)]
+    modes = [(model, "validation") for model in (*TAKEN, *told.TOLD)]
     _, schemas = models_json_schema(modes, ref_template=SCHEMAS)  # type: ignore[arg-type]
-    messages = {model.__name__: _message(model) for model in (*TAKEN, *frames.TOLD)}
+    messages = {model.__name__: _message(model) for model in (*TAKEN, *told.TOLD)}
     return {
         "asyncapi": "3.0.0",
         "info": {"title": "Headland fleet link", "version": str(frames.VERSION), "description": ROLES},
@@ -38,7 +38,7 @@ def document() -> dict[str, Any]:
         },
         "operations": {
             "send": _operation("receive", TAKEN, "What clients send."),
-            "receive": _operation("send", frames.TOLD, "What the service sends."),
+            "receive": _operation("send", told.TOLD, "What the service sends."),
         },
         "components": {"messages": messages, "schemas": schemas["$defs"]},
     }
