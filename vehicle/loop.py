@@ -125,8 +125,7 @@ def run_loop(  # type: ignore[no-untyped-def]
     clearances, position_errors, wanted = unowned(clearances), unowned(position_errors), unowned(wanted)
     count = len(states)
     meeting = count > 1 and stop_clearance > APART
-    touchable = near.any()
-    rows = 0
+    touchable, rows = near.any(), 0
     for _ in range(steps):
         step = int(clock[0])
         time = step * dt

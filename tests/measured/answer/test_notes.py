@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vehicle.measured.answer.notes import _of_clocks, _of_part
+from tests.measured.drawn import circle, log
+from vehicle.measured.answer.notes import _of_clocks, _of_logs, _of_part
+from vehicle.measured.replay.course import make_course
 
 
 def said(found: dict[str, dict[str, float] | None], *seconds: float) -> list[str]:
@@ -34,3 +36,11 @@ def test_a_part_of_long_logs_is_said() -> None:
     (told,) = _of_part(bench, SimpleNamespace(minutes=480.0))  # type: ignore[arg-type]
     assert "are told from 60 of 480 minutes" in told
     assert _of_part(bench, SimpleNamespace(minutes=60.0)) == ()  # type: ignore[arg-type]
+
+
+def test_a_log_without_heading_is_said_also_where_the_part_has_none_of_it() -> None:
+    logs: Any = [log(circle(0.0)), log(circle(0.0).drop(columns="heading_deg"))]
+    course = SimpleNamespace(remarks=(), stretches=make_course(logs[:1]).stretches)
+    bench: Any = SimpleNamespace(has_wheel=True, course=course)
+    said_of = [[line for line in _of_logs(some, bench) if "heading" in line] for some in (logs[:1], logs)]
+    assert said_of == [[], ["No heading was logged: the course of the positions stands in for it."]]

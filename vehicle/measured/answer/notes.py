@@ -35,7 +35,7 @@ def _of_logs(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
         )
     if any(one.target is None for one in bench.course.stretches):
         told.append("No commanded speed was logged: the speed block was not looked at.")
-    if any(not one.heading_seen for one in bench.course.stretches):
+    if any(log.heading_deg is None for log in logs):  # of all logs, as errors are: a part may lack some of them
         told.append("No heading was logged: the course of the positions stands in for it.")
     if len(logs) == 1:
         told.append("One run only: its own 20 s windows stand in for runs not used for fitting.")
