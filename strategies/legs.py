@@ -59,7 +59,8 @@ def way_legs(job: Job, path: Path, goal: Track) -> list[Leg]:
     The same one is written once for all plans of a site; its path is kept, as that is what it is known by.
     """
     key = id(path), goal.line, goal.piece
-    if key not in job.legs:
+    kept = job.legs.get(key)
+    if kept is None or kept[0] is not path:
         legs = driven_legs(job, path, task_on(WAY if path.kind == "route" else TURN, goal))
         job.legs[key] = path, tuple(legs)
     return list(job.legs[key][1])

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 
+LONGEST_S = 600.0
 PLANS = """
 import sys
 from planner.main import main
@@ -30,8 +31,12 @@ main()
 
 
 def warm() -> None:
-    """Compile what most tests need; a fault here is not told, as tests will show it."""
+    """Compile what most tests need, for ten minutes at most; a fault here is not told, as tests will show it."""
     with tempfile.TemporaryDirectory() as place:
         silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": place}
         for process in [subprocess.Popen([sys.executable, "-c", code], **silent) for code in (DRIVES, PLANS)]:
-            process.wait()
+            try:
+                process.wait(timeout=LONGEST_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

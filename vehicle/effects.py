@@ -25,6 +25,7 @@ TARGET_RATE = "rate of target speed"
 REST_KEY = "rest"
 SLOPE_DRIFT = "cross_slope_drift"
 ROUNDING = 1e-9
+OF_ANY_DRIVE_LINE = 0.05  # chosen, of slip: speeds differ by as much from what was set in any make
 MOST_SLIP = 0.2  # chosen: without a load wheels slip less, on soil that can be worked; a wrong command looks the same
 
 Values = Mapping[str, float]
@@ -206,7 +207,7 @@ CATALOGUE: tuple[Effect, ...] = (
         "wheel_slip", SPEED, (Param("ratio", "", 0.0, 0.08, 0.015, -0.5, 0.9),),
         lambda v: {"slip": v["ratio"]},
         lambda v: f"The tractor drives {100 * abs(v['ratio']):.0f} % {'slower' if v['ratio'] > 0 else 'faster'} over "
-                  "ground than commanded" + ("." if 0.0 < v["ratio"] < MOST_SLIP else
+                  "ground than commanded" + ("." if -OF_ANY_DRIVE_LINE < v["ratio"] < MOST_SLIP else
                   ": where wheels do not slip like this, the commanded speed is not what was driven."),
         "commanded speed", "straight ahead at a steady speed, implement up",
         plot=(PACE, TARGET), of_ground=True, starts=(0.1,),

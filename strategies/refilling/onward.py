@@ -19,6 +19,8 @@ from strategies.supply import HEADLAND, PLACE, Supply
 from strategies.ways.paths import Pose
 from vehicle.missions import REFILL, Leg, Mission, Plan
 
+ROUNDING = 1e-9  # of sums of the same legs in another order
+
 
 def supply_of(missions: Sequence[Sequence[Leg]], width_m: float, where: str) -> Supply | None:
     """What tractors with these legs carry, in square metres worked; None where none of them stops.
@@ -29,7 +31,7 @@ def supply_of(missions: Sequence[Sequence[Leg]], width_m: float, where: str) -> 
     if not stops_s:
         return None
     most_m = max(metres for legs in missions for metres in _loads_m(legs))
-    return Supply(most_m * width_m, 1.0, max(stops_s), where=PLACE if berths_of(missions) else where)
+    return Supply(most_m * (1.0 + ROUNDING) * width_m, 1.0, max(stops_s), where=PLACE if berths_of(missions) else where)
 
 
 def _loads_m(legs: Sequence[Leg]) -> Iterator[float]:
