@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,10 @@ from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.remaining import rest_of
 from planner.service.centre.replanning import Proposal, _cut, _still_there, _supply, _unknown_load, replanned
 from planner.site import prepare
+from strategies.refilling.onward import taken_up
 from strategies.supply import Supply
 from tests.service.test_replanning import FIELD, at
-from vehicle.missions import REFILL, Leg, Mission, Plan
+from vehicle.missions import REFILL, TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.plan_file import plan_to_json
 from vehicle.rehearsal import Rehearsal
 from vehicle.run import Run
@@ -177,3 +179,11 @@ def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPl
     notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
     dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
     assert _unknown_load(dry, None) is None
+
+
+def test_a_track_that_is_worked_on_straight_is_not_left_for_a_load_half_way() -> None:
+    ways = [((0, 0), (50, 0), TRACK), ((50, 0), (80, 0), TRACK), ((80, 0), (80, 3), TURN), ((80, 3), (20, 3), TRACK)]
+    legs = [Leg(np.array([a, b], dtype=float), 1.0, implement=kind == TRACK, task=Task(kind)) for a, b, kind in ways]
+    job: Any = SimpleNamespace(layout=SimpleNamespace(width_m=1.0), tractors=1)
+    found = taken_up(job, Supply(100.0, 1.0, STAND_S), legs, 1)
+    assert [leg.stand_s for leg in found] == [0.0, 0.0, STAND_S, 0.0]
