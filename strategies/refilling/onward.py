@@ -66,10 +66,11 @@ def taken_up(job: Job, supply: Supply, legs: Sequence[Leg], own: int, known: tup
     since = max((number for number in range(own) if legs[number].stand_s > 0.0), default=0)
     tail, kept = Mission(tuple(legs[since:])), own - since
     pieces = pieces_of(job, supply, tail)
-    later = [piece for piece in pieces if piece.first >= kept]
+    begun, later = [p for p in pieces if p.first < kept], [p for p in pieces if p.first >= kept]
     if not later:
         return list(legs)
-    used = math.fsum(piece.need for piece in pieces if piece.first < kept)
+    kept = max([kept, *(piece.last for piece in begun)])  # a track that is worked on straight is not left half-way
+    used = math.fsum(piece.need for piece in begun)
     gaps = Going(job, supply, tail, [Piece(0, kept, min(used, supply.capacity)), *later], known=known)
     return [*legs[:since], *filled_between(gaps).legs]
 

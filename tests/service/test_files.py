@@ -157,6 +157,15 @@ def test_a_shapefile_without_prj_is_read_as_is_said_of_it(client: TestClient, to
     assert client.app.state.store.jobs()[0].work["crs"] == "EPSG:25832"  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize(("corner", "words"), [(b"NaN", "is not finite"), (b"1e308", "no map reaches so far")])
+def test_a_field_that_is_nowhere_is_not_kept(
+    client: TestClient, token: dict[str, str], corner: bytes, words: str
+) -> None:
+    refused = upload(client, "fields", token, "north.geojson", SMALL.replace(b"80.0", corner, 1))
+    assert refused.status_code == 422 and words in refused.json()["error"] and refused.json()["parameter"] == "file"
+    assert client.get("/api/v1/fields/north").status_code == 404
+
+
 @pytest.mark.filterwarnings("ignore:'crs' was not provided")
 def test_exchanged_coordinates_are_put_right_when_it_is_said(client: TestClient, token: dict[str, str]) -> None:
     content = shapefile([(north, east) for east, north in HERE_M])

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from planner.candidates.evaluate import Candidate, simulated
@@ -15,15 +19,18 @@ from planner.saving import saved_plan
 from planner.scenario import Scenario
 from planner.service.centre import replanning
 from planner.service.centre.centre import Centre
+from planner.service.centre.course import Course
 from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, prepared
 from planner.service.centre.remaining import rest_of
-from planner.service.centre.replanning import Proposal, _still_there, replanned
+from planner.service.centre.replanning import Proposal, _cut, _still_there, _supply, _unknown_load, replanned
 from planner.site import prepare
+from strategies.refilling.onward import taken_up
 from strategies.supply import Supply
 from tests.service.test_replanning import FIELD, at
-from vehicle.missions import REFILL, Leg
+from vehicle.missions import REFILL, TRACK, TURN, Leg, Mission, Plan, Task
 from vehicle.plan_file import plan_to_json
+from vehicle.rehearsal import Rehearsal
 from vehicle.run import Run
 
 WIDTH_M, LOAD_M2, STAND_S = 3.0, 620.0, 60.0
@@ -110,7 +117,8 @@ def test_notes_that_somebody_made_up_keep_no_fleet_from_being_planned_anew(plan:
     whole = plan.plan.missions
     place = {"x_m": 0, "y_m": 0}
     made_up = [None, "x", {}, {"tractor": 99, "leg": 0} | place, {"tractor": 0, "leg": -1} | place,
-               {"tractor": 1, "leg": "a"} | place, {"tractor": 1, "leg": 0, "x_m": [], "y_m": 0}]  # fmt: skip
+               {"tractor": 1, "leg": "a"} | place, {"tractor": 1, "leg": 0, "x_m": 10**400, "y_m": 0},
+               {"tractor": 10**400, "leg": 0} | place, {"tractor": 1, "leg": 0, "x_m": [], "y_m": 0}]  # fmt: skip
     assert not any(_still_there(stop, whole) for stop in made_up)
     assert all(_still_there(stop, whole) for stop in plan.plan.notes["refills"])
 
@@ -121,3 +129,61 @@ def test_a_plan_that_stands_for_longer_than_a_day_is_refused_at_once(plan: Fleet
     told["tractors"][1][3]["stand_s"] = 1e18
     with pytest.raises(CentreError, match=r"Tractor 2 of the plan stands for 1e\+18 s; at most 86400 s"):
         prepared(json.dumps(told))
+
+
+@pytest.mark.parametrize("place", [[1e300, 0.0], [0.0, -2e8]])
+def test_a_plan_that_lies_nowhere_is_refused(plan: FleetPlan, place: list[float]) -> None:
+    saved = plan.saved
+    told = json.loads(plan_to_json(saved.plan, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground))
+    told["origin_m"] = place
+    with pytest.raises(CentreError, match=r"reaches (1e\+300|2e\+08) m from the origin .* at most 1e\+08 m are taken"):
+        prepared(json.dumps(told))
+
+
+def test_who_stands_for_a_load_does_so_in_the_rest_though_its_place_is_not_known_to_the_centimetre() -> None:
+    stands = Leg(np.array([(0.0, 0.0), (30.0, 0.0)]), 1.0, stand_s=STAND_S)
+    assert _cut(stands, 0.3).stand_s == STAND_S and _cut(stands, 5.0).stand_s == 0.0
+
+
+def test_a_rest_with_long_stands_is_waited_for(monkeypatch: pytest.MonkeyPatch, plan: FleetPlan) -> None:
+    """Half an hour of standing is no standstill: a rehearsal goes on for as long as stands ask for."""
+    least: list[float] = []
+
+    def simulate(self: Rehearsal, what: Plan, max_time_s: float, *more: Any) -> Run:
+        least.append(max_time_s - sum(leg.stand_s for each in what.missions for leg in each.legs))
+        raise CentreError("It is seen.")
+
+    monkeypatch.setattr(Rehearsal, "simulate", simulate)
+    centre = at(replace(plan, courses=tuple(longer(course) for course in plan.courses)), 0.45)
+    centre.fail("anna", 1, 1.0)
+    with pytest.raises(CentreError):
+        replanned(rest_of(centre, [], 100.0))
+    assert least and min(least) > 0.0
+
+
+def longer(course: Course) -> Course:
+    """The same with stands of half a day."""
+    legs = tuple(replace(leg, stand_s=40000.0 if leg.stand_s else 0.0) for leg in course.legs)
+    return replace(course, mission=Mission(legs))
+
+
+def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPlan) -> None:
+    none = tuple(
+        replace(course, mission=Mission(tuple(replace(leg, stand_s=0.0) for leg in course.legs)))
+        for course in plan.courses
+    )
+    bare = replace(plan, courses=none)
+    told = _unknown_load(bare, _supply(bare))
+    assert told is not None and "look to the tanks" in told
+    assert _unknown_load(plan, _supply(plan)) is None
+    notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
+    dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
+    assert _unknown_load(dry, None) is None
+
+
+def test_a_track_that_is_worked_on_straight_is_not_left_for_a_load_half_way() -> None:
+    ways = [((0, 0), (50, 0), TRACK), ((50, 0), (80, 0), TRACK), ((80, 0), (80, 3), TURN), ((80, 3), (20, 3), TRACK)]
+    legs = [Leg(np.array([a, b], dtype=float), 1.0, implement=kind == TRACK, task=Task(kind)) for a, b, kind in ways]
+    job: Any = SimpleNamespace(layout=SimpleNamespace(width_m=1.0), tractors=1)
+    found = taken_up(job, Supply(100.0, 1.0, STAND_S), legs, 1)
+    assert [leg.stand_s for leg in found] == [0.0, 0.0, STAND_S, 0.0]

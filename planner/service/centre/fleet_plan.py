@@ -30,6 +30,7 @@ from vehicle.world import simulate
 NEARER = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
 LEAST_S = 0.05
 LONGEST_STANDS_S = 86400.0  # of one tractor of a plan, all its refills
+FARTHEST_M = 1e8  # that frames of the link take, more than twice round the earth
 Ring = tuple[tuple[float, float], ...]
 
 
@@ -106,6 +107,7 @@ def prepared(
     """
     saved = saved_from_json(text)
     _check_stands(saved.plan)
+    _check_place(saved)
     scenario = scenario_of(saved)
     if tractor is not None:
         scenario = replace(scenario, tractor=str(tractor))
@@ -134,6 +136,17 @@ def _check_stands(plan: Plan) -> None:
                 f"Tractor {number} of the plan stands for {stands_s:.6g} s; at most {LONGEST_STANDS_S:.0f} s, a day, "
                 "are taken.", parameter="plan",
             )  # fmt: skip
+
+
+def _check_place(saved: SavedPlan) -> None:
+    """Raise CentreError for a plan that lies where no tractor can report to be."""
+    ends_m = [np.abs(leg.points).max() for mission in saved.plan.missions for leg in mission.legs]
+    farthest_m = float(max(map(abs, saved.origin_m))) + float(max(ends_m))
+    if not farthest_m <= FARTHEST_M:
+        raise CentreError(
+            f"The plan reaches {farthest_m:.3g} m from the origin of its coordinate system; at most {FARTHEST_M:g} m "
+            "are taken: give origin_m and points in metres of the field.", parameter="plan",
+        )  # fmt: skip
 
 
 Timed = tuple[tuple[Course, ...], tuple[float, ...], float]

@@ -22,7 +22,7 @@ from planner.service.centre.errors import CentreError
 from planner.service.centre.fleet_plan import FleetPlan, timed
 from planner.service.centre.handing_over import Hand, Piece, hand_over, pieces_left, pose_at
 from planner.service.centre.releasing import passed
-from planner.service.centre.remaining import LEAST_M, Rest
+from planner.service.centre.remaining import LEAST_M, MOVED_M, Rest
 from planner.service.centre.waiting import waiting_where_it_can
 from planner.site import Site, prepare
 from planner.yielding.deconflict import without_conflicts
@@ -117,7 +117,7 @@ def _attempt(rest: Rest, site: Site, blocked: shapely.Geometry, helpers: Sequenc
     blocked_m = sum(metres for _, metres in shares)
     others = [n for n in range(plan.tractors) if n not in rest.without]
     eta_s = float(max(run.finish_s[n] for n in others)) / rest.times
-    told = _told(rest, left, blocked_m)
+    told = " ".join(filter(None, (_told(rest, left, blocked_m), _unknown_load(plan, supply)))) or None
     return Proposal(_whole_plan(rest, missions, run), tuple(ends), eta_s, moved, left, blocked_m, told)
 
 
@@ -128,6 +128,13 @@ def _told(rest: Rest, left_m: float, blocked_m: float) -> str | None:
     near = f"{blocked_m:.0f} m of track lie too near to {' and '.join(here)} and stay open."
     far = f"{left_m:.0f} m of track cannot be reached and stay open."
     return " ".join(words for words, metres in ((near, blocked_m), (far, left_m)) if metres >= 0.5) or None
+
+
+def _unknown_load(plan: FleetPlan, supply: Supply | None) -> str | None:
+    """A sentence where tractors carry something and the plan does not tell how much, as a load lasted for each."""
+    if supply is not None or "refills" not in plan.plan.notes:
+        return None
+    return "How much a load is the plan does not tell, as nobody stops for one in it: look to the tanks."
 
 
 def _blocked(rest: Rest, site: Site, keep_m: float) -> shapely.Geometry:
@@ -305,7 +312,7 @@ def _cut(leg: Leg, driven_m: float) -> Leg:
     """What is left of a leg."""
     line = shapely.LineString(leg.points)
     rest = shapely.ops.substring(line, min(max(driven_m, 0.0), line.length - LEAST_M), line.length)
-    stand_s = leg.stand_s if driven_m <= LEAST_M else 0.0  # for how long it stands already nobody knows
+    stand_s = leg.stand_s if driven_m <= MOVED_M else 0.0  # for how long it stands already nobody knows
     return replace(leg, points=np.asarray(rest.coords), gates=(), stand_s=stand_s)
 
 
@@ -336,7 +343,8 @@ def _without_meetings(rest: Rest, site: Site, plan: Plan) -> Run:
     )
 
     def patience_s(what: Plan) -> float:
-        return 600.0 + 2.0 * sum(leg.length_m / leg.speed_mps for one in what.missions for leg in one.legs)
+        legs = [leg for mission in what.missions for leg in mission.legs]
+        return 600.0 + sum(leg.stand_s + 2.0 * leg.length_m / leg.speed_mps for leg in legs)
 
     def alone(mission: Mission) -> Run:
         single = Plan((mission,))
@@ -386,5 +394,5 @@ def _still_there(stop: Any, wholes: Sequence[Mission]) -> bool:
         number, k, place = stop["tractor"] - 1, stop["leg"], (stop["x_m"], stop["y_m"])
         leg = wholes[number].legs[k]
         return number >= 0 and k >= 0 and leg.stand_s > 0.0 and math.dist(leg.points[0], place) < LEAST_M
-    except (TypeError, KeyError, IndexError):
+    except (TypeError, KeyError, IndexError, OverflowError):
         return False

@@ -39,10 +39,25 @@ def field_summary(place: str, key: str | None = None, **said: Any) -> dict[str, 
 
 
 def field_upload(place: str, **said: Any) -> dict[str, Any]:
-    """How many fields a file holds; raises FieldError for one that holds none."""
+    """How many fields a file holds; raises FieldError for one that holds none, or none that can be read at all."""
+    from fields.errors import FieldError
     from fields.read import list_fields
 
-    return {"fields": len(list_fields(place, **said))}
+    listed = list_fields(place, **said)
+    if listed and not any(_readable(place, how) for how in (said, said | {"local": True}, said | {"swap": True})):
+        raise FieldError(listed[0].fault)
+    return {"fields": len(listed)}
+
+
+def _readable(place: str, how: dict[str, Any]) -> bool:
+    """Whether any field of a file can be used where it is read so, as may be said of it later."""
+    from fields.errors import FieldError
+    from fields.read import list_fields
+
+    try:
+        return not all(one.fault for one in list_fields(place, **how))
+    except FieldError:
+        return False
 
 
 def _field(field: Field) -> dict[str, Any]:
