@@ -16,6 +16,7 @@ from vehicle.run import Run
 from vehicle.world import World
 
 MOST_ROWS = 5_000_000  # of the records that are kept: some 300 MB
+MOST_OF_A_PLAN = 2_500_000  # rows of a plan: above it is driven one tractor after another, which holds fewer at once
 ROWS_PER_S = 10.0
 ABREAST = 8  # as many are driven in one world: it takes little for itself then, and all are done at nearly one time
 
@@ -77,7 +78,7 @@ class Alone:
     def _drive_of_plan(self, key: bytes) -> None:
         """Drive the tractor of an expected plan that has a key, and others with it."""
         one = next((one for one in self._expected if key in one.keys), None) if self.rehearsal else None
-        if one is None or self.rehearsal is None:
+        if one is None or self.rehearsal is None or _rows(one.plan.missions) > MOST_OF_A_PLAN:
             return
         number, missions = one.keys.index(key), one.plan.missions
         numbers = [number]
@@ -93,9 +94,14 @@ class Alone:
 
     def _forget_for(self, missions: Sequence[Mission]) -> None:
         """Make room for what is driven next."""
-        coming = ROWS_PER_S * math.fsum(asked_s(mission) for mission in missions)
+        coming = _rows(missions)
         while self._known and sum(len(run.time_s) for run in self._known.values()) + coming > MOST_ROWS:
             del self._known[next(iter(self._known))]
+
+
+def _rows(missions: Sequence[Mission]) -> float:
+    """About how many rows the records of missions have."""
+    return ROWS_PER_S * math.fsum(asked_s(mission) for mission in missions)
 
 
 def patience_s(plan: Plan) -> float:
