@@ -240,17 +240,3 @@ def test_who_is_driven_by_hand_keeps_nobody_else_standing() -> None:
         fleet.centre.reported(0, Report(x, 20.0, 0.0, 1.0, 1.0, mode="manual", leg_m=20.0), fleet.now)
         fleet.run(0.1)
     assert fleet.centre.states[0].report is not None and NEAR not in fleet.centre.states[1].holds
-
-
-def test_who_is_driven_by_hand_is_not_held_for_another_without_an_alarm() -> None:
-    """A driver leads one away from the other, off its leg: once they are apart nothing holds it, or is told of it."""
-    fleet = behind(0.3)
-    fleet.silent = {0}
-    for step in range(120):
-        x = min(0.4 * step, 8.0)
-        speed = 4.0 if x < 8.0 else 0.0
-        fleet.centre.reported(0, Report(x, 20.0, 0.0, speed, speed, mode="manual", leg_m=20.0), fleet.now)
-        fleet.run(0.1)
-        on = fleet.centre.alarms.on("near 2", 0)
-        assert step < 100 or (NEAR in fleet.centre.states[0].holds) == on, step
-    assert not any(NEAR in state.holds for state in fleet.centre.states) and not on

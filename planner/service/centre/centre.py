@@ -292,8 +292,8 @@ class Centre(Operated):
             self.alarms.ended(_near(other), one)
         for number, state in near.items():
             on = [pair for pair in pairs if number in pair and self.alarms.on(_near(pair[1]), pair[0])]
-            if (DRIVEN in state.holds or state.mode in BY_HAND) and not on:
-                state.holds.discard(NEAR)  # where it goes is its driver's; an operator is asked at every command
+            if DRIVEN in state.holds and not on:
+                state.holds.discard(NEAR)  # what its operator may do is asked at every command
         waiting = [n for n, state in near.items() if NEAR in state.holds and DRIVEN not in state.holds]
         reports = [near[n].report for n in alone]
         moving = any(report is not None and report.speed_mps > MOVING_MPS for report in reports)
