@@ -98,9 +98,9 @@ def test_progress_never_runs_past_its_estimate() -> None:
 def test_notes_of_logs_say_what_was_missing() -> None:
     bench = bench_of("there-and-back", {})
     assert _of_logs([], bench) == ()
-    bare = tuple(replace(one, wheel=None, target=None, heading_seen=False) for one in bench.course.stretches)
+    bare = tuple(replace(one, wheel=None, target=None) for one in bench.course.stretches)
     lines = _of_logs([], replace(bench, course=replace(bench.course, stretches=bare)))
-    assert [line.split(" was")[0] for line in lines] == ["No wheel angle", "No commanded speed", "No heading"]
+    assert [line.split(" was")[0] for line in lines] == ["No wheel angle", "No commanded speed"]
 
 
 def test_notes_of_a_file_say_what_became_of_its_effects_and_its_rest() -> None:
