@@ -1,7 +1,7 @@
 """The simulator compiled once, before tests start that would each compile it at the same time.
 
-Two processes share the work: one plans a field with every strategy, one diagnoses logs and checks a tractor. Where all
-is compiled already they take some seconds.
+Two processes share the work: one plans a field with every strategy, one diagnoses logs. Where all is compiled already
+they take some seconds.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ sys.argv = ["headland", "plan", "netherlands", "--width", "6", "--tractors", "1-
 main()
 """
 DRIVES = """
-import os, sys
+import sys
 from pathlib import Path
 from planner.main import main
 from tests.truth.model import make_logs
-here = Path(os.getcwd())
+here = Path.cwd()
 for number, log in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:8]):
     log.to_csv(here / f"{number}.csv", index=False)
 sys.argv = ["headland", "diagnose", *map(str, sorted(here.glob("*.csv"))), "--json"]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.vehicle.bits import assert_same_bits
 from vehicle.gnss import default_table
 from vehicle.missions import LEAVE, Gate, Mission, Plan, Task
 from vehicle.rehearsal import SNAPSHOT_S, Rehearsal
@@ -35,15 +36,6 @@ def standing(plan: Plan, tractor: int, leg: int, stand_s: float) -> Plan:
     legs[leg] = replace(legs[leg], stand_s=stand_s)
     missions[tractor] = Mission(tuple(legs))
     return Plan(tuple(missions))
-
-
-def assert_same_bits(run: Run, other: Run) -> None:
-    assert run.outcome == other.outcome
-    assert run.record.tobytes() == other.record.tobytes()
-    assert run.time_s.tobytes() == other.time_s.tobytes()
-    assert run.finish_s.tobytes() == other.finish_s.tobytes()
-    assert (run.contacts, run.conflict) == (other.contacts, other.conflict)
-    assert run.min_clearance_m == other.min_clearance_m
 
 
 def in_world(plan: Plan, tractor: Tractor, implement: Implement) -> Run:

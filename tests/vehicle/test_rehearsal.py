@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.vehicle.bits import assert_same_bits
 from vehicle.gnss import default_table
 from vehicle.missions import Gate, Mission, Plan
 from vehicle.rehearsal import SNAPSHOT_S, Rehearsal, same_legs
-from vehicle.run import Run
 from vehicle.tractor import Implement, Tractor
 from vehicle.world import World
 
@@ -30,15 +30,6 @@ def slower(plan: Plan, tractor: int, leg: int) -> Plan:
     missions = list(plan.missions)
     missions[tractor] = Mission(tuple(legs))
     return replace(plan, missions=tuple(missions))
-
-
-def assert_same_bits(run: Run, other: Run) -> None:
-    assert run.outcome == other.outcome
-    assert run.record.tobytes() == other.record.tobytes()
-    assert run.time_s.tobytes() == other.time_s.tobytes()
-    assert run.finish_s.tobytes() == other.finish_s.tobytes()
-    assert (run.contacts, run.conflict) == (other.contacts, other.conflict)
-    assert run.min_clearance_m == other.min_clearance_m
 
 
 @pytest.mark.parametrize("gnss", [False, True])

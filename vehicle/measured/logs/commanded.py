@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vehicle.effects import OF_ANY_DRIVE_LINE
 from vehicle.measured.logs.motion import motion
 from vehicle.measured.logs.record import Array, Log, Mask
 
-_LEAST_FACTOR, _SURE, _ALIKE = 1.05, 5.0, 0.03  # the first as of the speed sensor; less is of any drive line
+_LEAST_FACTOR, _SURE, _ALIKE = 1.0 + OF_ANY_DRIVE_LINE, 5.0, 0.03  # the first as of the speed sensor
 _STRAIGHT_PER_M = 0.03  # in bends the antenna is faster than the tractor
 _STEADY_S, _SAME_MPS = 6.0, 0.02  # of the command before: longer than any drive line takes
 _PACE_CHANGED = 0.3  # of the median pace, between the slower and the faster tenth of the drive

@@ -1,0 +1,13 @@
+"""Two runs that must be the same bit for bit."""
+
+from vehicle.run import Run
+
+
+def assert_same_bits(run: Run, other: Run) -> None:
+    """All that a run tells is the same in both."""
+    assert run.outcome == other.outcome
+    assert run.record.tobytes() == other.record.tobytes()
+    assert run.time_s.tobytes() == other.time_s.tobytes()
+    assert run.finish_s.tobytes() == other.finish_s.tobytes()
+    assert (run.contacts, run.conflict) == (other.contacts, other.conflict)
+    assert run.min_clearance_m == other.min_clearance_m
