@@ -16,7 +16,7 @@ from planner.candidates.choosing import Limits, best_first, untried
 from planner.candidates.headland import headland_s, with_headland
 from planner.candidates.other_orders import TOLD, other_orders
 from planner.candidates.refills import check_leave, crowded, refilled
-from planner.candidates.slowing import cures, left_m, mended
+from planner.candidates.slowing import Cured, cured_turns, cures, left_m, mended, with_cured
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
 from planner.candidates.within_reach import built_within_reach
 from planner.ground.measure import Coverage, coverage, excursion, finite_or_none, outline_excursion_m, reversals
@@ -188,9 +188,13 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     first: CandidateRun | None = None
     slower: Beaten | None = None
     tried: list[Plan] = []
+    cured: Cured = {}
 
     def drive(choice: Refined) -> CandidateRun:
-        return _run_plan(site, strategy, job, choice, simulate, give_way)
+        plan = with_cured(choice.plan, cured, site)
+        if plan is not choice.plan:
+            choice = replace(choice, plan=plan, run=None)
+        return _run_plan(site, strategy, job, choice, simulate, give_way, cured)
 
     for dry in with_headland(site, job, refined):
         every = refilled(job, strategy, dry)
@@ -231,12 +235,13 @@ def _give_way(site: Site, alone: Alone) -> GiveWay:
 
 
 def _run_plan(
-    site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate, give_way: GiveWay
-) -> CandidateRun:
+    site: Site, strategy: Strategy, job: Job, refined: Refined, simulate: Simulate, give_way: GiveWay,
+    cured: Cured | None = None,
+) -> CandidateRun:  # fmt: skip
     repairs = strategy.most_repairs
     run, reason = _driven(refined, simulate, repairs, give_way)
     if reason is None:
-        run, worst = _steadied(site, refined.plan, run, simulate, repairs, give_way)
+        run, worst = _steadied(site, refined.plan, run, simulate, repairs, give_way, cured)
         reason = _fault(site, run, worst) or crowded(run, job)
     told = [] if reason else _told(site, run, worst)
     return CandidateRun(run, reason, _turns(job), _joined(refined.remark, *told))
@@ -298,9 +303,12 @@ def _driven(refined: Refined, simulate: Simulate, most_repairs: int, give_way: G
 
 
 def _steadied(
-    site: Site, plan: Plan, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay
-) -> tuple[Run, Slip | None]:
+    site: Site, plan: Plan, run: Run, simulate: Simulate, most_repairs: int, give_way: GiveWay,
+    known: Cured | None = None,
+) -> tuple[Run, Slip | None]:  # fmt: skip
     """The run with turns that it followed badly driven otherwise where that helps, and the worst that is left.
+
+    What helped is added to what is `known`.
 
     Where tractors meet with the gates of the run, and a turn leaves the field, `plan` as it was before it had gates
     is given others.
@@ -317,6 +325,8 @@ def _steadied(
             again, fault = without_conflicts(mended(plan, cured), simulate, most_repairs, give_way)
         left = turns if fault else slips(again, site)
         if left_m(left) <= left_m(turns) - SMALLEST_GAIN_M and worst_aside(left) <= worst_aside(turns):
+            if known is not None:
+                known |= cured_turns(run.plan, cured, site)
             run, turns = again, left
     return run, max(turns, key=lambda slip: slip.metres, default=None)
 

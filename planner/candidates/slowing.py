@@ -6,16 +6,23 @@ Slowing makes some turns worse, so that driving tells.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from planner.candidates.rerouting import another_way, with_turns
-from planner.candidates.steady import ASIDE_M, Slip, turn_start
+from planner.candidates.steady import ASIDE_M, Slip, tracks_begun, turn_start
 from planner.candidates.turn_alone import turn_of
 from planner.site import Site
 from vehicle.missions import Leg, Plan
 
 SLOWER = (0.6, 0.36)
 WORTH_M = 0.05  # of being nearer to the line: less is not worth the time
+
+
+Cured = dict[bytes, tuple[Leg, ...]]
+"""Legs that turns are better driven by, by what the turns are."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,36 @@ def mended(plan: Plan, cured: list[Cure]) -> Plan:
         tractor, leg = cure.slip.tractor, cure.slip.leg
         turns[tractor, turn_start(plan.missions[tractor], leg), leg] = cure.legs
     return with_turns(plan, turns)
+
+
+def cured_turns(plan: Plan, cured: Iterable[Cure], site: Site) -> Cured:
+    """How turns of a plan are better driven, for other plans that have them; without those in which others count."""
+    return {turn_of(plan, cure.slip, site).key: cure.legs for cure in cured if _by_itself(cure.legs)}
+
+
+def with_cured(plan: Plan, cured: Mapping[bytes, tuple[Leg, ...]], site: Site) -> Plan:
+    """The plan with the turns that are known to be better driven otherwise; itself where it has none of them."""
+    turns = {}
+    for tractor, mission in enumerate(plan.missions if cured else ()):
+        for leg in tracks_begun(mission):
+            first = turn_start(mission, leg)
+            better = cured.get(turn_of(plan, Slip(tractor, leg, 0.0), site).key)
+            if better is not None and _by_itself(mission.legs[first:leg]):
+                turns[tractor, first, leg] = _as_begun(mission.legs[first:leg], better)
+    return with_turns(plan, turns) if turns else plan
+
+
+def _by_itself(legs: Sequence[Leg]) -> bool:
+    """Whether a tractor follows nobody and stands nowhere on some legs."""
+    return not any(leg.follow or leg.stand_s for leg in legs)
+
+
+def _as_begun(legs: Sequence[Leg], better: Sequence[Leg]) -> tuple[Leg, ...]:
+    """Better legs of a turn with the gates of those of a plan, which stay with each where the way is the same."""
+    pairs = list(zip(legs, better, strict=False))
+    if len(legs) == len(better) and all(np.array_equal(leg.points, other.points) for leg, other in pairs):
+        return tuple(replace(leg, speed_mps=other.speed_mps) for leg, other in pairs)
+    return tuple(replace(leg, gates=()) for leg in better)
 
 
 def _cure(plan: Plan, slip: Slip, site: Site) -> Cure | None:

@@ -38,7 +38,7 @@ def slips(run: Run, site: Site) -> list[Slip]:
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
         path, at_leg, poses = guided_point(run, site, tractor), run.leg(tractor), run.poses(tractor)
-        legs = _tracks_begun(mission)
+        legs = tracks_begun(mission)
         starts = _reached(at_leg, [turn_start(mission, leg) for leg in legs])
         ends = [begun + 1 for begun in _reached(at_leg, legs)]
         beyond_m = _beyond_m(path, _rows(starts, ends, len(path)), site)
@@ -96,7 +96,7 @@ def worst_aside(turns: list[Slip]) -> float:
     return max((slip.metres for slip in turns), default=0.0)
 
 
-def _tracks_begun(mission: Mission) -> list[int]:
+def tracks_begun(mission: Mission) -> list[int]:
     """First working leg of every track and of every side of a round that is not joined to the one before."""
     legs = mission.legs
     return [k for k in range(1, len(legs)) if legs[k].implement and not legs[k - 1].implement]

@@ -1,6 +1,8 @@
 """A turn of a plan driven alone: the end of the track before, the turn, the begin of the track it leads to.
 
-That costs a minute of simulated time where driving the whole plan again costs hours.
+That costs a minute of simulated time where driving the whole plan again costs hours. The controller looks at the path
+ten times a second, so that a turn begins up to 0.15 m sooner or later, and may come too near to something in one plan
+and not in another: it is driven from several places within one look, and the worst counts.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ from vehicle.world import simulate
 
 LEAD_M, TAIL_M = 40.0, 2.0  # of the tracks before and after: enough to come to speed and to settle
 LONGEST_S = 900.0
+PLACES = 4  # chosen: a quarter of a look apart is 4 cm at working speed
+SHORTEST_M = 1.0  # of a part that places are shifted along
 Points = npt.NDArray[np.float64]
 
 
@@ -39,11 +43,35 @@ class TurnAlone:
         As in planner.candidates.steady: beside the line it leads to, or outside the field if that is worse. The same
         turn is driven once, whichever plans of a site have it.
         """
-        driven = tuple(replace(leg, gates=(), follow=None, stand_s=0.0) for leg in (*self.before, *legs, self.after))
+        driven = self._by(legs)
         key, known = turn_key(driven), self.site.turns_tried
         if key not in known:
-            known[key] = self._driven_off_m(driven)
+            known[key] = self._worst_m(driven)
         return known[key]
+
+    @property
+    def key(self) -> bytes:
+        """What it is, whichever plan has it."""
+        return turn_key(self._by(self.legs))
+
+    def _by(self, legs: Sequence[Leg]) -> tuple[Leg, ...]:
+        return tuple(replace(leg, gates=(), follow=None, stand_s=0.0) for leg in (*self.before, *legs, self.after))
+
+    def _worst_m(self, legs: tuple[Leg, ...]) -> float | None:
+        worst = 0.0
+        for later_m in self._places_m(legs[0]):
+            off = self._driven_off_m((_part(legs[0], later_m - legs[0].length_m), *legs[1:]) if later_m else legs)
+            if off is None:
+                return None
+            worst = max(worst, off)
+        return worst
+
+    def _places_m(self, first: Leg) -> list[float]:
+        """By how much later on the first leg the tractor may as well begin (m)."""
+        if not self.before or first.length_m < SHORTEST_M:
+            return [0.0]
+        look_m = first.speed_mps / self.site.tractor.guidance.rate_hz
+        return [place * look_m / PLACES for place in range(PLACES)]
 
     def _driven_off_m(self, legs: tuple[Leg, ...]) -> float | None:
         run = simulate(Plan((Mission(legs),)), self.site.tractor, self.site.implement, max_time_s=LONGEST_S)
@@ -74,8 +102,23 @@ def turn_of(plan: Plan, slip: Slip, site: Site) -> TurnAlone:
     """The turn that was followed badly."""
     legs = plan.missions[slip.tractor].legs
     first = turn_start(plan.missions[slip.tractor], slip.leg)
-    before = (_part(legs[first - 1], -LEAD_M),) if first else ()
-    return TurnAlone(site, before, legs[first : slip.leg], _part(legs[slip.leg], TAIL_M))
+    return TurnAlone(site, _lead(legs, first), legs[first : slip.leg], _part(legs[slip.leg], TAIL_M))
+
+
+def _lead(legs: Sequence[Leg], first: int) -> tuple[Leg, ...]:
+    """The last LEAD_M before a leg, of the legs that work on the same track as the one before it."""
+    lead: list[Leg] = []
+    left_m, number = LEAD_M, first - 1
+    while left_m > 0.0 and number >= 0 and (not lead or _goes_on(legs[number], lead[0])):
+        lead.insert(0, _part(legs[number], -left_m))
+        left_m -= legs[number].length_m
+        number -= 1
+    return tuple(lead)
+
+
+def _goes_on(leg: Leg, after: Leg) -> bool:
+    """Whether a tractor that is on a leg is on the same line as on the one after it, and drives on without a halt."""
+    return leg.task == after.task and leg.task.works and leg.gear == after.gear and after.stand_s == 0.0
 
 
 def _part(leg: Leg, metres: float) -> Leg:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from planner.candidates import evaluate, slowing, turn_alone
-from planner.candidates.steady import Slip
+from planner.candidates.steady import Slip, turn_start
 from planner.site import Site
 from strategies.registry import STRATEGIES
-from vehicle.missions import Gate, Plan
+from vehicle.missions import Follow, Gate, Leg, Mission, Plan
 from vehicle.run import DONE, Run
 
 
@@ -44,6 +44,48 @@ def test_turns_that_differ_are_told_apart(small_site: Site) -> None:
     assert turn_alone.turn_key(
         tuple(replace(leg, may_wait=not leg.may_wait) for leg in legs)
     ) == turn_alone.turn_key(tuple(legs))
+
+
+def test_the_worst_counts_of_where_a_turn_may_begin(small_site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over a third of the distance between two looks at the path it comes too near, elsewhere it does not."""
+    legs = STRATEGIES["split-field"].build(small_site.job(1)).missions[0].legs
+    first = next(n for n in range(1, len(legs)) if legs[n].implement and not legs[n - 1].implement)
+    slip = Slip(0, next(n for n in range(first + 1, len(legs)) if legs[n].implement and not legs[n - 1].implement), 0.5)
+    begun: list[float] = []
+
+    def driven(turn: turn_alone.TurnAlone, tried: tuple[Leg, ...]) -> float:
+        begun.append(sum(leg.length_m for leg in turn.before) - sum(leg.length_m for leg in tried[: len(turn.before)]))
+        return 0.7 if begun[-1] > 0.06 else 0.1
+
+    monkeypatch.setattr(turn_alone.TurnAlone, "_driven_off_m", driven)
+    turn = turn_alone.turn_of(Plan((Mission(legs),)), slip, replace(small_site))
+    assert turn.off_m(turn.legs) == 0.7
+    look_m = turn.before[0].speed_mps / small_site.tractor.guidance.rate_hz
+    assert begun == pytest.approx([0.0, 0.25 * look_m, 0.5 * look_m, 0.75 * look_m], abs=1e-9)
+    assert 39.0 < sum(leg.length_m for leg in turn.before) <= 40.0 + 1e-9 and len(turn.before) > 1
+
+
+def test_what_mends_a_turn_in_one_plan_is_taken_over_to_others(small_site: Site) -> None:
+    """With the gates of the other plan; a turn in which a tractor follows another is left alone."""
+    plan = STRATEGIES["split-field"].build(small_site.job(2))
+    legs = plan.missions[1].legs
+    goals = [n for n in range(1, len(legs)) if legs[n].implement and not legs[n - 1].implement][1:3]
+    starts = [turn_start(plan.missions[1], goal) for goal in goals]
+    slow = [tuple(replace(leg, speed_mps=0.5) for leg in legs[a:b]) for a, b in zip(starts, goals, strict=True)]
+    cured = [slowing.Cure(Slip(1, goal, 0.5), way, 0.1) for goal, way in zip(goals, slow, strict=True)]
+    known = slowing.cured_turns(plan, cured, small_site)
+    gated = plan.with_gate(1, starts[0], Gate(0, 2, 5.0))
+    again = slowing.with_cured(gated, known, small_site)
+    assert [leg.speed_mps for leg in again.missions[1].legs] == [
+        leg.speed_mps for leg in slowing.mended(gated, cured).missions[1].legs
+    ]
+    assert [leg.gates for leg in again.missions[1].legs] == [leg.gates for leg in gated.missions[1].legs]
+    assert again.missions[0] == gated.missions[0]
+    assert slowing.with_cured(plan, {}, small_site) is plan
+    follows = replace(legs[starts[0]], follow=Follow(0, 1))
+    led = Plan((plan.missions[0], Mission((*legs[: starts[0]], follows, *legs[starts[0] + 1 :]))))
+    kept = slowing.with_cured(led, known, small_site).missions[1].legs
+    assert [kept[start].speed_mps for start in starts] == [legs[starts[0]].speed_mps, 0.5]
 
 
 @pytest.mark.parametrize("outside", [True, False])
