@@ -25,6 +25,8 @@ from vehicle.slow import Scene, run_slow
 from vehicle.tractor import Implement, Tractor
 
 CHUNK_S = 600.0  # of simulated time between two calls of `progress`
+LONGER, LONGER_S = 1.1, 60.0  # than its speeds ask for a run is expected to take; more room for its record is as cheap
+GROWN = 1.5  # times as much room where that is not enough
 STALL_S = 120.0  # in which no tractor of the plan gets on: far longer than a change of gear
 Array = npt.NDArray[Any]
 
@@ -61,7 +63,7 @@ class Snapshot:
         return replace(self, chunks=(record[: self.rows],))
 
     def record(self) -> list[Array]:
-        """The record so far, in parts; `chunks` may have grown since."""
+        """The record so far, in parts; there may be more in `chunks`."""
         parts, left = [], self.rows
         for chunk in self.chunks:
             parts.append(chunk[:left])
@@ -98,8 +100,8 @@ class World:
         self.clearances = np.full(plan.tractors, np.inf)
         self.contacts = np.zeros((256, 3))
         self.pair = (-1, -1)
-        self.chunks: list[Array] = []
         self.rows = 0
+        self._record: Array = np.empty((0, plan.tractors, len(RECORD)))
         self.outcome = RUNNING
 
     def run(
@@ -123,18 +125,18 @@ class World:
         stop_clearance_m = APART if apart else stop_clearance_m
         stop = stop_clearance_m, stop_clearance_m if beside_clearance_m is None else beside_clearance_m
         most = math.ceil(max_time_s / DT_S)
+        expected_s = min(self._expected_s, max_time_s)
         outcome = RUNNING
         total = float(sum(self.program.legs["end"][s["last_leg"]] for s in self.program.states))
         while outcome == RUNNING and self.clock[0] < most:
-            chunk = np.empty((math.ceil(chunk_s / (DT_S * self.every)) + 1, self.plan.tractors, len(RECORD)))
             steps = min(round(chunk_s / DT_S), most - int(self.clock[0]))
+            chunk = self._room(math.ceil(steps / self.every) + 1, expected_s)
             outcome, rows, *self.pair = advance(steps, chunk, stop)
             self.outcome = outcome
-            self.chunks.append(chunk[:rows])
             self.rows += rows
             if progress:
                 progress(min(1.0, float(self.program.states["progress"].sum()) / total))
-        return self._result(outcome, np.concatenate(self.chunks))
+        return self._result(outcome, self._record[: self.rows])
 
     def snapshot(self) -> Snapshot | None:
         """The world between two steps; None when it has stopped in one, or tractors have touched: pymunk remembers."""
@@ -145,8 +147,8 @@ class World:
         states["leg"] -= legs
         states["segment"] -= segments
         return Snapshot(
-            self.clock.copy(), states, self.clearances.copy(), np.array(motion), self.boxes.near.copy(), self.chunks,
-            self.rows,
+            self.clock.copy(), states, self.clearances.copy(), np.array(motion), self.boxes.near.copy(),
+            (self._record,), self.rows,
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -164,7 +166,32 @@ class World:
         for body, (x, y, angle, vx, vy, spin) in zip(self.bodies, snapshot.motion.tolist(), strict=True):
             body.position, body.angle, body.velocity, body.angular_velocity = (x, y), angle, (vx, vy), spin
         self.boxes.bring()
-        self.chunks, self.rows = snapshot.record(), snapshot.rows
+        self.rows = 0
+        for part in snapshot.record():
+            self._room(len(part))[:] = part
+            self.rows += len(part)
+
+    def _room(self, rows: int, expected_s: float = 0.0) -> Array:
+        """Room for so many more rows behind those of the record.
+
+        It is taken at once for as long as the run is expected to take: what is not written to takes no memory.
+        """
+        if self.rows + rows > len(self._record):
+            expected = math.ceil(expected_s / (DT_S * self.every))
+            count = max(self.rows + rows, expected, math.ceil(GROWN * len(self._record)))
+            wider = np.empty((count, *self._record.shape[1:]))
+            wider[: self.rows] = self._record[: self.rows]
+            self._record = wider
+        return self._record[self.rows : self.rows + rows]
+
+    @property
+    def _expected_s(self) -> float:
+        """About how long the plan takes where hardly anybody waits."""
+        alone = (
+            math.fsum(leg.stand_s + leg.length_m / leg.speed_mps for leg in mission.legs)
+            for mission in self.plan.missions
+        )
+        return LONGER * max(alone) + LONGER_S
 
     @property
     def ends_m(self) -> list[Array]:
