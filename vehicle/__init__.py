@@ -4,7 +4,7 @@
     faults            what is wrong with a parameter file, in a sentence
     datasheet         a whole tractor from what a maker's datasheet says
     steering, tyres, guidance, speed, gnss   scalar formulas of the thesis, one place each
-    jit               the one setting with which they are compiled
+    jit, series       the one setting with which they are compiled; tangents of small angles
     chassis, driveline   forces on one tractor body; from commands to wheel angle and drive force
     control           what a tractor decides ten times a second
     missions          legs and gates: the program a tractor executes
@@ -12,7 +12,7 @@
     effects, rest     what logs can teach about a tractor; terms has their formulas, kinds their coordinates for a fit
     learnt            what logs did teach about one tractor, and the tractor without it
     layout, compile   parameters and missions as arrays; joining makes paths of legs
-    loop, engine      the compiled loop and its door to pymunk
+    loop, engine, door   the compiled loop and its door to pymunk; memory finds where bodies keep their numbers
     slow              the same loop in plain Python: oracle and fallback
     bodies, circles   a tractor as a pymunk body; circles at a fixed wheel angle
     calibration       the steering table made from such circles

@@ -12,7 +12,15 @@ import pymunk
 from vehicle.compile import outline
 from vehicle.tractor import Implement, Tractor
 
+FEWEST_ITERATIONS = 1  # of the solver of contacts: each costs time in every step, also where there are none
 FRICTION = 0.5  # any value will do: plans in which tractors touch are reported as collisions
+
+
+def new_space() -> pymunk.Space:
+    """A space without boxes, in which nothing can touch and nothing has to be solved."""
+    space = pymunk.Space()
+    space.iterations = FEWEST_ITERATIONS
+    return space
 
 
 def make_body(space: pymunk.Space, tractor: Tractor, pose: tuple[float, float, float]) -> pymunk.Body:
@@ -37,6 +45,7 @@ class ContactBoxes:
         tractor_box = _corners(boxes["tail"], boxes["nose"], boxes["half_width"])
         tool_box = _corners(boxes["tool_tail"], boxes["tool_front"], boxes["tool_half_width"])
         self._space = space
+        self._iterations = pymunk.Space().iterations
         self._shapes = [(_shape(body, tractor_box), _shape(body, tool_box)) for body in bodies]
         self.near: npt.NDArray[np.bool_] = np.zeros(len(bodies), dtype=np.bool_)
         self.wanted: npt.NDArray[np.bool_] = np.zeros(len(bodies), dtype=np.bool_)
@@ -47,6 +56,7 @@ class ContactBoxes:
             change = self._space.add if self.wanted[index] else self._space.remove
             change(*self._shapes[index])
         self.near[:] = self.wanted
+        self._space.iterations = self._iterations if self.near.any() else FEWEST_ITERATIONS
 
     def bring_all(self) -> None:
         """Put the boxes of every tractor into the space."""

@@ -11,45 +11,23 @@ import math
 from collections.abc import Callable
 
 from vehicle.jit import compiled
-from vehicle.steering import ackermann_tangents
-from vehicle.tyres import friction_curve, side_damping, side_friction, side_share, slip_angle
+from vehicle.steering import ackermann
+from vehicle.tyres import CREEP_MPS, friction_curve, side_resistance, side_share
 
 GRAVITY = 9.80665
 Step = Callable[..., tuple[float, float, float]]
 
 
 @compiled
-def wheel(
-    forward: float, right: float, spin: float, ahead: float, aside: float, cosine: float, sine: float,
-    slope: float, limit: float, load: float,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Side force of one wheel (N, to its right), its damping (N s/m) and its slip angle (rad).
-
-    The wheel sits `ahead` and `aside` (to the right) of the centre of mass and is steered by the angle whose
-    cosine and sine are given.
-    """
-    u = forward - aside * spin
-    v = right + ahead * spin
-    rolling = u * cosine + v * sine
-    sliding = v * cosine - u * sine
-    slip = slip_angle(rolling, sliding)
-    force = side_friction(slip, slope, limit) * load
-    return force, side_damping(rolling, sliding, slip, slope, limit) * load, slip
-
-
-@compiled
-def passed_share(
-    forward: float, right: float, spin: float, ahead: float, aside: float, cosine: float, sine: float, slip: float,
-    ground: object,
-) -> float:  # fmt: skip
+def passed_share(rolling: float, sliding: float, ground: object) -> float:
     """Share of a wheel's side force that the ground's friction curve passes, at its slip or at the eased one."""
+    size = max(abs(rolling), CREEP_MPS)
     if ground.ease > 0.0:  # type: ignore[attr-defined]
-        u, v = forward - aside * spin, right + ahead * spin
-        rolling = abs(u * cosine + v * sine) + ground.ease  # type: ignore[attr-defined]
-        slip = math.atan((v * cosine - u * sine) / rolling)
+        size = abs(rolling) + ground.ease  # type: ignore[attr-defined]
     return friction_curve(
-        slip, ground.peak_slip, ground.peak, ground.slide_slip, ground.slide  # type: ignore[attr-defined]
-    )
+        math.atan(sliding / size),
+        ground.peak_slip, ground.peak, ground.slide_slip, ground.slide,  # type: ignore[attr-defined]
+    )  # fmt: skip
 
 
 def _make_step(shaped: bool) -> Step:
@@ -64,63 +42,52 @@ def _make_step(shaped: bool) -> Step:
         forward: float, right: float, spin: float, tangent: float, drive: float, dt: float, model: object,
         ground: object,
     ) -> tuple[float, float, float]:  # fmt: skip
-        base = model.front + model.rear  # type: ignore[attr-defined]
-        half = 0.5 * model.track  # type: ignore[attr-defined]
-        weight = model.mass * GRAVITY  # type: ignore[attr-defined]
-        front_load = 0.5 * weight * model.rear / base  # type: ignore[attr-defined]
-        rear_load = 0.5 * weight * model.front / base  # type: ignore[attr-defined]
-        share = 1.0
+        front, rear, half = model.front, model.rear, 0.5 * model.track  # type: ignore[attr-defined]
+        mass, inertia = model.mass, model.inertia  # type: ignore[attr-defined]
+        weight = mass * GRAVITY
+        per_base = 1.0 / (front + rear)
+        load = 0.5 * weight * per_base
+        slope, limit = dt * load * rear * ground.front_slope, ground.front_limit  # type: ignore[attr-defined]
+        stiff, most = dt * load * front * ground.rear_slope, ground.rear_limit  # type: ignore[attr-defined]
+        cos_1, sin_1, cos_2, sin_2 = ackermann(tangent, half * per_base)
+        arm_1, arm_2 = front * cos_1 - half * sin_1, front * cos_2 + half * sin_2
+        left, right_side, v = forward + half * spin, forward - half * spin, right + front * spin
+        rolling_1, sliding_1 = left * cos_1 + v * sin_1, v * cos_1 - left * sin_1
+        rolling_2, sliding_2 = right_side * cos_2 + v * sin_2, v * cos_2 - right_side * sin_2
+        sliding = right - rear * spin
+        # Damping times dt (N s2/m) of the front left, front right, rear left and rear right wheel.
+        d_1 = side_resistance(rolling_1, sliding_1, slope, limit)
+        d_2 = side_resistance(rolling_2, sliding_2, slope, limit)
+        d_3 = side_resistance(left, sliding, stiff, most)
+        d_4 = side_resistance(right_side, sliding, stiff, most)
         if shaped:
-            grip = 2.0 * rear_load * ground.grip  # type: ignore[attr-defined]
+            grip = 2.0 * load * front * ground.grip  # type: ignore[attr-defined]
             drive = min(max(drive, -grip), grip)
             share = side_share(drive, grip)
-        tangents = ackermann_tangents(tangent, base, model.track)  # type: ignore[attr-defined]
-        side = turn = pull = 0.0
-        d11 = d12 = d13 = d22 = d23 = d33 = 0.0
-        for index in range(4):
-            aside = -half if index % 2 == 0 else half
-            if index < 2:
-                cosine = 1.0 / math.sqrt(1.0 + tangents[index] * tangents[index])
-                sine = tangents[index] * cosine
-                ahead = model.front  # type: ignore[attr-defined]
-                force, damping, slip = wheel(
-                    forward, right, spin, ahead, aside, cosine, sine,
-                    ground.front_slope, ground.front_limit, front_load,  # type: ignore[attr-defined]
-                )  # fmt: skip
-            else:
-                cosine, sine, ahead = 1.0, 0.0, -model.rear  # type: ignore[attr-defined]
-                force, damping, slip = wheel(
-                    forward, right, spin, ahead, aside, cosine, sine,
-                    ground.rear_slope, ground.rear_limit, rear_load,  # type: ignore[attr-defined]
-                )  # fmt: skip
-            if shaped:
-                passed = passed_share(forward, right, spin, ahead, aside, cosine, sine, slip, ground)
-                passed *= share if index >= 2 else 1.0
-                force, damping = passed * force, passed * damping
-            arm = ahead * cosine + aside * sine
-            side += force * cosine
-            turn += force * arm
-            pull -= force * sine
-            d11 += damping * sine * sine
-            d12 -= damping * sine * cosine
-            d13 -= damping * sine * arm
-            d22 += damping * cosine * cosine
-            d23 += damping * cosine * arm
-            d33 += damping * arm * arm
-        mass, inertia = model.mass, model.inertia  # type: ignore[attr-defined]
-        rolling = ground.rolling * weight * forward / (abs(forward) + 0.05)  # type: ignore[attr-defined]
-        # (M + dt D) change = dt (force - M spin x velocity); forward is eliminated first.
-        b1 = dt * (drive + pull - rolling + mass * right * spin)
-        b2, b3 = dt * (side - mass * forward * spin), dt * turn
-        inverse = 1.0 / (mass + dt * d11)
-        share2, share3 = dt * d12 * inverse, dt * d13 * inverse
-        m22, m23 = mass + dt * (d22 - share2 * d12), dt * (d23 - share2 * d13)
-        m33 = inertia + dt * (d33 - share3 * d13)
-        c2, c3 = b2 - share2 * b1, b3 - share3 * b1
+            d_1 *= passed_share(rolling_1, sliding_1, ground)
+            d_2 *= passed_share(rolling_2, sliding_2, ground)
+            d_3 *= share * passed_share(left, sliding, ground)
+            d_4 *= share * passed_share(right_side, sliding, ground)
+        along_1, along_2, d_34 = d_1 * sin_1, d_2 * sin_2, d_3 + d_4
+        side_1, side_2 = d_1 * cos_1, d_2 * cos_2
+        turn_1, turn_2 = d_1 * arm_1, d_2 * arm_2
+        # (M + dt D) change = dt (force - D velocity - M spin x velocity); forward is eliminated first.
+        a11 = mass + along_1 * sin_1 + along_2 * sin_2
+        a12 = -(along_1 * cos_1 + along_2 * cos_2)
+        a13 = -(along_1 * arm_1 + along_2 * arm_2)
+        a22 = (mass + d_34) + (side_1 * cos_1 + side_2 * cos_2)
+        a23 = (side_1 * arm_1 + side_2 * arm_2) - d_34 * rear
+        a33 = (inertia + d_34 * (rear * rear)) + (turn_1 * arm_1 + turn_2 * arm_2)
+        resistance = ground.rolling * weight * forward / (abs(forward) + 0.05)  # type: ignore[attr-defined]
+        b1 = (along_1 * sliding_1 + along_2 * sliding_2) + dt * (drive - resistance + mass * right * spin)
+        b2 = -((side_1 * sliding_1 + side_2 * sliding_2) + (d_34 * sliding + dt * mass * forward * spin))
+        b3 = d_34 * (sliding * rear) - (turn_1 * sliding_1 + turn_2 * sliding_2)
+        m22, m23, m33 = a11 * a22 - a12 * a12, a11 * a23 - a12 * a13, a11 * a33 - a13 * a13
+        c2, c3 = a11 * b2 - a12 * b1, a11 * b3 - a13 * b1
         scale = 1.0 / (m22 * m33 - m23 * m23)
         right_change = (m33 * c2 - m23 * c3) * scale
         spin_change = (m22 * c3 - m23 * c2) * scale
-        forward_change = inverse * b1 - share2 * right_change - share3 * spin_change
+        forward_change = (b1 - (a12 * right_change + a13 * spin_change)) * (1.0 / a11)
         return forward + forward_change, right + right_change, spin + spin_change
 
     return step

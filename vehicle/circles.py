@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pymunk
 
-from vehicle.bodies import make_body
+from vehicle.bodies import make_body, new_space
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.engine import Engine
 from vehicle.layout import BODY_ANGLE, BODY_PLACE, BODY_SPIN, BODY_VELOCITY, BODY_WIDTH, DT_S, STATE
@@ -37,7 +36,7 @@ def fixed_circle(
 
     `ground` is its place among vehicle.ground.GROUNDS, `tables` (grounds, n) are steering tables (vehicle.calibration).
     """
-    space = pymunk.Space()
+    space = new_space()
     engine = Engine(space, [make_body(space, tractor, (0.0, 0.0, math.pi / 2))])
     states = np.zeros(1, dtype=STATE)
     # The wheels stand at the angle from the start: Eq. 2.8 would leave them up to its dead band short of it.
@@ -47,7 +46,7 @@ def fixed_circle(
     steps = round(seconds / DT_S)
     track = np.empty((steps, BODY_WIDTH))
     run_fixed(
-        steps, DT_S, engine.addresses, engine.read, engine.write, engine.read_count, engine.write_count,
+        steps, DT_S, engine.door,
         states, np.array([compile_model(tractor, Implement())]), compile_grounds(), ground, tables, track,
     )  # fmt: skip
     return _measured(track, tractor.antenna_forward_m - tractor.rear_axle_m)

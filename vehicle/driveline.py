@@ -39,17 +39,17 @@ def propel(state, model, ground, forward, dt) -> float:  # type: ignore[no-untyp
     if model.affected != 0.0 and model.speed_lag > 0.0:
         target = lagging(before, target, model.speed_lag, dt)
     state.reference_speed = ramp(before, target, model.acceleration * dt)
-    error = state.reference_speed - forward
+    error, per_second = state.reference_speed - forward, 1.0 / dt
     state.integral = min(max(state.integral + error * dt, -2.0), 2.0)
     drive = drive_force(
-        error, state.integral, (error - state.last_error) / dt, model.kp, model.ki, model.kd, model.max_drive
+        error, state.integral, (error - state.last_error) * per_second, model.kp, model.ki, model.kd, model.max_drive
     )
     state.last_error = error
     # What the reference asks for goes to the wheels at once; the controller only mends the rest.
-    drive += model.mass * (state.reference_speed - before) / dt
+    drive += model.mass * (state.reference_speed - before) * per_second
     share = state.reference_speed / (abs(state.reference_speed) + 0.05)
     drive += ground.rolling * model.mass * GRAVITY * share
     if target == 0.0 and state.reference_speed == 0.0 and abs(forward) < STOPPED_MPS:
         state.integral = 0.0  # the brake holds
-        drive = -model.mass * forward / dt
+        drive = -model.mass * forward * per_second
     return float(min(max(drive, -model.max_drive), model.max_drive))

@@ -1,24 +1,24 @@
 """The door between compiled code and pymunk: C addresses, batch buffers, and a probe that they mean what we think.
 
 `pymunk.batch` may change in any release, so the minor version is pinned and `Engine` checks, before the first
-step, that reading and writing bodies in batch gives what the ordinary API gives.
+step, that reading and writing bodies in batch gives what the ordinary API gives. Where the numbers of a body are
+found in memory (vehicle.memory) they are read and written there, which spares two calls for every body and step.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pymunk
 import pymunk.batch
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 from pymunk._chipmunk_cffi import ffi, lib
 
 from vehicle.errors import VehicleError
 from vehicle.layout import BODY_WIDTH
+from vehicle.memory import NOWHERE, body_offsets
 
 READ = (
     pymunk.batch.BodyFields.POSITION
@@ -38,46 +38,29 @@ class EngineUnavailable(VehicleError):  # noqa: N818 - a state, raised and mende
     """pymunk's batch layout is not the one this version knows; the slow path still works."""
 
 
-def _call_each(typingctx: Any, function: Any, space: Any, callback: Any, data: Any) -> Any:
-    """Call `void function(void *space, void *callback, void *data)`, all given as integer addresses."""
-    signature = types.void(types.int64, types.int64, types.int64, types.int64)
+class Door(NamedTuple):
+    """What compiled code needs to reach the bodies of a space (vehicle.door).
 
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, pointer, pointer])
-        target = builder.inttoptr(args[0], kind.as_pointer())
-        builder.call(target, [builder.inttoptr(a, pointer) for a in args[1:]])
-        return context.get_dummy_value()
+    `addresses` (10,) in the order of the constants above. Bodies whose numbers lie at `offsets` (11,) of vehicle.memory
+    from `places` (n,) are read and written there; without places in batch: `read` (6 n + slack,) holds x, y, angle, vx,
+    vy, spin per body after a read, `write` (3 n + slack,) takes fx, fy, torque per body before a write. `touching`
+    holds pairs of body ids. The three `*_count` are the C headers: element 0 is the number in use and must be set to
+    zero before every call.
+    """
 
-    return signature, generate
-
-
-def _call_step(typingctx: Any, function: Any, space: Any, dt: Any) -> Any:
-    """Call `void function(void *space, double dt)` by integer address."""
-    signature = types.void(types.int64, types.int64, types.float64)
-
-    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, ir.DoubleType()])
-        target = builder.inttoptr(args[0], kind.as_pointer())
-        builder.call(target, [builder.inttoptr(args[1], pointer), args[2]])
-        return context.get_dummy_value()
-
-    return signature, generate
-
-
-call_each: Any = intrinsic(_call_each)
-call_step: Any = intrinsic(_call_step)
+    addresses: npt.NDArray[np.int64]
+    places: npt.NDArray[np.int64]
+    offsets: npt.NDArray[np.int64]
+    read: npt.NDArray[np.float64]
+    write: npt.NDArray[np.float64]
+    touching: npt.NDArray[np.uint64]
+    read_count: npt.NDArray[np.int32]
+    write_count: npt.NDArray[np.int32]
+    touch_count: npt.NDArray[np.int32]
 
 
 class Engine:
-    """Batch access to the bodies of one space, for compiled code.
-
-    `addresses` (10,) int64 in the order of the constants above; `read` (6 n + slack,) holds x, y, angle, vx, vy,
-    spin per body after a read; `write` (3 n + slack,) takes fx, fy, torque per body before a write; `touching`
-    holds pairs of body ids. The three `*_count` arrays are the C headers: element 0 is the number in use and must
-    be set to zero before every call.
-    """
+    """Access to the bodies of one space, for compiled code by its `door`."""
 
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body]) -> None:
         self.space, self.bodies = space, bodies
@@ -94,7 +77,15 @@ class Engine:
         self.touch_count = _header(self._buffers[2]._int_arr)
         self.addresses = self._addresses()
         self.ids = np.array([body.id for body in bodies], dtype=np.uint64)
-        self._probe()
+        offsets = self._probe()
+        self.door = Door(
+            self.addresses, self._places() if len(offsets) else NOWHERE, offsets, self.read, self.write,
+            self.touching, self.read_count, self.write_count, self.touch_count,
+        )  # fmt: skip
+
+    def _places(self) -> npt.NDArray[np.int64]:
+        """Addresses of the bodies (n,), which hold as long as the bodies live."""
+        return np.array([int(ffi.cast("uintptr_t", body._body)) for body in self.bodies], dtype=np.int64)
 
     def _addresses(self) -> npt.NDArray[np.int64]:
         self._data = [
@@ -116,19 +107,25 @@ class Engine:
         pointers += [self.space._space, *self._data]
         return np.array([int(ffi.cast("uintptr_t", pointer)) for pointer in pointers], dtype=np.int64)
 
-    def _probe(self) -> None:
-        """Compare one batch read and one batch write with the ordinary API.
+    def _probe(self) -> npt.NDArray[np.int64]:
+        """Compare one batch read and one batch write with the ordinary API, and the memory of the bodies with both.
 
-        Bodies at rest would read alike in any order, so they get telling velocities for the moment.
+        Bodies at rest would read alike in any order, so they get telling velocities for the moment. Returns the offsets
+        of the numbers in memory; none where they are not where they should be, or where bodies may fall asleep: setting
+        a force wakes them, writing it does not.
         """
         motion = [(body.velocity, body.angular_velocity) for body in self.bodies]
         for place, body in enumerate(self.bodies, start=1):
             body.velocity, body.angular_velocity = (place + 0.25, place + 0.5), place + 0.75
         fault = self._read_fault() or self._write_fault()
+        found = [body_offsets(body) for body in self.bodies]
         for body, (velocity, spin) in zip(self.bodies, motion, strict=True):
             body.velocity, body.angular_velocity = velocity, spin
+            body.force, body.torque = (0.0, 0.0), 0.0
         if fault:
             raise EngineUnavailable(f"pymunk {pymunk.version}: {fault}; the fast path needs 7.3.")
+        awake = self.space.sleep_time_threshold == math.inf
+        return found[0] if awake and all(len(offsets) for offsets in found) else NOWHERE
 
     def _read_fault(self) -> str:
         self.read_count[0] = 0
@@ -153,8 +150,6 @@ class Engine:
         )
         written = [value for body in self.bodies for value in (*body.force, body.torque)]
         wrong = written != self.write[:count].tolist()
-        for body in self.bodies:
-            body.force, body.torque = (0.0, 0.0), 0.0
         self.write[:count] = 0.0
         return "the batch write has another order" if wrong else ""
 

@@ -6,11 +6,13 @@ import math
 
 from vehicle.jit import compiled
 
+TURN = 2.0 * math.pi
+
 
 @compiled
 def wrapped(angle: float) -> float:
-    """Angle in (-pi, pi]."""
-    return math.atan2(math.sin(angle), math.cos(angle))
+    """Angle in (-pi, pi], by whole turns."""
+    return angle - TURN * math.ceil((angle - math.pi) / TURN)
 
 
 @compiled

@@ -1,7 +1,7 @@
 """The compiled loop. It owns no formula: it reads the bodies, runs control and chassis, and steps the space.
 
-Fast because no Python runs inside: bodies are read and written in one batch call each through integer addresses,
-and everything else is plain arrays of records.
+Fast because no Python runs inside: bodies are read and written through the door of vehicle.engine, and everything else
+is plain arrays of records.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ import math
 from vehicle.chassis import body_step
 from vehicle.clearance import look_around, too_close
 from vehicle.control import control_tick
+from vehicle.door import look, motion, push, step, touches, unowned_door
 from vehicle.driveline import propel, turn_wheels
-from vehicle.engine import (
-    EACH_BODY,
-    EACH_CONTACT,
-    GET_BODY,
-    GET_CONTACT,
-    READ_DATA,
-    READ_WIDTH,
-    SET_BODY,
-    SPACE,
-    STEP,
-    TOUCH_DATA,
-    WRITE_DATA,
-    WRITE_WIDTH,
-    call_each,
-    call_step,
-)
 from vehicle.gnss import draw_error
 from vehicle.jit import compiled, unowned
-from vehicle.layout import REC_ANGLE, REC_LEG, REC_SPEED, REC_STATUS, REC_STEERING, REC_X, REC_Y
+from vehicle.layout import (
+    BODY_ANGLE,
+    BODY_SPIN,
+    BODY_VX,
+    BODY_VY,
+    BODY_X,
+    BODY_Y,
+    REC_ANGLE,
+    REC_LEG,
+    REC_SPEED,
+    REC_STATUS,
+    REC_STEERING,
+    REC_X,
+    REC_Y,
+)
+from vehicle.series import tangent
 from vehicle.steering import corrected_angle
 from vehicle.terms import affected_tangent, ground_drift
 
@@ -49,45 +49,58 @@ def _moving(speed: float) -> float:
 
 
 @compiled
-def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None:  # type: ignore[no-untyped-def]
-    """Advance steering and chassis of one tractor and put the force pymunk must apply into `force` (3,).
+def tractor_force(state, model, ground, table, body, dt):  # type: ignore[no-untyped-def]
+    """Advance steering and chassis of one tractor; the force (N, east and north) and torque (N m) pymunk must apply.
 
-    `body` (6,) is x, y, angle, vx, vy, spin as pymunk has them. pymunk moves the body with its old velocity
-    before it applies the force, so the new velocity is laid out in the frame of the coming heading.
+    `body` is x, y, angle, vx, vy, spin as pymunk has them, and cosine and sine of the angle. pymunk moves the body with
+    its old velocity before it applies the force, so the new velocity is laid out in the frame of the coming heading.
     """
-    state.x, state.y, state.angle = body[0], body[1], body[2]
-    cosine, sine = math.cos(body[2]), math.sin(body[2])
-    east, north, spin = _moving(body[3]), _moving(body[4]), _moving(body[5])
-    forward = _moving(east * cosine + north * sine)
-    right = _moving(east * sine - north * cosine)
+    x, y, angle, east, north, spin, cosine, sine = body
+    state.x, state.y, state.angle = x, y, angle
+    forward = _moving(_moving(east) * cosine + _moving(north) * sine)
+    right = _moving(_moving(east) * sine - _moving(north) * cosine)
+    turning = _moving(spin)
     state.forward = forward
     turn_wheels(state, model, dt)
     along = slide = 0.0
-    if model.affected != 0.0:
-        along, slide = ground_drift(state.play, forward, cosine, sine, model)
-    drive = propel(state, model, grounds[ground], forward - along, dt)
     if model.affected == 0.0:
-        tangent = math.tan(corrected_angle(state.steering, table, model.lock))
+        bend = tangent(corrected_angle(state.steering, table, model.lock))
     else:
+        along, slide = ground_drift(state.play, forward, cosine, sine, model)
         seconds = state.clock * dt
-        tangent = affected_tangent(
-            state.play, forward, body[0], body[1], cosine, sine, seconds, state.working, table, model
-        )
+        bend = affected_tangent(state.play, forward, x, y, cosine, sine, seconds, state.working, table, model)
         place = state.clock % len(state.xs)
-        state.xs[place], state.ys[place], state.angles[place] = body[0], body[1], body[2]
+        state.xs[place], state.ys[place], state.angles[place] = x, y, angle
         state.clock += 1
+    drive = propel(state, model, ground, forward - along, dt)
     # Tyres hold on to the ground that moves with them.
     new_forward, new_right, new_spin = body_step(
-        forward - along, right - slide, -spin, tangent, drive, dt, model, grounds[ground]
+        forward - along, right - slide, -turning, bend, drive, dt, model, ground
     )
     new_forward += along
     new_right += slide
-    turn = spin * dt
-    turned_cos = cosine * (1.0 - 0.5 * turn * turn) - sine * (turn - turn * turn * turn / 6.0)
-    turned_sin = sine * (1.0 - 0.5 * turn * turn) + cosine * (turn - turn * turn * turn / 6.0)
-    force[0] = model.mass / dt * (new_forward * turned_cos + new_right * turned_sin - body[3])
-    force[1] = model.mass / dt * (new_forward * turned_sin - new_right * turned_cos - body[4])
-    force[2] = model.inertia / dt * (-new_spin - body[5])
+    turn = turning * dt
+    small, odd = 1.0 - 0.5 * turn * turn, turn - turn * turn * turn * (1.0 / 6.0)
+    turned_cos, turned_sin = cosine * small - sine * odd, sine * small + cosine * odd
+    per_second = 1.0 / dt
+    per_speed = model.mass * per_second
+    return (
+        per_speed * (new_forward * turned_cos + new_right * turned_sin - east),
+        per_speed * (new_forward * turned_sin - new_right * turned_cos - north),
+        model.inertia * per_second * (-new_spin - spin),
+    )
+
+
+@compiled
+def drive_tractor(state, model, grounds, ground, table, body, force, dt) -> None:  # type: ignore[no-untyped-def]
+    """As tractor_force, for a body (6,) without cosine and sine, into an array `force` (3,)."""
+    angle = body[BODY_ANGLE]
+    force[0], force[1], force[2] = tractor_force(
+        state, model, grounds[ground], table,
+        (body[BODY_X], body[BODY_Y], angle, body[BODY_VX], body[BODY_VY], body[BODY_SPIN], math.cos(angle),
+         math.sin(angle)),
+        dt,
+    )  # fmt: skip
 
 
 @compiled
@@ -106,9 +119,8 @@ def note(record, row, states) -> None:  # type: ignore[no-untyped-def]
 
 @compiled
 def run_loop(  # type: ignore[no-untyped-def]
-    steps, dt, every, clock, addresses, read, write, touching, read_count, write_count, touch_count,
-    states, models, grounds, tables, legs, gates, points, cumulative, record, clearances, contacts, stop_clearance,
-    beside_clearance, stall_s, position_errors, near, wanted,
+    steps, dt, every, clock, door, states, models, grounds, tables, legs, gates, points, cumulative, record, clearances,
+    contacts, stop_clearance, beside_clearance, stall_s, position_errors, near, wanted,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `every` steps.
 
@@ -119,7 +131,7 @@ def run_loop(  # type: ignore[no-untyped-def]
     with NEIGHBOURS and the right ones in `wanted` (n,). With a `stop_clearance` of APART none is near any. Returns an
     outcome of this module, the number of record rows, and the closest pair.
     """
-    read, write, states, models = unowned(read), unowned(write), unowned(states), unowned(models)
+    door, states, models = unowned_door(door), unowned(states), unowned(models)
     grounds, tables, legs, gates = unowned(grounds), unowned(tables), unowned(legs), unowned(gates)
     points, cumulative, record, near = unowned(points), unowned(cumulative), unowned(record), unowned(near)
     clearances, position_errors, wanted = unowned(clearances), unowned(position_errors), unowned(wanted)
@@ -127,15 +139,14 @@ def run_loop(  # type: ignore[no-untyped-def]
     meeting = count > 1 and stop_clearance > APART
     touchable, rows = near.any(), 0
     for _ in range(steps):
-        step = int(clock[0])
-        time = step * dt
-        read_count[0] = 0
-        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[GET_BODY], addresses[READ_DATA])
-        if step % every == 0:
+        done = int(clock[0])
+        time = done * dt
+        look(door)
+        if done % every == 0:
             total, running, standing = 0.0, 0, 0
             for i in range(count):
                 state = states[i]
-                state.x, state.y, state.angle = read[READ_WIDTH * i], read[READ_WIDTH * i + 1], read[READ_WIDTH * i + 2]
+                state.x, state.y, state.angle = motion(door, i)[:3]
             if meeting and look_around(states, models, every * dt, near, wanted):
                 return NEIGHBOURS, rows, -1, -1
             for i in range(count):
@@ -161,19 +172,16 @@ def run_loop(  # type: ignore[no-untyped-def]
         for i in range(count):
             state = states[i]
             ground = legs[state.leg].ground
-            drive_tractor(
-                state, models[state.model], grounds, ground, tables[state.model, ground],
-                read[READ_WIDTH * i : READ_WIDTH * (i + 1)], write[WRITE_WIDTH * i : WRITE_WIDTH * (i + 1)], dt,
-            )  # fmt: skip
-        write_count[0] = 0
-        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[SET_BODY], addresses[WRITE_DATA])
-        call_step(addresses[STEP], addresses[SPACE], dt)
+            force = tractor_force(
+                state, models[state.model], grounds[ground], tables[state.model, ground], motion(door, i), dt
+            )
+            push(door, i, force)
+        step(door, dt)
         clock[0] += 1.0
         if not touchable:
             continue
-        touch_count[0] = 0
-        call_each(addresses[EACH_CONTACT], addresses[SPACE], addresses[GET_CONTACT], addresses[TOUCH_DATA])
-        for pair in range(touch_count[0] // 2):
+        touching = door.touching
+        for pair in range(touches(door)):
             used = int(contacts[-1, 0])
             known = False
             for row in range(used):
@@ -188,16 +196,13 @@ def run_loop(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def run_fixed(  # type: ignore[no-untyped-def]
-    steps, dt, addresses, read, write, read_count, write_count, states, models, grounds, ground, tables, track
-) -> None:  # fmt: skip
+def run_fixed(steps, dt, door, states, models, grounds, ground, tables, track) -> None:  # type: ignore[no-untyped-def]
     """Drive one tractor with the command and target speed in its state; `track` (steps, 6) keeps its BODY columns."""
-    for step in range(steps):
-        read_count[0] = 0
-        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[GET_BODY], addresses[READ_DATA])
-        for column in range(READ_WIDTH):
-            track[step, column] = read[column]
-        drive_tractor(states[0], models[0], grounds, ground, tables[ground], read[:READ_WIDTH], write[:WRITE_WIDTH], dt)
-        write_count[0] = 0
-        call_each(addresses[EACH_BODY], addresses[SPACE], addresses[SET_BODY], addresses[WRITE_DATA])
-        call_step(addresses[STEP], addresses[SPACE], dt)
+    table = tables[ground]
+    for row in range(steps):
+        look(door)
+        body = motion(door, 0)
+        track[row, BODY_X], track[row, BODY_Y], track[row, BODY_ANGLE] = body[0], body[1], body[2]
+        track[row, BODY_VX], track[row, BODY_VY], track[row, BODY_SPIN] = body[3], body[4], body[5]
+        push(door, 0, tractor_force(states[0], models[0], grounds[ground], table, body, dt))
+        step(door, dt)

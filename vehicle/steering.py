@@ -43,11 +43,16 @@ def steering_step(
 
 
 @compiled
-def ackermann_tangents(tangent: float, wheelbase: float, track: float) -> tuple[float, float]:
-    """Tangents of the left and right front wheel angles, Eq. 2.1 and 2.2, from the tangent of the mean angle."""
-    left = wheelbase * tangent / (wheelbase + 0.5 * track * tangent)
-    right = wheelbase * tangent / (wheelbase - 0.5 * track * tangent)
-    return left, right
+def ackermann(tangent: float, half: float) -> tuple[float, float, float, float]:
+    """Cosine and sine of the left, then of the right front wheel's line, Eq. 2.1 and 2.2, from the mean tangent.
+
+    `half` is half the track over the wheelbase. Of a wheel turned beyond a right angle the line points backwards.
+    """
+    share = half * tangent
+    left, right = 1.0 + share, 1.0 - share
+    one = 1.0 / math.sqrt(left * left + tangent * tangent)
+    other = 1.0 / math.sqrt(right * right + tangent * tangent)
+    return left * one, tangent * one, right * other, tangent * other
 
 
 @compiled

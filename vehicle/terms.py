@@ -10,6 +10,7 @@ import math
 
 from vehicle.jit import compiled
 from vehicle.rest import FADE
+from vehicle.series import tangent
 from vehicle.steering import corrected_angle
 
 GRAVITY_MPS2 = 9.80665
@@ -38,7 +39,7 @@ def unstrained_angle(angle: float, forward: float, table, model) -> float:  # ty
     left = angle
     per_tangent = model.understeer * forward * forward / (model.front + model.rear)
     for _ in range(4):
-        left = angle / (1.0 + per_tangent * math.tan(corrected_angle(left, table, model.lock)) / left)
+        left = angle / (1.0 + per_tangent * tangent(corrected_angle(left, table, model.lock)) / left)
     return left
 
 
@@ -106,15 +107,15 @@ def affected_tangent(  # type: ignore[no-untyped-def]
     if model.understeer != 0.0:
         angle = unstrained_angle(angle, forward, table, model)
     base = model.front + model.rear
-    tangent = math.tan(corrected_angle(angle, table, model.lock)) * grip(angle, east, north, seconds, model)
-    tangent *= 1.0 + extra
-    tangent += base * model.draft * working
+    bend = tangent(corrected_angle(angle, table, model.lock)) * grip(angle, east, north, seconds, model)
+    bend *= 1.0 + extra
+    bend += base * model.draft * working
     if model.slide > 0.0:
         # `slide` is the inverse of the side force the tyres can give, per weight: 0 stands for no limit.
-        share = abs(tangent) * forward * forward * model.slide / (base * GRAVITY_MPS2)
+        share = abs(bend) * forward * forward * model.slide / (base * GRAVITY_MPS2)
         if share > 0.3:
-            tangent /= (1.0 + share**KNEE) ** (1.0 / KNEE)
-    return tangent  # type: ignore[no-any-return]
+            bend /= (1.0 + share**KNEE) ** (1.0 / KNEE)
+    return bend  # type: ignore[no-any-return]
 
 
 @compiled

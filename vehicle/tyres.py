@@ -5,32 +5,26 @@ from __future__ import annotations
 import math
 
 from vehicle.jit import compiled
+from vehicle.series import arc_share
 
 CREEP_MPS = 0.05  # below this speed slip angles are taken as if the wheel rolled this fast: no division by zero
 
 
 @compiled
-def slip_angle(forward: float, sideways: float) -> float:
-    """Slip angle of a wheel from its velocity in its own frame: Eq. 4.1 and 4.2 at the wheel's place."""
-    return math.atan(sideways / max(abs(forward), CREEP_MPS))
+def side_resistance(rolling: float, sliding: float, slope: float, limit: float) -> float:
+    """Side force per load that a wheel sets against each m/s of sideways speed, from its velocity in its own frame.
 
-
-@compiled
-def side_friction(slip: float, slope: float, limit: float) -> float:
-    """Side force per load, opposing the slip: linear up to `limit`, constant beyond (Eq. 4.3, 4.4)."""
-    return -slope * min(max(slip, -limit), limit)
-
-
-@compiled
-def side_damping(forward: float, sideways: float, slip: float, slope: float, limit: float) -> float:
-    """Side force per load over sideways speed, for the implicit step.
-
-    The secant, not the derivative: it does not vanish beyond `limit`, where a derivative would leave the step
-    explicit and let saturated tyres throw a crawling tractor from one side to the other.
+    Times the sideways speed it is the side friction, linear in the slip angle up to `limit` and constant beyond
+    (Eq. 4.1 to 4.4 at the wheel's place). The secant, not the derivative: it does not vanish beyond `limit`, where a
+    derivative would leave the implicit step explicit and let saturated tyres throw a crawling tractor from one side to
+    the other.
     """
-    if sideways == 0.0:
-        return slope / max(abs(forward), CREEP_MPS)
-    return slope * min(abs(slip), limit) / abs(sideways)
+    inverse = 1.0 / max(abs(rolling), CREEP_MPS)
+    slide = abs(sliding) * inverse
+    share = arc_share(slide)
+    if share * slide > limit:
+        share = limit / slide
+    return slope * share * inverse
 
 
 @compiled

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pymunk
 
-from vehicle.bodies import ContactBoxes, make_body
+from vehicle.bodies import ContactBoxes, make_body, new_space
 from vehicle.calibration import steering_tables
 from vehicle.compile import CompiledPlan, compile_grounds, compile_model, compile_plan
 from vehicle.engine import Engine, EngineUnavailable
@@ -92,7 +91,7 @@ class World:
         self.position_errors = NO_ERROR if position_errors is None else position_errors
         self.program.states["error_key"] = error_keys(seed, plan.tractors)
         self.every = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))
-        self.space = pymunk.Space()
+        self.space = new_space()
         poses = [(float(s["x"]), float(s["y"]), float(s["angle"])) for s in self.program.states]
         self.bodies = [make_body(self.space, tractor, pose) for pose in poses]
         self.boxes = ContactBoxes(self.space, self.bodies, tractor, implement)
@@ -225,8 +224,7 @@ class World:
         program, last, rows = self.program, int(self.clock[0]) + steps, 0
         while True:
             outcome, more, first, second = run_loop(
-                last - int(self.clock[0]), DT_S, self.every, self.clock, engine.addresses, engine.read, engine.write,
-                engine.touching, engine.read_count, engine.write_count, engine.touch_count,
+                last - int(self.clock[0]), DT_S, self.every, self.clock, engine.door,
                 program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
                 program.points, program.cumulative, record[rows:], self.clearances, self.contacts, *stop, STALL_S,
                 self.position_errors, self.boxes.near, self.boxes.wanted,

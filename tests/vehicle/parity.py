@@ -84,9 +84,9 @@ def _drive(
     steps = steps or len(commands)
     track = np.empty((steps, 1, len(COLUMNS)))
     rows = run_trials(
-        steps, DT_S, max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S))), 1, engine.addresses, engine.read,
-        engine.write, engine.read_count, engine.write_count, states, np.array([compile_model(tractor, Implement())]),
-        compile_grounds(), steering_tables(tractor), legs, gates, points, cumulative, commands, np.zeros((0, 4)), track,
+        steps, DT_S, max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S))), 1, engine.door, states,
+        np.array([compile_model(tractor, Implement())]), compile_grounds(), steering_tables(tractor), legs, gates,
+        points, cumulative, commands, np.zeros((0, 4)), track,
     )  # fmt: skip
     return Driven(track[:rows, 0], working)
 

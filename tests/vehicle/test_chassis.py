@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.benchmarks.plain_pymunk import advance
 from vehicle.bodies import make_body
 from vehicle.calibration import drive_circle, identity_table, kinematic_radius
-from vehicle.chassis import GRAVITY, body_step, wheel
+from vehicle.chassis import GRAVITY, body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.engine import Engine
 from vehicle.ground import GROUNDS
@@ -43,26 +44,31 @@ def fixed_run(tractor: Tractor, steering_deg: float, dt: float, seconds: float) 
     track = np.empty((steps, 6))
     tables = np.array([identity_table(tractor.max_steering_deg)] * len(GROUNDS))
     run_fixed(
-        steps, dt, engine.addresses, engine.read, engine.write, engine.read_count, engine.write_count,
-        states, np.array([compile_model(tractor, Implement())]), compile_grounds(), 1, tables, track,
+        steps, dt, engine.door, states, np.array([compile_model(tractor, Implement())]), compile_grounds(), 1, tables,
+        track,
     )  # fmt: skip
     return track
 
 
-def test_one_wheel_by_hand() -> None:
-    # Rolling straight on at 1 m/s and sliding right at tan(2 deg): 2 deg x 0.15 per deg of the load, to the left.
-    sliding = math.tan(math.radians(2))
-    load, slope, limit = 1000.0, math.degrees(0.15), math.radians(5)
-    force, damping, slip = wheel(1.0, sliding, 0.0, 1.3, 0.9, 1.0, 0.0, slope, limit, load)
-    assert (math.degrees(slip), force) == (pytest.approx(2.0), pytest.approx(-300.0))
-    assert damping == pytest.approx(load * slope, rel=3e-3)
-    # Steered 3 deg to the right of its motion it slips 3 deg to its left and is pushed to its right.
-    cosine, sine = math.cos(math.radians(3)), math.sin(math.radians(3))
-    force, _, slip = wheel(1.0, 0.0, 0.0, 1.3, 0.9, cosine, sine, slope, limit, load)
-    assert (math.degrees(slip), force) == (pytest.approx(-3.0), pytest.approx(450.0))
-    # Turning clockwise about the centre of mass, a wheel 1.3 m ahead and 0.9 m right moves right and slower.
-    _, _, slip = wheel(1.0, 0.0, 0.1, 1.3, 0.9, 1.0, 0.0, slope, limit, load)
-    assert slip == pytest.approx(math.atan(0.13 / 0.91))
+def record(values: Any) -> dict[str, float]:
+    return {name: float(values[name]) for name in values.dtype.names if values.dtype[name].shape == ()}
+
+
+@given(
+    FORWARD, RIGHT, SPIN, TANGENT, st.floats(-15000.0, 15000.0), st.sampled_from([1.0, 0.03, 1e-3]),
+    st.floats(1.0, 30.0),
+)  # fmt: skip
+def test_the_step_is_that_of_four_wheels_in_plain_python(
+    model: Any, soil: Any, forward: float, right: float, spin: float, tangent: float, drive: float, scale: float,
+    limit_deg: float,
+) -> None:  # fmt: skip
+    """`advance` takes each wheel by its angle, slip and force; both axles slip little, much and beyond their limit."""
+    soil = soil.copy()
+    soil["front_limit"] = soil["rear_limit"] = math.radians(limit_deg)
+    right, spin, tangent = right * scale, spin * scale, tangent * scale
+    found = body_step(forward, right, spin, tangent, drive, DT, model, soil)
+    expected = advance(forward, right, spin, tangent, drive, record(model), record(soil))
+    assert found == pytest.approx(expected, abs=1e-13)
 
 
 @given(st.floats(0.2, 5.0), st.floats(-15000.0, 15000.0))

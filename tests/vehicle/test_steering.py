@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle.calibration import identity_table
-from vehicle.steering import HOLD, SLEW, TRACK, ackermann_tangents, corrected_angle, steering_step
+from vehicle.steering import HOLD, SLEW, TRACK, ackermann, corrected_angle, steering_step
 
 DT = 1.0 / 60.0
 DEG = math.radians(1.0)
@@ -112,10 +112,17 @@ def test_slewing_is_never_faster_than_its_rate(angle: float, command: float, sta
         assert abs(after - angle) <= 16.0 / 60 + 1e-9
 
 
+def wheel_tangents(mean: float, base: float, track: float) -> tuple[float, float]:
+    """Tangents of the left and the right wheel angle; cosine and sine of each must be of one angle."""
+    cos_left, sin_left, cos_right, sin_right = ackermann(math.tan(mean), 0.5 * track / base)
+    assert (math.hypot(cos_left, sin_left), math.hypot(cos_right, sin_right)) == pytest.approx((1.0, 1.0), abs=1e-15)
+    return sin_left / cos_left, sin_right / cos_right
+
+
 @given(st.one_of(st.floats(-50.0, -0.01), st.floats(0.01, 50.0)), st.floats(1.5, 4.0), st.floats(1.0, 2.5))
 def test_wheel_angles_against_their_formulas(angle_deg: float, base: float, track: float) -> None:
     mean = angle_deg * DEG
-    left, right = ackermann_tangents(math.tan(mean), base, track)
+    left, right = wheel_tangents(mean, base, track)
     assert math.atan(left) == pytest.approx(math.atan(base / (0.5 * track + base / math.tan(mean))), abs=1e-12)
     if abs(base / math.tan(mean)) > 0.5 * track + 1e-3:
         expected = math.atan(base / (base / math.tan(mean) - 0.5 * track))
@@ -123,18 +130,18 @@ def test_wheel_angles_against_their_formulas(angle_deg: float, base: float, trac
 
 
 def test_the_right_wheel_is_the_inner_one_of_a_right_turn() -> None:
-    left, right = ackermann_tangents(math.tan(30 * DEG), WHEELBASE, TRACK_M)
+    left, right = wheel_tangents(30 * DEG, WHEELBASE, TRACK_M)
     # 2.4 / tan 30 = 4.15692 m; 2.4 / (4.15692 + 0.9) and 2.4 / (4.15692 - 0.9)
     assert left == pytest.approx(0.474597, abs=1e-6)
     assert right == pytest.approx(0.736892, abs=1e-6)
-    assert ackermann_tangents(0.0, WHEELBASE, TRACK_M) == (0.0, 0.0)
+    assert ackermann(0.0, 0.375) == (1.0, 0.0, 1.0, 0.0)
 
 
 @given(st.one_of(st.floats(-50.0, -0.5), st.floats(0.5, 50.0)), st.floats(1.5, 4.0), st.floats(1.0, 2.5))
 def test_both_front_wheels_roll_about_one_point_of_the_rear_axle_line(
     angle_deg: float, base: float, track: float
 ) -> None:
-    tangents = ackermann_tangents(math.tan(angle_deg * DEG), base, track)
+    tangents = wheel_tangents(angle_deg * DEG, base, track)
     centres = []
     for tangent, aside in zip(tangents, (-0.5 * track, 0.5 * track), strict=True):
         wheel = np.array([base, aside])

@@ -10,12 +10,18 @@ from hypothesis import strategies as st
 from vehicle.compile import compile_grounds
 from vehicle.errors import VehicleError
 from vehicle.ground import GROUNDS, ground_index, ground_names
-from vehicle.tyres import CREEP_MPS, side_damping, side_friction, slip_angle
+from vehicle.tyres import CREEP_MPS, side_resistance
 
 SPEEDS = st.floats(-6.0, 6.0)
 SIDEWAYS = st.floats(-3.0, 3.0)
 SLOPES = st.floats(0.1, 20.0)
 LIMITS = st.floats(0.01, 0.5)
+
+
+def side_friction(slip: float, slope: float, limit: float, speed: float = 1.0) -> float:
+    """Side force per load of a wheel that rolls at a speed and slips by an angle."""
+    sliding = speed * math.tan(slip)
+    return -side_resistance(speed, sliding, slope, limit) * sliding
 
 
 @pytest.mark.parametrize(("slope_per_deg", "slip_deg", "expected"), [
@@ -29,45 +35,41 @@ LIMITS = st.floats(0.01, 0.5)
     (0.200, 0.0, 0.0),
 ])  # fmt: skip
 def test_side_friction_by_hand(slope_per_deg: float, slip_deg: float, expected: float) -> None:
-    found = side_friction(math.radians(slip_deg), math.degrees(slope_per_deg), math.radians(5.0))
-    assert found == pytest.approx(expected, abs=1e-12)
-
-
-@given(st.floats(-1.5, 1.5), SLOPES, LIMITS)
-def test_side_friction_is_odd_capped_and_against_the_slip(slip: float, slope: float, limit: float) -> None:
-    friction = side_friction(slip, slope, limit)
-    assert side_friction(-slip, slope, limit) == -friction
-    assert abs(friction) <= slope * limit
-    assert friction * slip <= 0.0
-
-
-@pytest.mark.parametrize(("forward", "sideways", "expected_deg"), [
-    (1.0, 1.0, 45.0),
-    (-1.0, 1.0, 45.0),
-    (2.0, -2.0 * math.tan(math.radians(10)), -10.0),
-    (0.0, CREEP_MPS, 45.0),
-    (0.01, -CREEP_MPS, -45.0),
-    (0.0, 0.0, 0.0),
-])  # fmt: skip
-def test_slip_angle_by_hand(forward: float, sideways: float, expected_deg: float) -> None:
-    assert math.degrees(slip_angle(forward, sideways)) == pytest.approx(expected_deg, abs=1e-9)
+    for speed in (0.1, 1.0, -5.0):
+        found = side_friction(math.radians(slip_deg), math.degrees(slope_per_deg), math.radians(5.0), speed)
+        assert found == pytest.approx(math.copysign(1.0, speed) * expected, abs=1e-12)
 
 
 @given(SPEEDS, SIDEWAYS, SLOPES, LIMITS)
-def test_damping_times_the_sideways_speed_is_the_friction(
+def test_side_friction_is_capped_and_against_the_sliding(
     forward: float, sideways: float, slope: float, limit: float
 ) -> None:
-    slip = slip_angle(forward, sideways)
-    damping = side_damping(forward, sideways, slip, slope, limit)
-    assert damping > 0.0
-    assert damping * sideways == pytest.approx(-side_friction(slip, slope, limit), rel=1e-12, abs=1e-300)
+    resistance = side_resistance(forward, sideways, slope, limit)
+    assert resistance > 0.0
+    assert resistance == side_resistance(forward, -sideways, slope, limit)
+    assert resistance == side_resistance(-forward, sideways, slope, limit)
+    slip = min(math.atan(abs(sideways) / max(abs(forward), CREEP_MPS)), limit)
+    assert resistance * abs(sideways) == pytest.approx(slope * slip, rel=1e-14, abs=1e-300)
+
+
+@pytest.mark.parametrize(("forward", "sideways", "slip_deg"), [
+    (1.0, 1.0, 45.0),
+    (-1.0, 1.0, 45.0),
+    (2.0, -2.0 * math.tan(math.radians(10)), 10.0),
+    (0.0, CREEP_MPS, 45.0),
+    (0.01, -CREEP_MPS, 45.0),
+])  # fmt: skip
+def test_slip_by_hand(forward: float, sideways: float, slip_deg: float) -> None:
+    """Below the creep a wheel slips as if it rolled that fast."""
+    found = side_resistance(forward, sideways, 1.0, math.pi) * abs(sideways)
+    assert math.degrees(found) == pytest.approx(slip_deg, abs=1e-9)
 
 
 @given(SPEEDS, SLOPES, LIMITS)
-def test_damping_at_no_slip_is_the_derivative_of_the_friction(forward: float, slope: float, limit: float) -> None:
+def test_resistance_at_no_slip_is_the_derivative_of_the_friction(forward: float, slope: float, limit: float) -> None:
     h = 1e-7
-    before, after = (side_friction(slip_angle(forward, side), slope, limit) for side in (-h, h))
-    assert side_damping(forward, 0.0, 0.0, slope, limit) == pytest.approx((before - after) / (2 * h), rel=1e-6)
+    before, after = (-side_resistance(forward, side, slope, limit) * side for side in (-h, h))
+    assert side_resistance(forward, 0.0, slope, limit) == pytest.approx((before - after) / (2 * h), rel=1e-6)
 
 
 def test_compiled_grounds_keep_the_forces_of_the_grounds() -> None:

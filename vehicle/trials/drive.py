@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
+from vehicle.bodies import new_space
 from vehicle.calibration import identity_table, steering_tables
 from vehicle.circles import CIRCLE_SPEED_MPS
 from vehicle.compile import compile_grounds, compile_model, compile_plan
@@ -177,7 +178,7 @@ class _Trial:
         self.gates = np.zeros(0, dtype=GATE) if gates is None else gates
         self.points = np.zeros((1, 2)) if points is None else points
         self.cumulative = np.zeros(1) if cumulative is None else cumulative
-        self.space = pymunk.Space()
+        self.space = new_space()
         self.bodies = []
         for tractor, (x, y, angle) in zip(tractors, poses, strict=True):
             body = pymunk.Body(tractor.mass_kg, tractor.inertia_kg_m2)
@@ -201,9 +202,8 @@ class _Trial:
         track = np.empty((-(-steps // keep), len(self.bodies), len(COLUMNS)))
         models = np.array([compile_model(tractor, Implement()) for tractor in self.tractors])
         rows = run_trials(
-            steps, dt, every, keep, engine.addresses, engine.read, engine.write, engine.read_count,
-            engine.write_count, self.states, models, grounds, tables, self.legs, self.gates, self.points,
-            self.cumulative, commands, position_errors, track,
+            steps, dt, every, keep, engine.door, self.states, models, grounds, tables, self.legs, self.gates,
+            self.points, self.cumulative, commands, position_errors, track,
         )  # fmt: skip
         time = np.arange(rows, dtype=np.float64) * (dt * keep)
         return [

@@ -1,0 +1,36 @@
+"""Functions of small arguments by their power series: what the wheels of a tractor mostly turn and slip by.
+
+Each is the library's function to the last bit or two. The terms are summed in pairs, so that few wait for each other.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vehicle.jit import compiled
+
+SMALL = 0.1  # rad; the first term left out is below 1e-17 of the first one
+
+
+@compiled
+def tangent(angle: float) -> float:
+    """Tangent of an angle (rad)."""
+    if abs(angle) > SMALL:
+        return math.tan(angle)
+    z = angle * angle
+    zz = z * z
+    low = (1.0 / 3.0 + 2.0 / 15.0 * z) + (17.0 / 315.0 + 62.0 / 2835.0 * z) * zz
+    high = (1382.0 / 155925.0 + 21844.0 / 6081075.0 * z) + 929569.0 / 638512875.0 * zz
+    return angle + angle * z * (low + high * (zz * zz))
+
+
+@compiled
+def arc_share(slope: float) -> float:
+    """The angle (rad) of a tangent `slope` of 0 or more, over that tangent; 1 for none."""
+    if slope > SMALL:
+        return math.atan(slope) / slope
+    z = slope * slope
+    zz = z * z
+    low = (1.0 - 1.0 / 3.0 * z) + (1.0 / 5.0 - 1.0 / 7.0 * z) * zz
+    high = (1.0 / 9.0 - 1.0 / 11.0 * z) + (1.0 / 13.0 - 1.0 / 15.0 * z) * zz
+    return low + high * (zz * zz)
