@@ -33,13 +33,12 @@ def least_between(turns: Floats, first: Floats, last: Floats) -> Floats:
     return out
 
 
-@compiled
-def held_karp(between, enough):  # type: ignore[no-untyped-def]
+def held_karp(between: Floats, enough: float) -> float:
     """A lower bound (s) on every order through all n tracks; `between` (n + 1, n + 1) is from `least_between`.
 
     Stops early at `enough`, seconds an order is known to take.
     """
-    return _ascended(between, enough)[0]
+    return float(_ascended(between, enough)[0])
 
 
 @compiled

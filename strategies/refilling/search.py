@@ -61,9 +61,10 @@ def descend(order, turns, detours, first, last, need, room, capacity, longest, e
     begun, rest, spare = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
     scratch, kept = order.copy(), np.empty(2)
     now = _total(order, last, begun, rest, turns, detours, first, need, room, capacity)
-    quiet = i = 0
+    quiet = i = np.int64(0)
+    nothing = np.int64(-1)
     while quiet < n and effort > 0:
-        best, bj, bm, bk = now - GAIN_S, -1, -1, -1
+        best, bj, bm, bk = now - GAIN_S, nothing, nothing, nothing
         for m in range(i + 1, min(i + TURNED, n)):
             for j in range(i, m):
                 short = min(j - i + 1, m - j) <= SHORTER and m - i < FARTHEST
