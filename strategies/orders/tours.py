@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from strategies.orders.bounds import bound_by_ends, held_karp, least_between
+from strategies.orders.bounds import ascended, bound_by_ends, least_between
 from strategies.orders.exact import best_order
 from vehicle.gnss import mixed
 from vehicle.jit import compiled
@@ -278,12 +278,26 @@ def seconds_of(order: Ints, turns: Floats, first: Floats, last: Floats) -> float
 
 
 @dataclass(frozen=True, eq=False)
+class Ascent:
+    """What an order and its bound were found with: a better bound begins there."""
+
+    turns: Floats
+    first: Floats
+    last: Floats
+    prices: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Tour:
-    """Passes (n,) in order, the seconds of the ways between them, and what no order can undercut."""
+    """Passes (n,) in order, the seconds of the ways between them, and what no order can undercut.
+
+    `ascent` is there as long as `sharpened` may find a better bound.
+    """
 
     passes: Ints
     seconds: float
     bound_s: float
+    ascent: Ascent | None = None
 
     @property
     def gap_pct(self) -> float:
@@ -307,7 +321,10 @@ def tour(
     order, seconds = min(orders, key=lambda one: one[1])
     if not kicked:
         return Tour(_directions(order, turns, first, last), float(seconds), 0.0)
-    bound = held_karp(between, seconds - GAIN_S) if len(order) > 1 else seconds
+    bound, ascent = seconds, None
+    if len(order) > 1:
+        bound, prices = ascended(between, seconds - GAIN_S)
+        ascent = Ascent(turns, first, last, prices)
     enough = bound * (1.0 + CLOSE)
     if seconds > enough and len(order) > 3:
         kicks = max(FEWEST_KICKS, KICKS // len(order))
@@ -315,15 +332,16 @@ def tour(
     passes = _directions(order, turns, first, last)
     if proven and seconds > enough and 3 < len(order) <= MOST_PROVEN:
         return _proven(turns, first, last, Tour(passes, float(seconds), float(bound)))
-    best = Tour(passes, float(seconds), float(min(bound, seconds)))
-    return sharpened(best, turns, first, last) if bounded else best
+    best = Tour(passes, float(seconds), float(min(bound, seconds)), ascent)
+    return sharpened(best) if bounded else best
 
 
-def sharpened(best: Tour, turns: Floats, first: Floats, last: Floats) -> Tour:
+def sharpened(best: Tour) -> Tour:
     """An order with a better bound where its own leaves much open; that takes longer than the search of many tracks."""
-    if best.seconds <= best.bound_s * (1.0 + CLOSE):
+    if best.ascent is None or best.seconds <= best.bound_s * (1.0 + CLOSE):
         return best
-    bound = bound_by_ends(turns, first, last, best.seconds - GAIN_S)
+    of = best.ascent
+    bound = bound_by_ends(of.turns, of.first, of.last, best.seconds - GAIN_S, of.prices)
     return Tour(best.passes, best.seconds, min(max(best.bound_s, bound), best.seconds))
 
 
