@@ -160,7 +160,7 @@ class _Ways(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Driven:
-    """Legs as they were driven alone: seconds of each, and its metres driven at every row of a record, `step_s` apart."""
+    """Legs as they were driven alone: seconds of each, and its metres driven at every row of a record (`step_s`)."""
 
     seconds: list[float]
     metres: list[Floats]

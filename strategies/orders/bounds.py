@@ -42,7 +42,7 @@ def held_karp(between: Floats, enough: float) -> float:
 
 
 def ascended(between: Floats, enough: float) -> tuple[float, Floats]:
-    """As `held_karp`, with the prices of the tracks and of the node of start and end (n + 1,) that it was found with."""
+    """As `held_karp`, with the prices (n + 1,) of the tracks and the node of start and end it was found with."""
     bound, prices = _ascended(between, enough)
     return float(bound), prices
 

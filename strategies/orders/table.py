@@ -119,8 +119,8 @@ class TurnTable:
         """The best order through some of the tracks, in passes of this table.
 
         `members` are their places in the table; `starts` orders of these to search from. `roughly` leaves estimates
-        as they are and the order where no move helps; without `proven` the best of few is not worked out. The bound is that
-        of the search (`tours.sharpened`).
+        as they are and the order where no move helps; without `proven` the best of few is not worked out. The
+        bound is that of the search (`tours.sharpened`).
         """
         rows = np.array([2 * track + way for track in members for way in (0, 1)])
         place = {track: index for index, track in enumerate(members)}

@@ -15,6 +15,7 @@ goes on (iterated local search, Lourenco, Martin and Stutzle 2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +35,11 @@ GAIN_S = 1e-7
 MOST_STARTS = 3
 MOST_PROVEN = 16  # tracks: four hundredths of a second, and twice as long for every track more
 CLOSE = 2e-4  # an order this near its bound, relatively, is taken for the best
-PLAIN, SECOND_TURNED = np.int64(0), np.int64(2)  # how two runs change places: `_swap`
+# Not Python's numbers: for every constant of these handed over, what it is handed to is compiled once more.
+PLACE_0: Any = np.int64(0)
+NOWHERE: Any = np.int64(-1)
+PLAIN: Any = np.int64(0)  # how two runs change places: `_swap`
+SECOND_TURNED: Any = np.int64(2)
 KICKS, FEWEST_KICKS = 500, 3  # shared by the tracks: a kick of 20 tracks takes a millisecond, of 300 tracks fifty
 
 
@@ -155,7 +160,7 @@ def _improve(i, order, turns, first, last, onward, backward, shortest, head, tai
     n = len(order)
     z = order[n - 1]
     best = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
-    bj, bm, bway = np.int64(-1), np.int64(-1), PLAIN
+    bj, bm, bway = NOWHERE, NOWHERE, PLAIN
     begun = min(head[i - 1, 0], head[i - 1, 1]) if i > 0 else 0.0
     back = np.array([[0.0, 2.0 * FAR_S], [2.0 * FAR_S, 0.0]])  # from place m back to i
     for m in range(i + 1, n):
@@ -200,8 +205,8 @@ def _descend(order, turns, first, last, onward, backward, shortest, head, tail, 
     `due` (n,) marks the places whose moves are to be judged: after a move those that reach into what it changed.
     """
     n = len(order)
-    quiet = i = np.int64(0)  # plain numbers: for every constant handed over its callee is compiled once more
-    run_tables(order, i, n - 1, turns, first, last, onward, backward, shortest, head, tail)
+    quiet = i = PLACE_0
+    run_tables(order, PLACE_0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
     while quiet < n:
         changed = -1
         if due[i]:
