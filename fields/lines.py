@@ -100,18 +100,29 @@ def chords(edges: FloatArray, q: FloatArray) -> tuple[IntArray, FloatArray, Floa
 
     Args:
         edges: shape (n, 2, 2) in track coordinates.
-        q: shape (k,).
+        q: shape (k,), ascending or descending.
 
     Returns:
         line index, start and end along s of each chord, sorted by line and start.
     """
     (s_a, q_a), (s_b, q_b) = edges[:, 0].T, edges[:, 1].T
-    line, edge = np.nonzero((q_a <= q[:, None]) != (q_b <= q[:, None]))
+    line, edge = _crossings(np.minimum(q_a, q_b), np.maximum(q_a, q_b), q)
     t = (q[line] - q_a[edge]) / (q_b[edge] - q_a[edge])
     s = s_a[edge] + t * (s_b[edge] - s_a[edge])
     order = np.lexsort((s, line))
     line, s = line[order], s[order]
     return line[::2], s[::2], s[1::2]
+
+
+def _crossings(low: FloatArray, high: FloatArray, q: FloatArray) -> tuple[IntArray, IntArray]:
+    """Lines and edges that meet: those of the lines at q, in order either way, that lie in [low, high) of an edge."""
+    down = len(q) > 1 and q[0] > q[-1]
+    ascending = q[::-1] if down else q
+    first, end = np.searchsorted(ascending, low), np.searchsorted(ascending, high)
+    count = end - first
+    edge = np.repeat(np.arange(len(low)), count)
+    line = np.arange(len(edge)) + np.repeat(first - (np.cumsum(count) - count), count)
+    return (len(q) - 1 - line if down else line), edge
 
 
 def positions(low: float, high: float, width: float) -> FloatArray:

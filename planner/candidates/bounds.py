@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, repeat
+from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -28,6 +29,7 @@ NEAR_M = 1.0  # on a leg: the antenna may be so much farther than the middle of 
 OTHERWISE = 0.999
 CLOSE = 0.96  # of what is driven: bounds of a pace come nearer to it
 AT_ONCE = 1e9  # m/s2
+Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -65,137 +67,129 @@ def pace_of(tractor: Tractor, implement: Implement, radius_m: float) -> Pace:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Stretch:
-    """A leg as it is driven at best: metres, speed, and speed at its two ends (m/s).
+@dataclass(frozen=True, eq=False)
+class _Stretches:
+    """The legs of a tractor as they are driven at best, each array (n,): metres, speed, speed at both ends (m/s).
 
-    `before_s` are spent standing before it; less than none where it is slower and is come to a little too fast.
-    `stand_s` more it is asked to stand.
+    `before_s` are spent standing before a leg; less than none where it is slower and is come to a little too fast.
+    `stand_s` more the tractor is asked to stand.
     """
 
-    length_m: float
-    speed: float
-    first: float
-    last: float
+    length_m: Floats
+    speed: Floats
+    first: Floats
+    last: Floats
     mps2: float
-    before_s: float
-    stand_s: float = 0.0
+    before_s: Floats
+    stand_s: Floats
 
-    @property
-    def seconds(self) -> float:
-        """From the end of the leg before to the end of this one."""
-        return self.stand_s + self._moving_s
+    @cached_property
+    def seconds(self) -> list[float]:
+        """From the end of the leg before to the end of each."""
+        v, u, w, a, metres = self.speed, self.first, self.last, self.mps2, self.length_m
+        whole = metres / v + ((v - u) ** 2 + (v - w) ** 2) / (2.0 * v * a)
+        top = np.sqrt(a * metres + 0.5 * (u * u + w * w))
+        short = np.maximum(2.0 * top - u - w, 0.0) / a
+        moving = self.before_s + np.where(2.0 * a * metres >= 2.0 * v * v - u * u - w * w, whole, short)
+        return (self.stand_s + moving).tolist()  # type: ignore[no-any-return]
 
-    @property
-    def _moving_s(self) -> float:
-        v, u, w, a = self.speed, self.first, self.last, self.mps2
-        if 2.0 * a * self.length_m >= 2.0 * v * v - u * u - w * w:
-            return self.before_s + self.length_m / v + ((v - u) ** 2 + (v - w) ** 2) / (2.0 * v * a)
-        top = math.sqrt(a * self.length_m + 0.5 * (u * u + w * w))
-        return self.before_s + max(2.0 * top - u - w, 0.0) / a
-
-    def reached_s(self, metres: float) -> float:
-        """From the end of the leg before until so many metres are driven, at the soonest."""
+    def reached_s(self, leg: int, metres: float) -> float:
+        """From the end of the leg before until so many metres of one are driven, at the soonest."""
+        before_s = float(self.before_s[leg])
         if metres <= 0.0:
-            return min(self.before_s, 0.0)  # a leg has begun before anything is stood or shifted
-        return self.stand_s + self._moved_s(max(min(metres, self.length_m), 0.0))
-
-    def _moved_s(self, metres: float) -> float:
-        v, u, a = self.speed, self.first, self.mps2
+            return min(before_s, 0.0)  # a leg has begun before anything is stood or shifted
+        metres = min(metres, float(self.length_m[leg]))
+        v, u, a = float(self.speed[leg]), float(self.first[leg]), self.mps2
         if 2.0 * a * metres >= v * v - u * u:
-            return self.before_s + metres / v + (v - u) ** 2 / (2.0 * v * a)
-        return self.before_s + (math.sqrt(u * u + 2.0 * a * metres) - u) / a
+            moved_s = before_s + metres / v + (v - u) ** 2 / (2.0 * v * a)
+        else:
+            moved_s = before_s + (math.sqrt(u * u + 2.0 * a * metres) - u) / a
+        return float(self.stand_s[leg]) + moved_s
 
 
-def _stretches(mission: Mission, pace: Pace, saved_m: Sequence[float]) -> list[_Stretch]:
+def _stretches(mission: Mission, pace: Pace, saved_m: Floats) -> _Stretches:
     """The legs of a tractor that nobody keeps waiting, each by so much shorter."""
     legs = mission.legs
-    speeds = [pace.faster * leg.speed_mps + pace.push_mps for leg in legs]
-    turns = [a.gear != b.gear for a, b in pairwise(legs)]
-    lengths = [
-        max(leg.length_m - saved - (pace.short_m if stands else 0.0), 0.0)
-        for leg, saved, stands in zip(legs, saved_m, [*turns, True], strict=True)
-    ]
-    limits = [0.0, *(0.0 if back else min(ends) for ends, back in zip(pairwise(speeds), turns, strict=True)), 0.0]
-    for n in range(len(legs) - 1, -1, -1):
-        gained = _gained(limits[n + 1], lengths[n], pace.mps2)
-        if gained < limits[n]:
-            limits[n] = gained
-    for n in range(len(legs)):
-        gained = _gained(limits[n], lengths[n], pace.mps2)
-        if gained < limits[n + 1]:
-            limits[n + 1] = gained
-    before = [0.0, *(
-        pace.shift_s if back else -pace.late_s * max(0.0, 1.0 - b / a)
-        for (a, b), back in zip(pairwise(speeds), turns, strict=True)
-    )]  # fmt: skip
-    return [
-        _Stretch(length, speed, *ends, pace.mps2, more, leg.stand_s)
-        for leg, length, speed, ends, more in zip(legs, lengths, speeds, pairwise(limits), before, strict=True)
-    ]
+    asked = np.array([(leg.speed_mps, leg.length_m, leg.stand_s, leg.gear) for leg in legs])
+    speeds = pace.faster * asked[:, 0] + pace.push_mps
+    turns = asked[1:, 3] != asked[:-1, 3]
+    lengths = np.maximum(asked[:, 1] - saved_m - np.where(np.append(turns, True), pace.short_m, 0.0), 0.0)
+    through = np.where(turns, 0.0, np.minimum(speeds[:-1], speeds[1:]))
+    limits = np.array(_limits([0.0, *through.tolist(), 0.0], (2.0 * pace.mps2 * lengths).tolist()))
+    late = -pace.late_s * np.maximum(0.0, 1.0 - speeds[1:] / speeds[:-1])
+    before = np.concatenate(([0.0], np.where(turns, pace.shift_s, late)))
+    return _Stretches(lengths, speeds, limits[:-1], limits[1:], pace.mps2, before, asked[:, 2])
 
 
-def _gained(speed: float, metres: float, mps2: float) -> float:
-    """The speed that is reached from another within so many metres."""
-    return math.sqrt(speed * speed + 2.0 * mps2 * metres)
+def _limits(limits: list[float], gains: Sequence[float]) -> list[float]:
+    """Speeds at the ends of legs, none of which is above its limit or out of reach of the speeds beside it.
+
+    `gains` is by how much the square of the speed can change on each leg, (m/s)^2.
+    """
+    for n in range(len(gains) - 1, -1, -1):
+        limits[n] = min(limits[n], math.sqrt(limits[n + 1] * limits[n + 1] + gains[n]))
+    for n in range(len(gains)):
+        limits[n + 1] = min(limits[n + 1], math.sqrt(limits[n] * limits[n] + gains[n]))
+    return limits
 
 
-def _saved_m(legs: Sequence[Leg], pace: Pace) -> list[float]:
-    """What each of the legs may be shorter for who drives it."""
-    saved = [0.0] * len(legs)
+def _saved_m(legs: Sequence[Leg], pace: Pace) -> Floats:
+    """What each of the legs (n,) may be shorter for who drives it."""
+    saved = np.zeros(len(legs))
     bent = [number for number, leg in enumerate(legs) if len(leg.points) > 2]
     if not pace.bend_m or not bent:
         return saved
     east, north = np.diff(np.concatenate([legs[number].points for number in bent]), axis=0).T
     turns = np.diff(np.arctan2(north, east))
     turned = np.abs((turns + math.pi) % (2.0 * math.pi) - math.pi)
-    first = 0
-    for number in bent:
-        last = first + len(legs[number].points)
-        saved[number] = pace.bend_m * float(turned[first : last - 2].sum())
-        first = last
+    last = np.cumsum([len(legs[number].points) for number in bent])
+    first = np.concatenate(([0], last[:-1]))
+    inner = np.column_stack([first, last - 2]).ravel()  # every other sum is over a joint of two legs
+    saved[bent] = pace.bend_m * np.add.reduceat(np.append(turned, 0.0), inner)[::2]
     return saved
 
 
-class _Way(Protocol):
-    """A leg that nobody is kept waiting on: seconds from the end of the one before to its end, or to a place on it."""
+class _Ways(Protocol):
+    """The legs of a tractor that nobody keeps waiting: seconds from the end of the one before to the end of each."""
 
     @property
-    def seconds(self) -> float: ...
+    def seconds(self) -> list[float]: ...
 
-    def reached_s(self, metres: float) -> float: ...
+    def reached_s(self, leg: int, metres: float) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
 class _Driven:
-    """A leg as it was driven alone: seconds in all, and metres driven at every row of the record, `step_s` apart."""
+    """Legs as they were driven alone: seconds of each, and its metres driven at every row of a record (`step_s`)."""
 
-    seconds: float
-    metres: npt.NDArray[np.float64]
+    seconds: list[float]
+    metres: list[Floats]
     step_s: float
 
-    def reached_s(self, metres: float) -> float:
-        """Seconds until so many metres are driven, or as good as driven."""
-        return min(float(np.searchsorted(self.metres, metres - NEAR_M)) * self.step_s, self.seconds)
+    def reached_s(self, leg: int, metres: float) -> float:
+        """Seconds until so many metres of a leg are driven, or as good as driven."""
+        return min(float(np.searchsorted(self.metres[leg], metres - NEAR_M)) * self.step_s, self.seconds[leg])
 
 
-def _ways_of(mission: Mission, run: Run) -> list[_Driven]:
+def _ways_of(mission: Mission, run: Run) -> _Driven:
     """The legs of a tractor as it drove them with nobody else on the field."""
     at, end = run.leg(0), int(np.searchsorted(run.time_s, run.finish_s[0]))
-    rows = np.append(np.searchsorted(at[:end], np.arange(len(mission.legs))), end)
+    rows = np.append(np.searchsorted(at[:end], np.arange(len(mission.legs))), end).tolist()
     driven = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(run.poses(0)[:, :2], axis=0).T))))
     step_s = float(run.time_s[1])
-    return [
-        _Driven(float(last - first) * step_s, driven[first:last] - driven[first], step_s)
-        for first, last in pairwise(rows.tolist())
-    ]
+    return _Driven(
+        [float(last - first) * step_s for first, last in pairwise(rows)],
+        [driven[first:last] - driven[first] for first, last in pairwise(rows)],
+        step_s,
+    )
 
 
 class _Clock:
     """When each tractor begins its legs at the soonest (s): what is known so far."""
 
-    def __init__(self, plan: Plan, ways: Sequence[Sequence[_Way]], saved_m: Sequence[Sequence[float]]) -> None:
-        self.missions, self.ways, self.saved_m = plan.missions, ways, saved_m
+    def __init__(self, plan: Plan, ways: Sequence[_Ways], saved_m: Sequence[Floats]) -> None:
+        self.ways, self.saved_m = ways, saved_m
+        self.gates = [[leg.gates for leg in mission.legs] for mission in plan.missions]
         self.begun: list[list[float]] = [[] for _ in self.ways]
         self.free = [0.0] * len(self.ways)
         # Gates before the coming leg that are known to open, and when the last of them does.
@@ -210,22 +204,24 @@ class _Clock:
         begun = self.begun[gate.tractor]
         if gate.leg >= len(begun):
             return None
-        metres = gate.after_m - self.saved_m[gate.tractor][gate.leg]
-        opened = begun[gate.leg] + self.ways[gate.tractor][gate.leg].reached_s(metres)
+        metres = gate.after_m - float(self.saved_m[gate.tractor][gate.leg])
+        opened = begun[gate.leg] + self.ways[gate.tractor].reached_s(gate.leg, metres)
         self._known[key] = opened
         return opened
 
     def advance(self, tractor: int) -> bool:
         """Let a tractor drive on to a gate that is not known to open; whether it drove."""
-        begun, legs = self.begun[tractor], self.missions[tractor].legs
-        before = len(begun)
-        ways = self.ways[tractor]
-        while len(begun) < len(legs):
-            leg = legs[len(begun)]
-            if leg.gates and not self._through(tractor, leg.gates):
-                break
-            begun.append(self.free[tractor])
-            self.free[tractor] += ways[len(begun) - 1].seconds
+        begun, seconds, gates = self.begun[tractor], self.ways[tractor].seconds, self.gates[tractor]
+        before, free = len(begun), self.free[tractor]
+        for leg in range(before, len(seconds)):
+            if gates[leg]:
+                self.free[tractor] = free
+                if not self._through(tractor, gates[leg]):
+                    break
+                free = self.free[tractor]
+            begun.append(free)
+            free += seconds[leg]
+        self.free[tractor] = free
         return len(begun) > before
 
     def _through(self, tractor: int, gates: Sequence[Gate]) -> bool:
@@ -248,8 +244,8 @@ def done_s(plan: Plan, pace: Pace = BARE) -> list[float]:
     Where tractors wait for each other and none can go on, what is driven until then counts.
     """
     saved_m = [_saved_m(mission.legs, pace) for mission in plan.missions]
-    ways = [_stretches(*each) for each in zip(plan.missions, repeat(pace), saved_m)]
-    return _done_s(_Clock(plan, ways, [[saved + pace.short_m for saved in each] for each in saved_m]))
+    ways = [_stretches(mission, pace, saved) for mission, saved in zip(plan.missions, saved_m, strict=True)]
+    return _done_s(_Clock(plan, ways, [saved + pace.short_m for saved in saved_m]))
 
 
 def _done_s(clock: _Clock) -> list[float]:
@@ -272,16 +268,16 @@ def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.
     slowest first, the others are not driven, and what that one takes is returned.
     """
     missions = ungated(plan).missions
-    ways: dict[int, list[_Driven]] = {}
+    ways: dict[int, _Driven] = {}
     for number in sorted(range(len(missions)), key=lambda number: (-asked_s(missions[number]), number)):
         run = alone(missions[number])
         if run.outcome != DONE:
             return 0.0
         ways[number] = _ways_of(missions[number], run)
-        own_s = OTHERWISE * sum(way.seconds for way in ways[number])
+        own_s = OTHERWISE * sum(ways[number].seconds)
         if own_s > enough_s:
             return own_s
-    unsaved = [[0.0] * len(mission.legs) for mission in plan.missions]
+    unsaved = [np.zeros(len(mission.legs)) for mission in plan.missions]
     return OTHERWISE * max(_done_s(_Clock(plan, [ways[number] for number in range(len(missions))], unsaved)))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.ground.measure import Points, guided_point
+from planner.ground.measure import Points, guided
 from planner.ground.touched import FenceCheck, ObstacleCheck
 from planner.site import Site
 from vehicle.missions import Mission
@@ -37,16 +37,18 @@ def slips(run: Run, site: Site) -> list[Slip]:
     checks: tuple[FenceCheck | ObstacleCheck, ...] = FenceCheck(site), ObstacleCheck(site)
     turns = []
     for tractor, mission in enumerate(run.plan.missions):
-        path, at_leg, poses = guided_point(run, site, tractor), run.leg(tractor), run.poses(tractor)
+        at_leg, poses = run.leg(tractor), run.poses(tractor)
         legs = tracks_begun(mission)
         starts = _reached(at_leg, [turn_start(mission, leg) for leg in legs])
         ends = [begun + 1 for begun in _reached(at_leg, legs)]
-        beyond_m = _beyond_m(path, _rows(starts, ends, len(path)), site)
-        near = [_near(check, poses, _rows(starts, ends, len(path))) for check in checks]
-        for leg, start, end in zip(legs, starts, ends, strict=True):
+        rows = _rows(starts, ends, len(poses))
+        beyond_m = _beyond_m(poses, rows, site)
+        near = [_near(check, poses, rows) for check in checks]
+        begun = guided(poses[np.array(ends, dtype=np.int64) - 1], site)
+        for leg, place, start, end in zip(legs, begun, starts, ends, strict=True):
             line = mission.legs[leg].points
             along = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
-            off = path[end - 1] - line[0]
+            off = place - line[0]
             aside = abs(float(along[0] * off[1] - along[1] * off[0]))
             outside = float(np.max(beyond_m[start:end], initial=0.0))
             crossed = max(
@@ -74,13 +76,14 @@ def _rows(starts: list[int], ends: list[int], count: int) -> npt.NDArray[np.bool
     return rows
 
 
-def _beyond_m(path: Points, rows: npt.NDArray[np.bool_], site: Site) -> Points:
-    """How far (t,) the guided point is outside the field, at some rows; 0 elsewhere and inside."""
+def _beyond_m(poses: Points, rows: npt.NDArray[np.bool_], site: Site) -> Points:
+    """How far (t,) the guided point is outside the field, at some rows of the poses; 0 elsewhere and inside."""
     boundary = site.layout.field.ground
     shapely.prepare(boundary)
-    beyond_m, looked = np.zeros(len(path)), np.flatnonzero(rows)
-    out = looked[~shapely.contains_xy(boundary, path[looked])]
-    beyond_m[out] = shapely.distance(shapely.points(path[out]), boundary)
+    beyond_m, looked = np.zeros(len(poses)), np.flatnonzero(rows)
+    path = guided(poses[looked], site)
+    out = ~shapely.contains_xy(boundary, path)
+    beyond_m[looked[out]] = shapely.distance(shapely.points(path[out]), boundary)
     return beyond_m
 
 

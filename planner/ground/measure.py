@@ -60,10 +60,10 @@ class Coverage:
 
 def guided_point(run: Run, site: Site, tractor: int) -> Points:
     """Track of the antenna, shape (t, 2)."""
-    return _guided(run.poses(tractor), site)
+    return guided(run.poses(tractor), site)
 
 
-def _guided(poses: Points, site: Site) -> Points:
+def guided(poses: Points, site: Site) -> Points:
     """Places (t, 2) of the antenna at poses (t, 3) of the centre of mass."""
     x, y, angle = poses.T
     reach = _antenna_m(site)
@@ -154,7 +154,7 @@ def excursion(run: Run, site: Site) -> Excursion:
     for tractor in range(run.plan.tractors):
         poses = run.poses(tractor)
         near = inside.unsure(poses)
-        path = _guided(poses[near], site)
+        path = guided(poses[near], site)
         outside = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])
         near, path = near[outside], path[outside]
         if len(near):

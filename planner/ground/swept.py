@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -74,16 +75,25 @@ def _pieces(run: Run, site: Site, tractor: int) -> Iterator[tuple[tuple[int, int
     kinds = np.array([(2 if leg.task.kind == ROUND else 1) if leg.implement else 0 for leg in legs], dtype=np.int8)
     kind = kinds[run.leg(tractor)]
     cuts = np.flatnonzero(np.diff(np.concatenate(([0], kind, [0]))))
-    for first, end in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
-        if not kind[first]:
+    edges = [(first, end) for first, end in pairwise(cuts.tolist()) if kind[first]]
+    if not edges:
+        return
+    # All stretches at once: there are hundreds, and each by itself takes longer than its rows do.
+    each = [_rows(first, min(end, len(kind) - 1)) for first, end in edges]
+    rows, borders = np.concatenate(each), np.cumsum([0, *map(len, each)]).tolist()
+    poses = run.poses(tractor)[rows]
+    ends, angle = bar_ends(poses, site), poses[:, 2]
+    direction, steps = _direction(angle, ends), np.hypot(*np.diff(ends, axis=1).T)
+    jumps = np.abs(np.diff(angle)) >= math.pi
+    for begin, after in pairwise(borders):
+        inner = slice(begin, after - 1)
+        if after - begin < 2 or float(steps[inner].sum()) < 2.0 * SHORTEST_M:
             continue
-        rows = _rows(first, min(end, len(kind) - 1))
-        poses = run.poses(tractor)[rows]
-        ends = bar_ends(poses, site)
-        if len(rows) < 2 or float(np.hypot(*np.diff(ends, axis=1).T).sum()) < 2.0 * SHORTEST_M:
-            continue
-        for a, b in _straight(np.unwrap(poses[:, 2]), _direction(poses[:, 2], ends)):
-            yield (tractor, int(rows[a]), int(rows[b]), int(kind[first] == 2)), ends[:, a : b + 1]
+        turned = angle[begin:after]
+        on_round = int(kind[rows[begin]] == 2)
+        for a, b in _straight(np.unwrap(turned) if jumps[inner].any() else turned, direction[inner]):
+            first, last = begin + a, begin + b
+            yield (tractor, int(rows[first]), int(rows[last]), on_round), ends[:, first : last + 1]
 
 
 def _direction(angle: Points, ends: Points) -> npt.NDArray[np.int8]:

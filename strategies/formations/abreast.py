@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from strategies.formations.clearing import Blocked
 from strategies.job import Job, Pass
@@ -65,16 +66,20 @@ def slots_of(job: Job, passes: Sequence[Pass], passing: Sequence[Passing] | None
     along = [begins_at(job, this) for this in passes]
     own = [start + job.manner.tool_m for start in along]
     place = list(own)
+    members: list[list[int]] = [[] for _ in range(max(rows) + 2)]
+    for index, row in enumerate(rows):
+        members[row].append(index)
     for row in range(max(rows), 0, -1):
-        behind = [place[i] + job.manner.gap_m for i in range(len(passes)) if rows[i] == row + 1]
-        for index in (i for i in range(len(passes)) if rows[i] == row):
+        behind = [place[i] + job.manner.gap_m for i in members[row + 1]]
+        for index in members[row]:
             place[index] = max([own[index], *behind])
             if passing:
                 place[index] = along[index] + passing[index].place(place[index] - along[index])
     ends = [start + this.track.length for start, this in zip(own, passes, strict=True)]
+    before_row = list(accumulate((min((ends[i] for i in row), default=math.inf) for row in members), min))
     slots = []
     for index, this in enumerate(passes):
-        front = min(ends[i] for i in range(len(passes)) if i == index or rows[i] < rows[index])
+        front = min(ends[index], before_row[rows[index] - 1])
         queue_m, place_m = front - along[index], place[index] - along[index]
         hold_m = queue_m - max((rows[index] - 1) * job.manner.gap_m, job.manner.hold_back_m)
         ups = [queue_m - row * job.manner.gap_m for row in range(rows[index] - 2, 0, -1)]

@@ -51,22 +51,25 @@ def poses_on(path: Path) -> Floats:
 
     Columns are x, y (m), heading (rad) and whether a tractor is still settling there, as it does so far behind a bend.
     """
-    rows, since = [np.array([[*path.start, 0.0]])], math.inf
-    last = path.segments[-1]
-    on = replace(last, length_m=SETTLED_M, curvature=0.0)
-    for pose, segment in zip([*path.poses(), path.end], [*path.segments, on], strict=True):
-        count = max(1, math.ceil(segment.length_m / STEP_M))
-        driven = segment.length_m * np.arange(1, count + 1) / count
-        settling = (since + driven <= SETTLED_M) & (segment.curvature == 0.0)
-        if segment is on:
-            driven, settling = driven[settling], settling[settling]
-        bend = 0.5 * segment.curvature * segment.gear * driven
-        angle = pose[2] + bend
-        run = segment.gear * driven * np.sinc(bend / math.pi)
-        x, y = pose[0] + run * np.cos(angle), pose[1] + run * np.sin(angle)
-        rows.append(np.column_stack([x, y, angle + bend, settling]))
-        since = 0.0 if segment.curvature != 0.0 else since + segment.length_m
-    return np.concatenate(rows)
+    segments = [*path.segments, replace(path.segments[-1], length_m=SETTLED_M, curvature=0.0)]
+    counts, since, bent_m = [], [], math.inf
+    for segment in segments:
+        counts.append(max(1, math.ceil(segment.length_m / STEP_M)))
+        since.append(bent_m)
+        bent_m = 0.0 if segment.curvature != 0.0 else bent_m + segment.length_m
+    owner = np.repeat(np.arange(len(segments)), counts)
+    length, curvature, gear = np.array([(one.length_m, one.curvature, one.gear) for one in segments])[owner].T
+    step = np.arange(1, len(owner) + 1) - (np.cumsum(counts) - counts)[owner]
+    driven = length * step / np.array(counts)[owner]
+    settling = (np.array(since)[owner] + driven <= SETTLED_M) & (curvature == 0.0)
+    kept = settling | (owner < len(path.segments))
+    begun = np.array([*path.poses(), path.end])[owner]
+    bend = 0.5 * curvature * gear * driven
+    angle = begun[:, 2] + bend
+    run = gear * driven * np.sinc(bend / math.pi)
+    x, y = begun[:, 0] + run * np.cos(angle), begun[:, 1] + run * np.sin(angle)
+    poses = np.column_stack([x, y, angle + bend, settling])[kept]
+    return np.concatenate([[[*path.start, 0.0]], poses])
 
 
 def blocked_on(job: Job, this: Pass, ways: Iterable[Floats]) -> Blocked:

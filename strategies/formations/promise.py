@@ -16,8 +16,16 @@ NEAR = 1.05  # corners whose estimates are this close are told apart by the ways
 def corners_by_promise(job: Job) -> list[Corner]:
     """The four corners to begin at, the one first from which rounds and turns are estimated to take least.
 
-    The estimate depends on the shape of the field only, not on its place or heading.
+    The estimate depends on the shape of the field only, not on its place or heading. It is made once for all jobs of a
+    site with so many tractors.
     """
+    key = "corners", job.tractors, job.corner, job.layout.field.entrance, job.layout.tracks
+    if key not in job.formations:
+        job.formations[key] = _by_promise(job)
+    return list(job.formations[key])
+
+
+def _by_promise(job: Job) -> list[Corner]:
     parts = divided(job)
     tours = {corner: grouping(replace(job, corner=corner), parts) for corner in CORNERS}
     estimates = {corner: tour.seconds if tour.rounds else math.inf for corner, tour in tours.items()}

@@ -145,9 +145,11 @@ def _dealt(places: Sequence[tuple[float, ...] | None], ends: list[Pose]) -> list
         for tractor, end in enumerate(ends)
     )
     own: dict[int, int] = {}
+    taken: set[int] = set()
     for _, tractor, share in pairs:
-        if tractor not in own and share not in own.values():
+        if tractor not in own and share not in taken:
             own[tractor] = share
+            taken.add(share)
     return [own[tractor] for tractor in range(len(ends))]
 
 
@@ -196,7 +198,7 @@ def renumbered(legs: Sequence[Leg], moved: list[int]) -> list[Leg]:
     return [
         replace(
             leg,
-            gates=tuple(replace(gate, leg=gate.leg + moved[gate.tractor]) for gate in leg.gates),
+            gates=tuple(Gate(gate.tractor, gate.leg + moved[gate.tractor], gate.after_m) for gate in leg.gates),
             follow=leg.follow and replace(leg.follow, leg=leg.follow.leg + moved[leg.follow.tractor]),
         )
         if leg.gates or leg.follow

@@ -33,18 +33,22 @@ def least_between(turns: Floats, first: Floats, last: Floats) -> Floats:
     return out
 
 
-@compiled
-def held_karp(between, enough):  # type: ignore[no-untyped-def]
+def held_karp(between: Floats, enough: float) -> float:
     """A lower bound (s) on every order through all n tracks; `between` (n + 1, n + 1) is from `least_between`.
 
     Stops early at `enough`, seconds an order is known to take.
     """
-    return _ascended(between, enough)[0]
+    return ascended(between, enough)[0]
+
+
+def ascended(between: Floats, enough: float) -> tuple[float, Floats]:
+    """As `held_karp`, with the prices (n + 1,) of the tracks and the node of start and end it was found with."""
+    bound, prices = _ascended(between, enough)
+    return float(bound), prices
 
 
 @compiled
 def _ascended(between, enough):  # type: ignore[no-untyped-def]
-    """As `held_karp`, with the prices of the tracks (n + 1,) that it was found with."""
     n = len(between) - 1
     price, degree = np.zeros(n + 1), np.zeros(n + 1)
     reach, parent, outside = np.empty(n), np.zeros(n, dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -112,15 +116,20 @@ def between_ends(turns: Floats, first: Floats, last: Floats) -> Floats:
     return out
 
 
-def bound_by_ends(turns: Floats, first: Floats, last: Floats, enough: float) -> float:
+def bound_by_ends(
+    turns: Floats, first: Floats, last: Floats, enough: float, prices: Floats | None = None
+) -> float:  # fmt: skip
     """A lower bound (s) on every order, by prices per track end; never below that of `held_karp`.
 
-    Stops early at `enough`, seconds an order is known to take.
+    Stops early at `enough`, seconds an order is known to take. `prices` are those of `ascended` where they are known
+    already; the bound that came with them is left to the caller then.
     """
-    bound, price = _ascended(least_between(turns, first, last), enough)
-    if bound >= enough or len(first) < 4:
-        return float(bound)
-    return max(float(bound), float(_by_ends(between_ends(turns, first, last), np.repeat(price[:-1], 2), enough)))
+    bound = -np.inf
+    if prices is None:
+        bound, prices = ascended(least_between(turns, first, last), enough)
+        if bound >= enough or len(first) < 4:
+            return bound
+    return max(bound, float(_by_ends(between_ends(turns, first, last), np.repeat(prices[:-1], 2), enough)))
 
 
 @compiled

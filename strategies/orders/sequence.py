@@ -11,11 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, product
 
 from fields.layout import Layout, Track
 from strategies.job import Job, Pass
 from strategies.orders.table import TurnTable
+from strategies.orders.tours import Tour, sharpened
 
 CORNERS = [(last, way) for last in (False, True) for way in (1, -1)]
 NEAR = 1.03  # orders whose estimates are this close are compared by the ways they would really drive
@@ -178,11 +180,16 @@ def patterned(shares: list[list[Track]], job: Job, jump: int) -> list[Order]:
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """An order of passes, its seconds with the work, and how much less another could take at most (percent)."""
+    """An order of passes, its seconds with the work, and the tour that it was found as."""
 
     order: Order
     seconds: float
-    gap_pct: float
+    found: Tour
+
+    @cached_property
+    def gap_pct(self) -> float:
+        """How much less the ways of another order could take at most, percent; worked out where it is asked for."""
+        return sharpened(self.found).gap_pct
 
 
 def searched(
@@ -203,7 +210,7 @@ def searched(
     distinct = [start for index, start in enumerate(starts) if start not in starts[:index]]
     best = table.best([place[track] for track in share], distinct, roughly=roughly, proven=proven)
     work = sum(track.length for track in share) / job.manner.work_speed_mps
-    return Searched([table.passes[p] for p in best.passes.tolist()], work + best.seconds, best.gap_pct)
+    return Searched([table.passes[p] for p in best.passes.tolist()], work + best.seconds, best)
 
 
 def driven_time(order: Order, job: Job) -> float:

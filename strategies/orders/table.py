@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from fields.layout import Track
 from strategies.job import Job, Pass
-from strategies.orders.tours import FAR_S, MOST_PROVEN, Tour, sharpened, tour
+from strategies.orders.tours import FAR_S, MOST_PROVEN, Tour, tour
 from strategies.ways.paths import Pose
 from strategies.ways.search import shortest_m
 
@@ -118,7 +119,8 @@ class TurnTable:
         """The best order through some of the tracks, in passes of this table.
 
         `members` are their places in the table; `starts` orders of these to search from. `roughly` leaves estimates
-        as they are and the order where no move helps; without `proven` the best of few is not worked out.
+        as they are and the order where no move helps; without `proven` the best of few is not worked out. The
+        bound is that of the search (`tours.sharpened`).
         """
         rows = np.array([2 * track + way for track in members for way in (0, 1)])
         place = {track: index for index, track in enumerate(members)}
@@ -137,8 +139,7 @@ class TurnTable:
                 if not more and (kicked or not self.work_out_ends(order)):
                     break  # the ways in and out are worked out while orders are cheap to search
                 first, last = self.ends()[:, rows]
-        best = sharpened(best, *given)
-        return Tour(rows[best.passes], best.seconds, best.bound_s)
+        return replace(best, passes=rows[best.passes])
 
 
 def _near_turns(passes: list[Pass], near_lines: int) -> Iterator[tuple[int, int]]:

@@ -15,11 +15,12 @@ goes on (iterated local search, Lourenco, Martin and Stutzle 2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.orders.bounds import bound_by_ends, held_karp, least_between
+from strategies.orders.bounds import ascended, bound_by_ends, least_between
 from strategies.orders.exact import best_order
 from vehicle.gnss import mixed
 from vehicle.jit import compiled
@@ -34,6 +35,11 @@ GAIN_S = 1e-7
 MOST_STARTS = 3
 MOST_PROVEN = 16  # tracks: four hundredths of a second, and twice as long for every track more
 CLOSE = 2e-4  # an order this near its bound, relatively, is taken for the best
+# Not Python's numbers: for every constant of these handed over, what it is handed to is compiled once more.
+PLACE_0: Any = np.int64(0)
+NOWHERE: Any = np.int64(-1)
+PLAIN: Any = np.int64(0)  # how two runs change places: `_swap`
+SECOND_TURNED: Any = np.int64(2)
 KICKS, FEWEST_KICKS = 500, 3  # shared by the tracks: a kick of 20 tracks takes a millisecond, of 300 tracks fifty
 
 
@@ -113,16 +119,16 @@ def _left(v0, v1, order, p, k, turns, last, tail):  # type: ignore[no-untyped-de
 
 
 @compiled
-def _swapped(order, i, j, m, one, two, turns, first, last, onward, backward, head, tail):  # type: ignore[no-untyped-def]
-    """Seconds when the neighbouring runs i..j and j+1..m change places, each turned round where `one`, `two` say."""
+def _swapped(order, i, j, m, way, turns, first, last, onward, backward, head, tail):  # type: ignore[no-untyped-def]
+    """Seconds when the neighbouring runs i..j and j+1..m change places; `way` as in `_swap`."""
     run, back = onward[j + 1, m - j - 1], j + 1
     end = m
-    if two:
+    if way >= 2:
         run, back, end = backward[j + 1, m - j - 1], m, j + 1
     v0, v1 = _entered(order, i - 1, order[back], turns, first, head)
     v0, v1 = _along(v0, v1, run)
     begin, stop, other = i, j, onward[i, j - i]
-    if one:
+    if way % 2 == 1:
         begin, stop, other = j, i, backward[i, j - i]
     v0, v1 = _through(v0, v1, order[end], order[begin], turns)
     v0, v1 = _along(v0, v1, other)
@@ -130,11 +136,11 @@ def _swapped(order, i, j, m, one, two, turns, first, last, onward, backward, hea
 
 
 @compiled
-def _swap(order, i, j, m, one, two):  # type: ignore[no-untyped-def]
-    """Carry out what `_swapped` has judged."""
+def _swap(order, i, j, m, way):  # type: ignore[no-untyped-def]
+    """The runs i..j and j+1..m change places; the first is turned round with `way` 1 and 3, the other with 2 and 3."""
     a, b = order[i : j + 1].copy(), order[j + 1 : m + 1].copy()
-    order[i : i + len(b)] = b[::-1] if two else b
-    order[i + len(b) : m + 1] = a[::-1] if one else a
+    order[i : i + len(b)] = b[::-1] if way >= 2 else b
+    order[i + len(b) : m + 1] = a[::-1] if way % 2 == 1 else a
 
 
 @compiled
@@ -153,7 +159,8 @@ def _improve(i, order, turns, first, last, onward, backward, shortest, head, tai
     """
     n = len(order)
     z = order[n - 1]
-    best, bj, bm, b1, b2 = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1]), -1, -1, False, False
+    best = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
+    bj, bm, bway = NOWHERE, NOWHERE, PLAIN
     begun = min(head[i - 1, 0], head[i - 1, 1]) if i > 0 else 0.0
     back = np.array([[0.0, 2.0 * FAR_S], [2.0 * FAR_S, 0.0]])  # from place m back to i
     for m in range(i + 1, n):
@@ -170,25 +177,24 @@ def _improve(i, order, turns, first, last, onward, backward, shortest, head, tai
         v0, v1 = _along(v0, v1, back)
         turned = _left(v0, v1, order, order[i], m + 1, turns, last, tail)
         if turned < best - GAIN_S:
-            best, bj, bm, b1, b2 = turned, i - 1, m, False, True
+            best, bj, bm, bway = turned, i - 1, m, SECOND_TURNED
     for m in range(i + 1, min(i + FARTHEST, n)):
         over = begun + (min(tail[m + 1, 0], tail[m + 1, 1]) if m + 1 < n else 0.0)
         for j in range(i, m):
             if j - i >= LONGEST_RUN and m - j > LONGEST_RUN:
                 continue
             for way in range(4):
-                one, two = way % 2 == 1, way >= 2
-                begin, end = (m, j + 1) if two else (j + 1, m)
-                start, stop = (j, i) if one else (i, j)
+                begin, end = (m, j + 1) if way >= 2 else (j + 1, m)
+                start, stop = (j, i) if way % 2 == 1 else (i, j)
                 new = _between(order, i - 1, begin, least) + _between(order, end, start, least)
                 new += _between(order, stop, m + 1, least)
                 if over + new + shortest[i, j - i, way % 2] + shortest[j + 1, m - j - 1, way // 2] >= best - GAIN_S:
                     continue
-                cost = _swapped(order, i, j, m, one, two, turns, first, last, onward, backward, head, tail)
+                cost = _swapped(order, i, j, m, way, turns, first, last, onward, backward, head, tail)
                 if cost < best - GAIN_S:
-                    best, bj, bm, b1, b2 = cost, j, m, one, two
+                    best, bj, bm, bway = cost, j, m, way
     if bm >= 0:
-        _swap(order, i, bj, bm, b1, b2)
+        _swap(order, i, bj, bm, bway)
     return bm
 
 
@@ -199,8 +205,8 @@ def _descend(order, turns, first, last, onward, backward, shortest, head, tail, 
     `due` (n,) marks the places whose moves are to be judged: after a move those that reach into what it changed.
     """
     n = len(order)
-    run_tables(order, 0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
-    quiet = i = 0
+    quiet = i = PLACE_0
+    run_tables(order, PLACE_0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
     while quiet < n:
         changed = -1
         if due[i]:
@@ -242,7 +248,7 @@ def searched(start, turns, first, last, kicks, enough, seed, between):  # type: 
         i = int(mixed(seed, 3 * kick) * (n - 2))
         j = i + int(mixed(seed, 3 * kick + 1) * min(LONGEST_RUN, n - 2 - i))
         m = j + 1 + int(mixed(seed, 3 * kick + 2) * min(LONGEST_RUN, n - 1 - j))
-        _swap(order, i, j, m, False, False)
+        _swap(order, i, j, m, PLAIN)
         due[max(i - FARTHEST, 0) : min(m + 2, n)] = True
     return kept, least
 
@@ -277,12 +283,26 @@ def seconds_of(order: Ints, turns: Floats, first: Floats, last: Floats) -> float
 
 
 @dataclass(frozen=True, eq=False)
+class Ascent:
+    """What an order and its bound were found with: a better bound begins there."""
+
+    turns: Floats
+    first: Floats
+    last: Floats
+    prices: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Tour:
-    """Passes (n,) in order, the seconds of the ways between them, and what no order can undercut."""
+    """Passes (n,) in order, the seconds of the ways between them, and what no order can undercut.
+
+    `ascent` is there as long as `sharpened` may find a better bound.
+    """
 
     passes: Ints
     seconds: float
     bound_s: float
+    ascent: Ascent | None = None
 
     @property
     def gap_pct(self) -> float:
@@ -306,7 +326,10 @@ def tour(
     order, seconds = min(orders, key=lambda one: one[1])
     if not kicked:
         return Tour(_directions(order, turns, first, last), float(seconds), 0.0)
-    bound = held_karp(between, seconds - GAIN_S) if len(order) > 1 else seconds
+    bound, ascent = seconds, None
+    if len(order) > 1:
+        bound, prices = ascended(between, seconds - GAIN_S)
+        ascent = Ascent(turns, first, last, prices)
     enough = bound * (1.0 + CLOSE)
     if seconds > enough and len(order) > 3:
         kicks = max(FEWEST_KICKS, KICKS // len(order))
@@ -314,15 +337,16 @@ def tour(
     passes = _directions(order, turns, first, last)
     if proven and seconds > enough and 3 < len(order) <= MOST_PROVEN:
         return _proven(turns, first, last, Tour(passes, float(seconds), float(bound)))
-    best = Tour(passes, float(seconds), float(min(bound, seconds)))
-    return sharpened(best, turns, first, last) if bounded else best
+    best = Tour(passes, float(seconds), float(min(bound, seconds)), ascent)
+    return sharpened(best) if bounded else best
 
 
-def sharpened(best: Tour, turns: Floats, first: Floats, last: Floats) -> Tour:
+def sharpened(best: Tour) -> Tour:
     """An order with a better bound where its own leaves much open; that takes longer than the search of many tracks."""
-    if best.seconds <= best.bound_s * (1.0 + CLOSE):
+    if best.ascent is None or best.seconds <= best.bound_s * (1.0 + CLOSE):
         return best
-    bound = bound_by_ends(turns, first, last, best.seconds - GAIN_S)
+    of = best.ascent
+    bound = bound_by_ends(of.turns, of.first, of.last, best.seconds - GAIN_S, of.prices)
     return Tour(best.passes, best.seconds, min(max(best.bound_s, bound), best.seconds))
 
 

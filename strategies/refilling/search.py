@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from strategies.orders.tours import FAR_S, GAIN_S
+from strategies.orders.tours import FAR_S, GAIN_S, NOWHERE, PLACE_0
 from strategies.refilling.loads import Ints, Loads, Task, backwards, forwards, joined, split
 from vehicle.gnss import mixed
 from vehicle.jit import compiled
@@ -61,9 +61,9 @@ def descend(order, turns, detours, first, last, need, room, capacity, longest, e
     begun, rest, spare = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
     scratch, kept = order.copy(), np.empty(2)
     now = _total(order, last, begun, rest, turns, detours, first, need, room, capacity)
-    quiet = i = 0
+    quiet = i = PLACE_0
     while quiet < n and effort > 0:
-        best, bj, bm, bk = now - GAIN_S, -1, -1, -1
+        best, bj, bm, bk = now - GAIN_S, NOWHERE, NOWHERE, NOWHERE
         for m in range(i + 1, min(i + TURNED, n)):
             for j in range(i, m):
                 short = min(j - i + 1, m - j) <= SHORTER and m - i < FARTHEST

@@ -44,7 +44,7 @@ def searched_in_loads(found: Searched, job: Job, table: TurnTable, supply: Suppl
     if best.seconds >= FAR_S:
         return found
     work = sum(one.track.length for one in found.order) / job.manner.work_speed_mps
-    return Searched([table.passes[p] for p in trips.rows[best.passes].tolist()], work + best.seconds, found.gap_pct)
+    return Searched([table.passes[p] for p in trips.rows[best.passes].tolist()], work + best.seconds, found.found)
 
 
 def _side_by_side(found: Searched, job: Job) -> list[int]:

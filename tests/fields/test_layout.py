@@ -298,6 +298,21 @@ class TestParts:
         assert line.tolist() == [0, 1]
         assert start == pytest.approx([1.0, 3.0]) and end == pytest.approx([9.0, 7.0])
 
+    def test_chords_are_those_of_every_line_with_every_edge(self) -> None:
+        """Corners on lines, level edges and lines in either order: the half-open rule, asked of each pair."""
+        draw = np.random.default_rng(2)
+        for places in (np.arange(-6.0, 7.0), np.arange(6.0, -7.0, -1.0), np.array([0.0])):
+            corners = draw.integers(-6, 7, (15, 2)).astype(float)
+            edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+            crossed = [
+                (line, a[0] + (q - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+                for line, q in enumerate(places.tolist())
+                for a, b in edges.tolist()
+                if (a[1] <= q) != (b[1] <= q)
+            ]
+            line, start, end = chords(edges, places)
+            assert [(n, s) for n, *ends in zip(line.tolist(), start, end, strict=True) for s in ends] == sorted(crossed)
+
     def test_candidates_of_a_right_triangle(self) -> None:
         """Legs 30 and 40: three edges; the two least rectangles lie along them as well."""
         found = sorted(math.degrees(angle) for angle in candidate_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)])))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies.orders.bounds import bound_by_ends, held_karp, least_between
 from strategies.orders.exact import best_order
 from strategies.orders.sequence import skip_pattern
-from strategies.orders.tours import FAR_S, FARTHEST, run_tables, seconds_of, sharpened, tour
+from strategies.orders.tours import FAR_S, FARTHEST, GAIN_S, _improve, _swap, run_tables, seconds_of, sharpened, tour
 from tests.benchmarks.circuit import circuit
 from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for, turn_m
 
@@ -139,6 +139,23 @@ def test_a_bound_may_be_sharpened_afterwards() -> None:
     turns, free = parallel(60, 3.0, 4.0), np.zeros(120)
     plain = tour(turns, free, free, [list(range(60))], bounded=False)
     whole = tour(turns, free, free, [list(range(60))])
-    later = sharpened(plain, turns, free, free)
+    later = sharpened(plain)
     assert plain.bound_s <= later.bound_s == whole.bound_s and plain.seconds == later.seconds == whole.seconds
     assert plain.passes.tolist() == later.passes.tolist() == whole.passes.tolist()
+
+
+def test_a_bound_sharpened_from_known_prices_is_that_from_the_beginning() -> None:
+    rng = np.random.default_rng(5)
+    turns, (first, last) = rng.uniform(10.0, 60.0, (48, 48)), rng.uniform(0.0, 90.0, (2, 48))
+    plain = tour(turns, first, last, [list(range(24))], bounded=False)
+    assert plain.bound_s < 0.99 * plain.seconds and plain.ascent is not None
+    afresh = bound_by_ends(turns, first, last, plain.seconds - GAIN_S)
+    assert plain.bound_s < sharpened(plain).bound_s == afresh < plain.seconds
+    assert sharpened(sharpened(plain)).bound_s == afresh
+
+
+def test_the_search_is_compiled_for_no_constant() -> None:
+    """Constants handed over as such have a callee compiled for each of them; what is kept on disk is not listed."""
+    tour(parallel(20, 3.0, 4.0), np.zeros(40), np.zeros(40), [list(range(20))])
+    kinds = [str(kind) for one in (_swap, _improve, run_tables) for kind in one.signatures]
+    assert not [kind for kind in kinds if "literal" in kind.lower()]
