@@ -269,11 +269,13 @@ def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.
 
     Whoever has to give way as well is not sooner by more than a thousandth, as it may come out of a turn otherwise.
     0 where one does not get home even alone. Once one tractor alone takes more than `enough_s`, which is asked of the
-    slowest first, the others are not driven, and what that one takes is returned.
+    slowest first, the others are not driven, and what that one takes is returned. So it is where the plan would not
+    take so long if the others were held up on their ways as much as the slowest is.
     """
     missions = ungated(plan).missions
     ways: dict[int, list[_Driven]] = {}
-    for number in sorted(range(len(missions)), key=lambda number: (-asked_s(missions[number]), number)):
+    order = sorted(range(len(missions)), key=lambda number: (-asked_s(missions[number]), number))
+    for number in order:
         run = alone(missions[number])
         if run.outcome != DONE:
             return 0.0
@@ -281,6 +283,10 @@ def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.
         own_s = OTHERWISE * sum(way.seconds for way in ways[number])
         if own_s > enough_s:
             return own_s
+        if number == order[0] and enough_s < math.inf:
+            expected_s = own_s / asked_s(missions[number]) * least_s(plan)
+            if expected_s <= enough_s:
+                return own_s
     unsaved = [[0.0] * len(mission.legs) for mission in plan.missions]
     return OTHERWISE * max(_done_s(_Clock(plan, [ways[number] for number in range(len(missions))], unsaved)))
 
