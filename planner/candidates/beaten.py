@@ -76,10 +76,12 @@ def _too_long_s(site: Site, plan: Plan, rival: Rival, alone: Callable[[Mission],
     """Seconds that a plan takes at least, as `beaten` has it; None where it might win."""
     done = done_s(plan, pace_of(site.tractor, site.implement, site.manner.radius_m))
     decided = site.stakes is not None and site.stakes.decides
+    if decided and math.fsum(done) < rival.tractor_s:
+        return None
     seconds = max(done)
     if alone is not None and plan.tractors > 1 and CLOSE * rival.seconds <= seconds <= rival.seconds:
-        seconds = max(seconds, alone_s(plan, alone))
-    return None if seconds <= rival.seconds or (decided and math.fsum(done) < rival.tractor_s) else seconds
+        seconds = max(seconds, alone_s(plan, alone, rival.seconds))
+    return None if seconds <= rival.seconds else seconds
 
 
 def surely(found: Beaten | None) -> bool:

@@ -28,6 +28,7 @@ LATE_S = 0.4  # looks of the controller, and what its speed runs behind
 NEAR_M = 1.0  # on a leg: the antenna may be so much farther than the middle of the tractor has been driven
 OTHERWISE = 0.999
 CLOSE = 0.96  # of what is driven: bounds of a pace come nearer to it
+HARDLY = 1.01  # times the slowest alone: where gates make a plan longer, only driving all tells by how much
 AT_ONCE = 1e9  # m/s2
 Floats = npt.NDArray[np.float64]
 
@@ -265,11 +266,13 @@ def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.
 
     Whoever has to give way as well is not sooner by more than a thousandth, as it may come out of a turn otherwise.
     0 where one does not get home even alone. Once one tractor alone takes more than `enough_s`, which is asked of the
-    slowest first, the others are not driven, and what that one takes is returned.
+    slowest first, the others are not driven, and what that one takes is returned. So it is where gates
+    hardly count, and the plan would not take so long if others were held up on their ways as much as the slowest.
     """
     missions = ungated(plan).missions
     ways: dict[int, _Driven] = {}
-    for number in sorted(range(len(missions)), key=lambda number: (-asked_s(missions[number]), number)):
+    order = sorted(range(len(missions)), key=lambda number: (-asked_s(missions[number]), number))
+    for number in order:
         run = alone(missions[number])
         if run.outcome != DONE:
             return 0.0
@@ -277,6 +280,10 @@ def alone_s(plan: Plan, alone: Callable[[Mission], Run], enough_s: float = math.
         own_s = OTHERWISE * sum(ways[number].seconds)
         if own_s > enough_s:
             return own_s
+        if number == order[0] and enough_s < math.inf:
+            longer = least_s(plan) / asked_s(missions[number])
+            if longer <= HARDLY and own_s * longer <= enough_s:
+                return own_s
     unsaved = [np.zeros(len(mission.legs)) for mission in plan.missions]
     return OTHERWISE * max(_done_s(_Clock(plan, [ways[number] for number in range(len(missions))], unsaved)))
 

@@ -53,14 +53,14 @@ class Homeward:
         bounds = [self._bounds(one) for one in range(len(self.courses))]
         self.net = self._heeding(np.concatenate(bounds))
 
-    def safe(self, state: State) -> bool:
-        """Whether an order is found in which all get home from where they stand, one moving at a time."""
-        at = np.array(state, dtype=np.int64)
-        return bool(one_by_one(self.net, at) or by_turns(self.net, at, self.deep, np.empty_like(at)))
-
     def loosen(self) -> bool:
-        """Leave out gates of the plan until all get home from the start; False where that does not help."""
+        """Leave out gates of the plan, none where none need be, until all get home from the start, one at a time.
+
+        False where that does not help.
+        """
         state = np.zeros(len(self.homes), dtype=np.int64)
+        if one_by_one(self.net, state):
+            return True
         for _ in range(MOST_LOOSENED):
             if by_turns(self.net, state.copy(), self.deep, state):
                 return True

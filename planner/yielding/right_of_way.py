@@ -69,7 +69,7 @@ class RightOfWay:
         for deep in (False, True):
             if deep:
                 self.homeward = Homeward(self.plan, self.crossings, deep=deep)
-            if not self.homeward.safe((0,) * len(self.courses)) and not self.homeward.loosen():
+            if not self.homeward.loosen():
                 continue
             manners = MANNERS if len(self.courses) <= SMALL_FLEET else MANNERS[:1]
             tables = [self._filled(manner) for manner in manners]

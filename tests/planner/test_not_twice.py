@@ -104,7 +104,23 @@ def test_the_slowest_alone_is_asked_first_and_may_be_enough(round_site: Site) ->
     asked.clear()
     assert 0.5 * whole < alone_s(short, drive, 0.5 * whole) <= whole and len(asked) == 1
     asked.clear()
-    assert alone_s(short, drive, whole) == whole and len(asked) == 2
+    assert alone_s(short, drive, whole + 1.0) == whole and len(asked) == 1, "the other has less to do"
+
+
+def test_all_are_driven_alone_where_what_the_plan_lets_them_wait_may_decide(round_site: Site) -> None:
+    _, waits = two_plans(round_site)
+    alone, asked = Alone(round_site), []
+
+    def drive(mission: Mission) -> Run:
+        asked.append(mission)
+        return alone(mission)
+
+    whole = alone_s(waits, drive)
+    slowest = alone_s(ungated(waits), drive)
+    assert 0.9 * slowest < alone_s(waits, drive, 0.9 * slowest) < whole
+    for enough_s in (0.98 * whole, 1.1 * whole):
+        asked.clear()
+        assert alone_s(waits, drive, enough_s) == whole and len(asked) == 2
 
 
 def test_who_is_driven_alone_is_forgotten_only_where_records_are_long(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 from hypothesis import given, settings
@@ -20,6 +21,7 @@ from planner.yielding.giving_way import _with_gates
 from planner.yielding.homeward import Homeward
 from planner.yielding.right_of_way import RightOfWay
 from planner.yielding.turns_taken import BEHIND_S, START_S
+from planner.yielding.ways_home import by_turns, one_by_one
 from tests.planner.grid import (
     APART_M,
     IMPLEMENT,
@@ -88,8 +90,10 @@ class TestCorridor:
     def test_both_inside_is_a_deadlock_and_one_inside_is_none(self) -> None:
         courses = through_a_corridor()
         home = Homeward(plan_on(courses), crossings(courses))
-        assert home.safe((0, 0)) and home.safe((1, 0)) and home.safe((0, 1))
-        assert not home.safe((1, 1))
+        for state, safe in (((0, 0), True), ((1, 0), True), ((0, 1), True), ((1, 1), False)):
+            at = np.array(state)
+            assert one_by_one(home.net, at) is safe and by_turns(home.net, at, False, np.empty_like(at)) is safe
+        assert home.loosen() and not home.loosened
 
     def test_the_second_enters_when_the_first_is_out(self) -> None:
         courses = through_a_corridor()
