@@ -70,6 +70,25 @@ def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     return run
 
 
+@pytest.fixture(scope="module")
+def answers() -> dict[tuple[str, ...], Outcome]:
+    """What the command said, by its words."""
+    return {}
+
+
+@pytest.fixture
+def once(headland: Callable[..., Outcome], answers: dict[tuple[str, ...], Outcome]) -> Callable[..., Outcome]:
+    """`headland` for words that write nothing: the same words of a file are run once."""
+
+    def run(*arguments: str | Path) -> Outcome:
+        words = tuple(map(str, arguments))
+        if words not in answers:
+            answers[words] = headland(*words)
+        return answers[words]
+
+    return run
+
+
 @pytest.fixture
 def headland_process(tmp_path: Path) -> Callable[..., Outcome]:
     """Run the command in a process of its own, in an empty folder."""

@@ -23,8 +23,8 @@ QUICK = ("--tractors", "1-2", "--strategies", "split-field,interleaved", "--proc
 
 
 @pytest.fixture
-def answer(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
-    outcome = headland("plan", small, "--local", *QUICK, "--json", "--start", "8:00", "--before", "8:20", "--seed", "5")
+def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
+    outcome = once("plan", small, "--local", *QUICK, "--json", "--start", "8:00", "--before", "8:20", "--seed", "5")
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
     return found
@@ -94,8 +94,8 @@ def test_what_no_plan_meets_is_3_with_the_closest_plan(
     assert max(map(len, outcome.out.splitlines())) <= 80
 
 
-def test_csv_says_what_json_says(headland: Callable[..., Any], small: Path) -> None:
-    plans = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["plans"]
+def test_csv_says_what_json_says(headland: Callable[..., Any], once: Callable[..., Any], small: Path) -> None:
+    plans = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["plans"]
     rows = list(csv.DictReader(io.StringIO(headland("plan", small, "--local", *QUICK, "--csv").out)))
     assert len(rows) == len(plans)
     for row, plan in zip(rows, plans, strict=True):
@@ -105,9 +105,11 @@ def test_csv_says_what_json_says(headland: Callable[..., Any], small: Path) -> N
         assert row["meets_deadline"] == ""
 
 
-def test_the_table_names_the_best_and_the_cheapest(headland: Callable[..., Any], small: Path) -> None:
+def test_the_table_names_the_best_and_the_cheapest(
+    headland: Callable[..., Any], once: Callable[..., Any], small: Path
+) -> None:
     outcome = headland("plan", small, "--local", *QUICK)
-    best = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["best"]
+    best = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["best"]
     assert outcome.status == 0 and outcome.err == ""
     assert "Best plan" in outcome.out and best["strategy"] in outcome.out
     minutes, seconds = divmod(round(best["time_s"]), 60)
@@ -115,7 +117,9 @@ def test_the_table_names_the_best_and_the_cheapest(headland: Callable[..., Any],
     assert max(len(line) for line in outcome.out.splitlines()) <= 100
 
 
-def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+def test_files_are_written_and_valid(
+    headland: Callable[..., Any], once: Callable[..., Any], small: Path, tmp_path: Path
+) -> None:
     page, picture, plan_file = tmp_path / "p.html", tmp_path / "p.png", tmp_path / "p.json"
     page.write_text("older")
     outcome = headland("plan", small, "--local", *QUICK, "--html", page, "--png", picture, "--save", plan_file)
@@ -128,7 +132,7 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
     assert picture.read_bytes().startswith(b"\x89PNG\r\n\x1a\n") and picture.stat().st_size > 5000
     from vehicle.plan_file import plan_from_json
 
-    best = json.loads(headland("plan", small, "--local", *QUICK, "--json").out)["best"]
+    best = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["best"]
     plan = plan_from_json(plan_file.read_text(encoding="utf-8"))
     assert plan.tractors == best["tractors"] and plan.notes["strategy"] == best["strategy"]
 
@@ -150,18 +154,7 @@ def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
 
 def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path) -> None:
     def best(*options: str) -> dict[str, Any]:
-        base = (
-            "plan",
-            small,
-            "--local",
-            "--tractors",
-            "1",
-            "--strategies",
-            "split-field",
-            "--json",
-            "--processes",
-            "1",
-        )
+        base = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--json", "--processes", "1")
         found: dict[str, Any] = json.loads(headland(*base, *options).out)["best"]
         return found
 
