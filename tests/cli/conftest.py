@@ -50,9 +50,26 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["HEADLAND_CACHE"] = str(tmp_path_factory.mktemp("kept"))
 
 
+@pytest.fixture(scope="session")
+def built() -> Any:
+    """The command line as typer makes it: made anew for every command, that would take longer than most of them."""
+    from typer.main import get_command
+
+    from planner.main import app
+
+    return get_command(app)
+
+
 @pytest.fixture
-def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
-    """Run the command in this process, through the same entry as the installed script."""
+def headland(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, built: Any
+) -> Callable[..., Outcome]:
+    """Run the command in this process, through the same entry as the installed script, as on a machine with one core.
+
+    Where processes are the point they are asked for, or the command runs in its own.
+    """
+    monkeypatch.setattr("planner.main.app", built)
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
 
     def run(*arguments: str | Path) -> Outcome:
         from planner.main import main

@@ -154,7 +154,8 @@ def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
 
 def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path) -> None:
     def best(*options: str) -> dict[str, Any]:
-        base = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--json", "--processes", "1")
+        alone = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
+        base = ("plan", small, "--local", *alone, "--json")
         found: dict[str, Any] = json.loads(headland(*base, *options).out)["best"]
         return found
 
