@@ -199,11 +199,12 @@ def test_radians_with_an_offset_are_radians(name: str, offset_deg: float, wheelb
 
 def test_small_degrees_with_a_large_offset_are_no_radians() -> None:
     """Angles within a degree on a path that a standing offset bends: only changes of the angle may count."""
+    gentle = [drive for drive in default_programme() if drive.name in (*STRAIGHT, "autosteer_180")]
+    assert len(gentle) == 4
     for seed in range(8):
-        for frame in make_logs({"steering_offset": {"angle_deg": 6.0}}, seed, rate_hz=10.0):
+        for frame in make_logs({"steering_offset": {"angle_deg": 6.0}}, seed, gentle, rate_hz=10.0):
             shrunk = in_unit(1.0 / max(frame.steering_deg.abs().max(), 1.0), "steering_command_deg", "steering_deg")
-            if frame.attrs["name"] in (*STRAIGHT, "autosteer_180"):
-                assert found(shrunk(frame), 2.4) == []
+            assert found(shrunk(frame), 2.4) == []
 
 
 # --- shuttle -----------------------------------------------------------------------------------------------------
