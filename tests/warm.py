@@ -1,7 +1,7 @@
 """The simulator compiled once, before tests start that would each compile it at the same time.
 
-Two processes share the work: one plans a field with every strategy, one has twins and trials and diagnoses logs; neither
-starts others, which would compile the same again. Where all is compiled already they take some seconds.
+Two processes share the work: one plans a field with every strategy, one has twins and trials and diagnoses logs.
+Neither starts others, which would compile the same again. Where all is compiled already they take some seconds.
 """
 
 from __future__ import annotations
