@@ -23,10 +23,11 @@ from tests.warm import warm
 ROOT = Path(__file__).parents[1]
 
 LONG = (
-    "test_readme", "test_naming", "test_determinism", "test_plan", "test_jobs", "test_trials", "test_invariance",
-    "test_conventions", "test_tours", "test_jit", "test_whole_field", "test_logs", "test_pool", "test_low_rates",
-    "test_mending", "test_replanning", "test_commands", "test_pages",
-    "test_pages_live", "test_diagnose",
+    "test_readme", "test_plan", "test_invariance", "test_determinism", "test_naming", "test_damaged",
+    "test_trials", "test_whole_field", "test_jit", "test_pool", "test_slope", "test_second_reference", "test_mending",
+    "test_commands", "test_jobs", "test_conventions", "test_logs", "test_refusals", "test_replanned_refills",
+    "test_contract", "test_golden_maps", "test_day", "test_refills", "test_pages", "test_restarts", "test_replanning",
+    "test_study", "test_formations", "test_headland", "test_solve", "test_learning", "test_many",
 )  # fmt: skip
 """Names of the files that take longest, the longest first."""
 

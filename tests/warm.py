@@ -1,7 +1,7 @@
 """The simulator compiled once, before tests start that would each compile it at the same time.
 
-Two processes share the work: one plans a field with every strategy, one diagnoses logs. Where all is compiled already
-they take some seconds.
+Two processes share the work: one plans a field with every strategy, one has twins and trials and diagnoses logs.
+Neither starts others, which would compile the same again. Where all is compiled already they take some seconds.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ LONGEST_S = 600.0
 PLANS = """
 import sys
 from planner.main import main
-sys.argv = ["headland", "plan", "netherlands", "--width", "6", "--tractors", "1-2", "--all", "--json"]
+words = "plan netherlands --width 6 --tractors 1-2 --all --processes 1 --json"
+sys.argv = ["headland", *words.split()]
 main()
 """
 DRIVES = """
@@ -25,6 +26,10 @@ from tests.truth.model import make_logs
 here = Path.cwd()
 for number, log in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:8]):
     log.to_csv(here / f"{number}.csv", index=False)
+from planner.service.links.warming import warm
+from vehicle.trials.sheets.catalogue import validate
+warm()
+validate(("fixed", "zigzag"))
 sys.argv = ["headland", "diagnose", *map(str, sorted(here.glob("*.csv"))), "--json"]
 main()
 """

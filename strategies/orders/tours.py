@@ -320,6 +320,8 @@ def tour(
     as its bound or the kicks are used up; without `kicked` it is left at that, and nothing is proven. Without `proven`
     the best of few tracks is not worked out, without `bounded` the bound is that of the search alone (`sharpened`).
     """
+    # One kind of array, however it was cut: the search is compiled for every kind it is given.
+    turns, first, last = (np.ascontiguousarray(given) for given in (turns, first, last))
     between = least_between(turns, first, last)
     promising = sorted((np.array(start) for start in starts), key=lambda start: seconds_of(start, turns, first, last))
     orders = [searched(start, turns, first, last, 0, -np.inf, seed, between) for start in promising[:MOST_STARTS]]

@@ -50,9 +50,26 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["HEADLAND_CACHE"] = str(tmp_path_factory.mktemp("kept"))
 
 
+@pytest.fixture(scope="session")
+def built() -> Any:
+    """The command line as typer makes it: made anew for every command, that would take longer than most of them."""
+    from typer.main import get_command
+
+    from planner.main import app
+
+    return get_command(app)
+
+
 @pytest.fixture
-def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
-    """Run the command in this process, through the same entry as the installed script."""
+def headland(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, built: Any
+) -> Callable[..., Outcome]:
+    """Run the command in this process, through the same entry as the installed script, as on a machine with one core.
+
+    Where processes are the point they are asked for, or the command runs in its own.
+    """
+    monkeypatch.setattr("planner.main.app", built)
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
 
     def run(*arguments: str | Path) -> Outcome:
         from planner.main import main
@@ -66,6 +83,25 @@ def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
             status = end.code if isinstance(end.code, int) else 1 if end.code else 0
         captured = capfd.readouterr()
         return Outcome(status, captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def answers() -> dict[tuple[str, ...], Outcome]:
+    """What the command said, by its words."""
+    return {}
+
+
+@pytest.fixture
+def once(headland: Callable[..., Outcome], answers: dict[tuple[str, ...], Outcome]) -> Callable[..., Outcome]:
+    """`headland` for words that write nothing: the same words of a file are run once."""
+
+    def run(*arguments: str | Path) -> Outcome:
+        words = tuple(map(str, arguments))
+        if words not in answers:
+            answers[words] = headland(*words)
+        return answers[words]
 
     return run
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -59,13 +60,14 @@ def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if not line.startswith(SERVING)])
-def test_command(line: str, folder: Path, command: list[str]) -> None:
-    words = [*command]
+def test_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    words: list[str] = []
     for word in line.split()[1:]:
         words += sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+    done = headland(*words)
+    assert done.status == 0, done.err
+    assert done.out.strip()
     for option in ("--html", "--png", "--save"):
         if option in words:
             assert (folder / words[words.index(option) + 1]).stat().st_size > 1000

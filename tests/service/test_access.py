@@ -3,6 +3,7 @@
 import asyncio
 import json
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from planner.service.api import create_app
 from planner.service.errors import MissingError, ServiceError
 from planner.service.settings import Settings
 from planner.service.store.models import Result
-from tests.service.conftest import HERE, SMALL, bearer
+from tests.service.conftest import HERE, SMALL, Shared, bearer
 
 READING = (
     "/fields", "/fields/iwamizawa", "/tractors", "/farms", "/logs", "/plans", "/days", "/diagnoses", "/jobs", "/events",
@@ -61,8 +62,8 @@ def test_other_machines_read_nothing_without_a_token(app: FastAPI) -> None:
         {"authorization": "Basic aGw6"},
     ],
 )
-def test_what_only_looks_like_this_machine_is_refused(client: TestClient, headers: dict[str, str]) -> None:
-    assert client.get("/api/v1/fields", headers=headers).status_code == 401
+def test_what_only_looks_like_this_machine_is_refused(shared: Shared, headers: dict[str, str]) -> None:
+    assert shared[0].get("/api/v1/fields", headers=headers).status_code == 401
 
 
 def test_scopes_include_those_below(app: FastAPI, client: TestClient) -> None:
@@ -98,15 +99,16 @@ def test_a_service_that_others_reach_wants_tokens_from_everybody(tmp_path: Path)
         assert client.get("/api/v1/fields").status_code == 401
 
 
-def test_every_answer_tells_browsers_what_to_refuse(client: TestClient) -> None:
+def test_every_answer_tells_browsers_what_to_refuse(shared: Shared) -> None:
     for path in ("/api/v1/health", "/api/v1/nothing", "/nothing", "/api/v1/docs"):
-        headers = client.get(path).headers
+        headers = shared[0].get(path).headers
         policy = headers["content-security-policy"]
         assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy and "unsafe" not in policy
         assert headers["x-content-type-options"] == "nosniff" and headers["referrer-policy"] == "no-referrer"
 
 
-def test_the_documentation_asks_for_nothing_from_elsewhere(client: TestClient) -> None:
+def test_the_documentation_asks_for_nothing_from_elsewhere(shared: Shared) -> None:
+    client = shared[0]
     page = client.get("/api/v1/docs").text
     assert "//" not in page.replace("<!doctype html>", "") and "<script>" not in page
     for name in ("swagger-ui-bundle.js", "swagger-ui.css", "favicon-32x32.png", "start.js"):
@@ -171,20 +173,17 @@ def test_a_view_is_looked_at_once_within_a_minute() -> None:
         views.take(second)
 
 
-@pytest.mark.parametrize(
-    "headers, refused",
-    [
-        ({}, False),
-        ({"origin": "http://127.0.0.1:8765"}, False),
-        ({"origin": "http://127.0.0.1:9999"}, True),
-        ({"origin": "http://evil.example"}, True),
-        ({"origin": "null"}, True),
-        ({"origin": "http://[odd"}, True),
-    ],
-)
-def test_sockets_of_other_sites_pages_are_refused(
-    app: FastAPI, headers: dict[str, str], refused: bool, token: dict[str, str]
-) -> None:
+ORIGINS: list[tuple[dict[str, str], bool]] = [
+    ({}, False),
+    ({"origin": "http://127.0.0.1:8765"}, False),
+    ({"origin": "http://127.0.0.1:9999"}, True),
+    ({"origin": "http://evil.example"}, True),
+    ({"origin": "null"}, True),
+    ({"origin": "http://[odd"}, True),
+]
+
+
+def test_sockets_of_other_sites_pages_are_refused(app: FastAPI, token: dict[str, str]) -> None:
     @app.websocket("/try")
     async def link(websocket: WebSocket) -> None:
         await websocket.accept()
@@ -197,7 +196,8 @@ def test_sockets_of_other_sites_pages_are_refused(
 
     client = TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
     text = token["Authorization"].removeprefix("Bearer ")
-    for given, expected in ((None, ["this machine", True, False]), (text, ["a control", True, True]), ("hl_no", 401)):
+    hellos = ((None, ["this machine", True, False]), (text, ["a control", True, True]), ("hl_no", 401))
+    for (headers, refused), (given, expected) in product(ORIGINS, hellos):
         with client.websocket_connect("ws://127.0.0.1:8765/try", headers=headers) as socket:
             socket.send_json({"token": given})
-            assert socket.receive_json() == (403 if refused else expected)
+            assert socket.receive_json() == (403 if refused else expected), headers

@@ -50,22 +50,21 @@ def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return prepared(saved_plan(site, run.plan), file)
 
 
+Made = tuple[Centre, Proposal, Run]
+
+
 @pytest.fixture(scope="module", params=[0.15, 0.45])
-def made(plan: FleetPlan, request: pytest.FixtureRequest) -> tuple[Centre, Proposal]:
-    centre = at(plan, request.param)
+def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
+    """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
+    centre, runs = at(plan, request.param), []
     centre.fail("anna", 1, 1.0)
-    return centre, replanned(rest_of(centre, [], 100.0))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(replanning, "crowded", lambda run, job: runs.append(run) or crowded(run, job))
+        return centre, replanned(rest_of(centre, [], 100.0)), runs[-1]
 
 
-def test_one_is_served_at_a_time_where_only_one_can_be(
-    plan: FleetPlan, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    runs: list[Run] = []
-    monkeypatch.setattr(replanning, "crowded", lambda run, job: runs.append(run) or crowded(run, job))
-    centre = at(plan, 0.45)
-    centre.fail("anna", 1, 1.0)
-    replanned(rest_of(centre, [], 100.0))
-    stops = served_of(runs[-1])
+def test_one_is_served_at_a_time_where_only_one_can_be(plan: FleetPlan, made: Made) -> None:
+    stops = served_of(made[2])
     assert len(stops) >= 2 and {round(stop.to_s - stop.from_s) for stop in stops} == {STAND_S}
     if plan.scenario.refill != "headland":
         assert all(after.from_s >= before.to_s - 1e-6 for before, after in pairwise(stops))
@@ -82,10 +81,8 @@ def loads_m2(legs: tuple[Leg, ...]) -> Iterator[float]:
     yield used
 
 
-def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_needed(
-    made: tuple[Centre, Proposal],
-) -> None:
-    centre, proposal = made
+def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_needed(made: Made) -> None:
+    centre, proposal, _ = made
     most = max(load for course in centre.courses for load in loads_m2(course.legs))
     assert 0.0 < most <= LOAD_M2 + 1e-6 and proposal.moved_m > 50.0
     for number in (0, 2):
@@ -99,8 +96,8 @@ def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_need
     )
 
 
-def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: tuple[Centre, Proposal]) -> None:
-    centre, proposal = made
+def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -> None:
+    centre, proposal, _ = made
     legs = [mission.legs for mission in proposal.plan.plan.missions]
     for stop in proposal.plan.plan.notes["refills"]:
         leg = legs[stop["tractor"] - 1][stop["leg"]]

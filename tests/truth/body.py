@@ -154,7 +154,8 @@ def valve_rate(gap: float, slewing: bool, lag: float, rate: float, dead_band: fl
 def curvature_factor(east: float, north: float, time: float, left: bool, h: Hidden) -> float:
     """Factor on the nominal curvature from everything that changes how well the tractor turns."""
     factor = h.gain * (h.left_gain if left else 1.0) * (1.0 + h.drift * time / 60.0)
-    factor *= 1.0 + h.temperature * math.sin(2.0 * math.pi * (h.clock + time) / h.temperature_period)
+    if h.temperature != 0.0:
+        factor *= 1.0 + h.temperature * math.sin(2.0 * math.pi * (h.clock + time) / h.temperature_period)
     if h.patch != 1.0:
         distance = math.hypot(east - h.patch_east, north - h.patch_north)
         inside = 0.5 * (1.0 - math.tanh((distance - h.patch_radius) / PATCH_EDGE_M))
@@ -170,11 +171,39 @@ def tyre(deflection: float, change: float, stiffness: float, load: float, dampin
 
 
 @numba.njit(cache=True)
+def looked_up(value: float, places: Array, values: Array) -> float:
+    """As `np.interp` of one value, without the arrays that it makes of it."""
+    low, high = 0, len(places) - 1
+    if value <= places[low]:
+        return values[low]
+    if value >= places[high]:
+        return values[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if places[middle] <= value:
+            low = middle
+        else:
+            high = middle
+    slope = (values[high] - values[low]) / (places[high] - places[low])
+    return slope * (value - places[low]) + values[low]
+
+
+@numba.njit(cache=True)
+def moved(state: Array, dt: float, change: Array, out: Array) -> None:
+    """The state `dt` seconds on at a constant rate of change."""
+    for one in range(STATES):
+        out[one] = state[one] + dt * change[one]
+
+
+@numba.njit(cache=True)
 def rates(
     state: Array, command: float, target: float, play: float, slewing: bool, time: float, push: float, down: float,
     h: Hidden, curvatures: Array, angles: Array, out: Array,
 ) -> None:  # fmt: skip
-    """Time derivative of the state; `play` is the wheel angle before the step, `push` the soil's yaw rate (rad/s)."""
+    """Time derivative of the state; `play` is the wheel angle before the step, `push` the soil's yaw rate (rad/s).
+
+    What is not hidden is not worked out: angles and their functions are most of the time of a drive.
+    """
     out[ACTUATOR] = valve_rate(command - state[ACTUATOR], slewing, h.lag, h.rate, h.dead_band)
     out[WHEEL_SPEED] = min(max((target - state[WHEEL_SPEED]) / h.speed_lag, -ACCELERATION), ACCELERATION)
     u = state[WHEEL_SPEED] * (1.0 - h.slip) * (1.0 - h.implement_slip * down)
@@ -184,10 +213,13 @@ def rates(
         u *= 1.0 + h.ground.climb * fall_ahead * (1.0 if u > 0.0 else -1.0)
     v, r = state[SIDEWAYS], state[SPIN]
     wheel = min(max(play, state[ACTUATOR] - h.half_play), state[ACTUATOR] + h.half_play)
-    wheel += h.offset + h.pull * u * u + h.wobble * math.sin(2.0 * math.pi * time / h.wobble_period)
+    more = h.offset + h.pull * u * u
+    if h.wobble != 0.0:
+        more += h.wobble * math.sin(2.0 * math.pi * time / h.wobble_period)
+    wheel += more
     wheel -= h.understeer * u * r
     bend = nominal_curvature(wheel) * curvature_factor(state[EAST], state[NORTH], time, wheel < 0.0, h)
-    angle = np.interp(bend + h.draft * down, curvatures, angles)
+    angle = looked_up(bend + h.draft * down, curvatures, angles)
     cosine, sine = math.cos(angle), math.sin(angle)
     ahead = v + FRONT * r
     rolling = abs(u * cosine + ahead * sine)
@@ -199,12 +231,17 @@ def rates(
     out[SPIN] = (front * FRONT - rear * REAR) / INERTIA
     heading = state[HEADING]
     out[HEADING] = r + push * u / MAP_SPEED_MPS
-    side = h.slope * abs(u) * math.sin(h.slope_bearing - heading) + h.ground.drift * abs(u) * fall_right
+    side = h.ground.drift * abs(u) * fall_right
+    if h.slope != 0.0:
+        side = h.slope * abs(u) * math.sin(h.slope_bearing - heading) + side
     out[SLIDE] = (side - state[SLIDE]) * abs(u) / SLIDE_LENGTH_M
-    moving = math.tanh(abs(u) / 0.1) * h.wind
     across = v + state[SLIDE]
-    out[EAST] = u * math.sin(heading) + across * math.cos(heading) + moving * math.sin(h.wind_bearing)
-    out[NORTH] = u * math.cos(heading) - across * math.sin(heading) + moving * math.cos(h.wind_bearing)
+    out[EAST] = u * math.sin(heading) + across * math.cos(heading)
+    out[NORTH] = u * math.cos(heading) - across * math.sin(heading)
+    if h.wind != 0.0:
+        moving = math.tanh(abs(u) / 0.1) * h.wind
+        out[EAST] += moving * math.sin(h.wind_bearing)
+        out[NORTH] += moving * math.cos(h.wind_bearing)
 
 
 @numba.njit(cache=True)
@@ -235,7 +272,7 @@ def integrate(
     trace = np.zeros((steps, STATES))
     held = np.zeros(steps)
     wheels = np.zeros(steps)
-    k1, k2, k3, k4 = np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(STATES)
+    k1, k2, k3, k4, middle = (np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(STATES), np.zeros(STATES))
     state = start.copy()
     play, output, slewing = start[ACTUATOR], start[ACTUATOR], False
     for row in range(steps):
@@ -251,12 +288,14 @@ def integrate(
             slewing = False
         time, target, push, down = row * dt, targets[row], pushes[row], downs[row]
         rates(state, command, target, play, slewing, time, push, down, h, curvatures, angles, k1)
-        rates(state + 0.5 * dt * k1, command, target, play, slewing, time + 0.5 * dt, push, down, h, curvatures,
-              angles, k2)  # fmt: skip
-        rates(state + 0.5 * dt * k2, command, target, play, slewing, time + 0.5 * dt, push, down, h, curvatures,
-              angles, k3)  # fmt: skip
-        rates(state + dt * k3, command, target, play, slewing, time + dt, push, down, h, curvatures, angles, k4)
-        state = state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        moved(state, 0.5 * dt, k1, middle)
+        rates(middle, command, target, play, slewing, time + 0.5 * dt, push, down, h, curvatures, angles, k2)
+        moved(state, 0.5 * dt, k2, middle)
+        rates(middle, command, target, play, slewing, time + 0.5 * dt, push, down, h, curvatures, angles, k3)
+        moved(state, dt, k3, middle)
+        rates(middle, command, target, play, slewing, time + dt, push, down, h, curvatures, angles, k4)
+        for one in range(STATES):
+            state[one] += dt / 6.0 * (k1[one] + 2.0 * k2[one] + 2.0 * k3[one] + k4[one])
         play = min(max(play, state[ACTUATOR] - h.half_play), state[ACTUATOR] + h.half_play)
     return trace, held, wheels
 
