@@ -18,7 +18,7 @@ from vehicle.measured.fit.solver import (
     downhill,
     slope_of,
     solve,
-    with_own_slope,
+    with_near_slope,
     with_slope,
 )
 
@@ -133,9 +133,9 @@ def test_the_rule_ends_the_descent() -> None:
 def test_a_point_keeps_its_own_slope_and_gets_one_where_it_has_none() -> None:
     problem = Stand(lambda at: at * at, 1)
     bare = problem.start(3.0)
-    assert with_own_slope(problem, bare).slope.tolist() == [[pytest.approx(6.1)]]
+    assert with_near_slope(problem, bare).slope.tolist() == [[pytest.approx(6.1)]]
     steep = with_slope(problem, bare, 1.0)
-    assert with_own_slope(problem, steep) is steep and steep.slope.tolist() == [[pytest.approx(7.0)]]
+    assert with_near_slope(problem, steep) is steep and steep.slope.tolist() == [[pytest.approx(7.0)]]
 
 
 def test_columns_that_look_alike_share_the_change() -> None:
