@@ -55,6 +55,11 @@ class Projector:
             return vector
         return without(vector, self.slope, self.turn @ (self.turn.T @ crossed(self.slope, vector)))
 
+    def products(self, columns: Array) -> Array:
+        """Products (k, k) with each other of the parts of columns (n, k) that no column of the fit explains."""
+        share = self.turn.T @ crossed(self.slope, columns)
+        return crossed(columns, columns) - share.T @ share
+
 
 @dataclass(frozen=True, eq=False)
 class _OneMore:
@@ -127,9 +132,11 @@ def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, worth: 
 
 def _promise(point: Point) -> float:
     """Loss that a straight line takes away."""
-    slope, left = point.slope, point.left
-    side = crossed(slope, left)
-    square = crossed(slope, slope)
+    return promised(crossed(point.slope, point.slope), crossed(point.slope, point.left))
+
+
+def promised(square: Array, side: Array) -> float:
+    """Loss that columns take away, from their products with each other (m, m) and with what is left (m,)."""
     scale = np.maximum(np.diag(square), 1e-12)
     return float(side @ np.linalg.solve(square + 1e-9 * np.diag(scale), side))
 

@@ -90,7 +90,7 @@ def _crossed(one, two, same, begin, end, out) -> None:  # type: ignore[no-untype
 
 @compiled
 def _packed(columns, first, rows, packed, places) -> int:  # type: ignore[no-untyped-def]
-    """Some rows of the columns (m, n) that are not 0 in them, side by side; `places` gets which, the answer how many."""
+    """Some rows of the columns (m, n) that are not 0 there, side by side; `places` gets which; returned is how many."""
     count = 0
     for i in range(len(columns)):
         some = False

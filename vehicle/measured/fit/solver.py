@@ -75,7 +75,7 @@ class Problem(Protocol):
 
 @dataclass(frozen=True)
 class Rule:
-    """When to stop: after the steps of `iterations` slopes, or when a step takes no more than `least_gain` off the loss.
+    """When to stop: after the steps of `iterations` slopes, or when a step takes at most `least_gain` off the loss.
 
     `settled` sees the points before and after a step and says whether that was the last; `worthwhile` sees a point with
     its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes.
