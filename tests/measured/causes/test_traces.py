@@ -19,6 +19,7 @@ def test_a_rival_is_hopeless_where_a_trial_would_gain_far_less() -> None:
     bench.columns["grip_drift"] += 0.5 * bench.columns["heading_bias"]
     fit = refined(bench, bench.fit("steering_offset", "heading_bias"))
     rest, rival = without(bench, fit, "heading_bias"), knobs("grip_drift")
+    assert without(bench, fit, "heading_bias") is rest, "asked again it is not fitted again"
     project, traces = Projector(rest.slope), Traces(bench.change, fit, bench.surprise(fit.settings))
     gain = tried(bench.change, rest, rival, project).gain
     asked = len(bench.asked)

@@ -18,6 +18,8 @@ from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.noise import first_noise, tuned
 from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
 
+KEPT_BYTES = 300_000_000  # chosen: eight parts and four dozen columns of a quarter of an hour, a sixth of 2 GB
+
 
 def enlarged(bench: Bench, fit: Fit, best: Tried) -> Fit:
     """The fit with a tried effect added as it is."""
@@ -68,10 +70,13 @@ def weighed(course: Course, rig: Rig, settings: Settings) -> Bench:
 
 
 def without(bench: Bench, fit: Fit, name: str) -> Fit:
-    """The fit refitted without one of its parts."""
-    if (bench, name) not in fit.smaller:
-        parts = tuple(part for part in fit.parts if part[0].id != name)
-        surprise = linear_extra(bench.surprise(settings_of(list(parts))), fit.extra)
-        slope = np.delete(fit.slope, fit.columns(name), axis=1)
-        fit.smaller[bench, name] = refined(bench, Fit(parts, surprise, slope, fit.extra))
-    return fit.smaller[bench, name]
+    """The fit refitted without one of its parts, found once where all such fits take no more than KEPT_BYTES."""
+    if (bench, name) in fit.smaller:
+        return fit.smaller[bench, name]
+    parts = tuple(part for part in fit.parts if part[0].id != name)
+    surprise = linear_extra(bench.surprise(settings_of(list(parts))), fit.extra)
+    slope = np.delete(fit.slope, fit.columns(name), axis=1)
+    smaller = refined(bench, Fit(parts, surprise, slope, fit.extra))
+    if len(fit.parts) * fit.slope.nbytes <= KEPT_BYTES:
+        fit.smaller[bench, name] = smaller
+    return smaller

@@ -1,24 +1,26 @@
 """Least squares by bounded Gauss-Newton steps with one-sided slopes: the one solver of all fits.
 
 Effects such as a dead band or a limit have no trace on one side of where they stand, so slopes are taken over a good
-share of a usual size and on one side only, the other one where the box ends. A slope serves all points no further away
-than it was taken over, while steps gain what it promised. A step that does not lower the loss is shortened, twice at
+share of a usual size and on one side only, the other one where the box ends. A slope serves all points near where it
+was taken, axis by axis, while steps gain what it promised. A step that does not lower the loss is shortened, twice at
 most: further the slope does not hold, and the next one will not either.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from vehicle.measured.fit.products import crossed, side_by_side, squared
 from vehicle.measured.logs.record import Array
 
 FIRST_STEP, LATER_STEP = 0.3, 0.1  # of a typical size: chosen, wide enough to cross a dead band, then finer
 SHORTENED = (1.0, 0.4, 0.15)  # shares of a step that are tried: chosen, nearly a decade in three simulations
+NEAR = 0.03  # of a typical size: chosen, little beside what a slope is taken over, so that it holds as well there
 STEPS_A_SLOPE = 3  # chosen: bounds the steps with one slope, which cost little beside it
 KEPT_PROMISE = 0.7  # chosen, of what a slope promised: a step that gains less says that it does not hold
 RIDGE = 1e-6  # of every diagonal entry: chosen, keeps columns that look alike from running apart
@@ -35,7 +37,7 @@ class Point:
 
     @property
     def own(self) -> bool:
-        """Whether the slope was taken here."""
+        """Whether the slope was taken here on every axis, but for those on which it is linear."""
         return self.taken is not None and np.array_equal(self.taken, self.at)
 
     @property
@@ -90,11 +92,14 @@ class Rule:
 
 def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
     """Slope (n, m + k - first) of what is left on the axes from `first` on, by one-sided differences."""
-    columns = []
-    for axis in range(first, len(problem.typical)):
-        moved = aside(problem, start.at, axis, share)
-        columns.append(problem.change(moved, axis, start) / (moved[axis] - start.at[axis]))
+    columns = [_column(problem, start, axis, share) for axis in range(first, len(problem.typical))]
     return side_by_side([*columns, *problem.linear.T], len(start.left))
+
+
+def _column(problem: Problem, start: Point, axis: int, share: float) -> Array:
+    moved = aside(problem, start.at, axis, share)
+    column: Array = problem.change(moved, axis, start) / (moved[axis] - start.at[axis])
+    return column
 
 
 def aside(problem: Problem, at: Array, axis: int, share: float) -> Array:
@@ -145,7 +150,8 @@ def descend(problem: Problem, start: Point, rule: Rule) -> Point:
         if not holds or not is_near(problem, point):
             if slopes == rule.iterations:
                 break
-            point = with_slope(problem, point, rule.first_step if slopes == 0 else LATER_STEP)
+            known = point if holds else replace(point, taken=None)
+            point = with_near_slope(problem, known, rule.first_step if slopes == 0 else LATER_STEP)
             slopes += 1
         if not rule.worthwhile(point):
             break
@@ -161,11 +167,15 @@ def descend(problem: Problem, start: Point, rule: Rule) -> Point:
 
 
 def is_near(problem: Problem, point: Point) -> bool:
-    """Whether the slope of a point was taken no further away than slopes are taken over."""
-    if point.taken is None:
-        return False
-    away = np.abs(point.at - point.taken)[: len(problem.typical)]
-    return bool(np.all(away <= LATER_STEP * problem.typical))
+    """Whether the slope of a point was taken near it on every axis."""
+    return point.taken is not None and not _far(problem, point).size
+
+
+def _far(problem: Problem, point: Point) -> npt.NDArray[np.int64]:
+    """Axes on which the slope was taken too far away."""
+    assert point.taken is not None
+    count = len(problem.typical)
+    return np.flatnonzero(np.abs(point.at - point.taken)[:count] > NEAR * problem.typical)
 
 
 def with_slope(problem: Problem, point: Point, share: float = LATER_STEP) -> Point:
@@ -173,6 +183,16 @@ def with_slope(problem: Problem, point: Point, share: float = LATER_STEP) -> Poi
     return Point(point.at, point.left, slope_of(problem, point, share), point.at)
 
 
-def with_near_slope(problem: Problem, point: Point) -> Point:
-    """The point as it is where its slope was taken near enough, else with its own."""
-    return point if is_near(problem, point) else with_slope(problem, point)
+def with_near_slope(problem: Problem, point: Point, share: float = LATER_STEP) -> Point:
+    """The point as it is where its slope was taken near enough, else with its own on the axes where it was not."""
+    if point.taken is None:
+        return with_slope(problem, point, share)
+    far = _far(problem, point)
+    if not far.size:
+        return point
+    slope, taken = point.slope.copy(order="F"), point.at.copy()
+    near = np.setdiff1d(np.arange(len(problem.typical)), far)
+    taken[near] = point.taken[near]
+    for axis in far:
+        slope[:, axis] = _column(problem, point, int(axis), share)
+    return Point(point.at, point.left, slope, taken)
