@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vehicle.measured.fit.products import crossed, squared, squares, without
+from vehicle.measured.fit.products import add_products, crossed, side_by_side, squared, squares, without
 
 
 def test_products_are_those_of_the_columns() -> None:
@@ -23,3 +23,34 @@ def test_no_columns_take_nothing_away() -> None:
     none = np.zeros((4, 0))
     assert crossed(none, left).shape == (0,) and crossed(none, none).shape == (0, 0)
     assert np.array_equal(without(left, none, np.zeros(0)), left)
+
+
+def test_columns_of_one_run_alone_are_passed_over_without_a_trace() -> None:
+    """Bit for bit the sums in the order of the rows, whatever is 0 where, and however many rows are over."""
+    rng = np.random.default_rng(3)
+    for rows in (3, 64, 200):
+        columns = rng.normal(size=(rows, 6))
+        columns[: rows // 2, 1:3] = columns[rows // 3 :, 4] = 0.0
+        slow = np.zeros((6, 6))
+        for row in columns:
+            slow += row[:, None] * row
+        assert np.array_equal(crossed(columns, columns), slow)
+        assert np.array_equal(crossed(columns, columns.copy()), slow)
+        assert np.array_equal(crossed(columns, columns[:, 4]), slow[:, 4])
+
+
+def test_products_are_added_to_the_blocks_they_belong_to() -> None:
+    rng = np.random.default_rng(5)
+    blocks, slope, left = np.repeat([2, 0, 2, 1], [5, 70, 9, 1]), rng.normal(size=(85, 5)), rng.normal(size=85)
+    squares, sides = np.zeros((3, 5, 5)), np.zeros((3, 5))
+    add_products(blocks, slope, left, squares, sides)
+    for block in range(3):
+        mine = slope[blocks == block]
+        assert squares[block] == pytest.approx(mine.T @ mine)
+        assert sides[block] == pytest.approx(mine.T @ left[blocks == block])
+
+
+def test_columns_side_by_side() -> None:
+    made = side_by_side([np.arange(3.0), np.ones(3)], 3)
+    assert made.tolist() == [[0.0, 1.0], [1.0, 1.0], [2.0, 1.0]] and made.flags.f_contiguous
+    assert side_by_side([], 4).shape == (4, 0)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from vehicle.measured.fit.solver import (
     downhill,
     slope_of,
     solve,
-    with_own_slope,
+    with_near_slope,
     with_slope,
 )
 
@@ -133,9 +134,23 @@ def test_the_rule_ends_the_descent() -> None:
 def test_a_point_keeps_its_own_slope_and_gets_one_where_it_has_none() -> None:
     problem = Stand(lambda at: at * at, 1)
     bare = problem.start(3.0)
-    assert with_own_slope(problem, bare).slope.tolist() == [[pytest.approx(6.1)]]
+    assert with_near_slope(problem, bare).slope.tolist() == [[pytest.approx(6.1)]]
     steep = with_slope(problem, bare, 1.0)
-    assert with_own_slope(problem, steep) is steep and steep.slope.tolist() == [[pytest.approx(7.0)]]
+    assert with_near_slope(problem, steep) is steep and steep.slope.tolist() == [[pytest.approx(7.0)]]
+
+
+def test_a_slope_serves_near_points_while_it_keeps_its_promise() -> None:
+    """A straight line needs one slope however many steps; a bend that breaks the promise gets a new one."""
+    straight = Stand(lambda at: at - 3.0, 1, typical=100.0)
+    known = replace(straight.start(0.0), slope=np.array([[1.3]]), taken=np.zeros(1))
+    end = descend(straight, known, Rule(4, never))
+    assert straight.axes == [] and end.at == pytest.approx([3.0], abs=0.01) and not end.own
+    assert with_near_slope(straight, end) is end
+    wrong = replace(straight.start(0.0), slope=np.array([[9.0]]), taken=np.zeros(1))
+    assert descend(straight, wrong, Rule(4, never)).at == pytest.approx([3.0]) and straight.axes
+    far = Stand(lambda at: at - 3.0, 1, typical=1.0)
+    descend(far, far.start(0.0), Rule(2, never))
+    assert far.axes == [0, 0], "three usual sizes away a slope is taken again"
 
 
 def test_columns_that_look_alike_share_the_change() -> None:

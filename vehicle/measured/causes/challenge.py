@@ -16,6 +16,7 @@ from vehicle.effects import CATALOGUE, PATH, POSITION, SPEED, STEERING, effect
 from vehicle.measured.causes.dependence import Dependence
 from vehicle.measured.causes.evidence import held_out_losses, is_nameable
 from vehicle.measured.causes.refit import enlarged, with_unnamed, without
+from vehicle.measured.causes.traces import Traces
 from vehicle.measured.causes.trial import Projector, Tried, tried
 from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for
@@ -51,16 +52,17 @@ def challenged(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...], tractor:
         if plain is not None:
             return Outcome(plain)
     alike: dict[str, Alike] = {}
-    for knobs, _ in fit.parts:
-        if not is_nameable(bench, fit, tractor, knobs.id):
-            continue
-        better, alike[knobs.id] = _rivals(bench, fit, knobs.id)
+    names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, fit, tractor, knobs.id)]
+    # For one part alone the traces would cost as much as the trials they spare.
+    traces = Traces(bench.change, fit, bench.surprise(fit.settings)) if len(names) > 1 else None
+    for name in names:
+        better, alike[name] = _rivals(bench, fit, name, traces)
         if better is not None:
             return Outcome(better, unnamed)
     return Outcome(alike=alike)
 
 
-def _rivals(bench: Bench, fit: Fit, name: str) -> tuple[Fit | None, Alike]:
+def _rivals(bench: Bench, fit: Fit, name: str, traces: Traces | None) -> tuple[Fit | None, Alike]:
     """The fit in which a rival is clearly better in the place of an effect, if any; and those that are as good."""
     tractor = bench.rig.tractor
     rest = without(bench, fit, name)
@@ -68,7 +70,7 @@ def _rivals(bench: Bench, fit: Fit, name: str) -> tuple[Fit | None, Alike]:
     slack = LOOK_ALIKE + LOOK_ALIKE_SHARE * gain
     held_out = float(held_out_losses(bench, fit).sum())
     better, alike = fit, {}
-    for other in _in_place(bench, rest, (*fit.settings,), effect(name).block, gain - slack)[:REFITTED]:
+    for other in _in_place(bench, rest, (*fit.settings,), effect(name).block, gain - slack, traces)[:REFITTED]:
         if other.gain < gain - slack or other.knobs.deviation(other.at) <= finest_of(tractor, other.knobs.id):
             continue
         full = refined(bench, enlarged(bench, rest, other))
@@ -80,18 +82,21 @@ def _rivals(bench: Bench, fit: Fit, name: str) -> tuple[Fit | None, Alike]:
     return (None, alike) if better is fit else (better, {})
 
 
-def _in_place(bench: Bench, rest: Fit, skip: Iterable[str], block: str, worth: float) -> list[Tried]:
+def _in_place(
+    bench: Bench, rest: Fit, skip: Iterable[str], block: str, worth: float, traces: Traces | None = None
+) -> list[Tried]:
     """Every effect beside a block on top of what is left, each from several starts, the best first.
 
-    Those that promise far less than the gain that is `worth` something are only begun.
+    Those that promise far less than the gain that is `worth` something are only begun, and by their `traces` left out.
     """
     project, blocks, tractor = Projector(rest.slope), beside(bench, block), bench.rig.tractor
-    found = [
-        tried(bench.change, rest, with_more_starts(knobs_for(tractor, entry.id, bench.course.places)), project, worth)
+    every = [
+        with_more_starts(knobs_for(tractor, entry.id, bench.course.places))
         for entry in CATALOGUE
         if entry.block in blocks and entry.id not in skip and not entry.kind.searched
     ]
-    return sorted(found, key=lambda one: -one.gain)
+    some = every if traces is None else [one for one in every if not traces.hopeless(rest, project, one, worth)]
+    return sorted((tried(bench.change, rest, one, project, worth) for one in some), key=lambda one: -one.gain)
 
 
 def with_more_starts(knobs: Knobs) -> Knobs:
@@ -110,13 +115,14 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
     """
     plain = with_unnamed(bench, fit, ())
     names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, plain, tractor, knobs.id)]
+    traces = Traces(bench.change, plain, bench.surprise(plain.settings)) if names else None
     best: Fit | None = None
     for name in (None, *names):
         rest = plain if name is None else without(bench, plain, name)
         blocks = {PATH} if name is None else {effect(name).block}
         for block in blocks:
             worth = (1.0 - LOOK_ALIKE_SHARE) * (rest.loss - fit.loss) - LEAST_GAIN
-            for other in _in_place(bench, rest, (*plain.settings,), block, worth)[:2]:
+            for other in _in_place(bench, rest, (*plain.settings,), block, worth, traces)[:2]:
                 if other.gain < worth:
                     continue
                 full = refined(bench, enlarged(bench, rest, other))

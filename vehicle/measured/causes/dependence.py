@@ -275,7 +275,7 @@ class Response:
         """As products, of every column alone: squares (c,), products with what is left (c,) and with the fit (c, m)."""
         start = self.places[index].start + 3 * first
         place = slice(start, start + len(made))
-        left, slope = self.fit.surprise[place], self.fit.slope[place]
+        left, slope, made = self.fit.surprise[place], self.fit.slope[place], np.asfortranarray(made)
         return squares(made), crossed(made, left), crossed(made, slope)
 
     def products(self, index: int, made: Array, first: int = 0) -> Products:
@@ -285,7 +285,7 @@ class Response:
         """
         start = self.places[index].start + 3 * first
         place = slice(start, start + len(made))
-        left, slope = self.fit.surprise[place], self.fit.slope[place]
+        left, slope, made = self.fit.surprise[place], self.fit.slope[place], np.asfortranarray(made)
         return crossed(made, made), crossed(made, left), crossed(made, slope)
 
     def gain(self, parts: Sequence[Products], per_run: bool) -> tuple[float, int]:

@@ -80,7 +80,7 @@ def of_few(squares: Array, inverse: Array) -> Array:
     tell the same is Student's with n - 1 freedoms, and its square too small by n / (n - 1); where they tell unlike
     amounts n is the inverse of the sum of their squared shares.
     """
-    told = np.maximum(np.einsum("ij,pjk,ki->pi", inverse, squares, inverse), 0.0)
+    told = np.maximum(np.einsum("pij,ji->pi", inverse @ squares, inverse), 0.0)
     shares = told / np.maximum(told.sum(axis=0), 1e-300)
     count = 1.0 / np.maximum((shares * shares).sum(axis=0), 1e-12)
     free = np.maximum(count - 1.0, 1.0)

@@ -10,13 +10,15 @@ from vehicle.learnt import Settings
 from vehicle.measured.causes.dependence import Dependence, columns
 from vehicle.measured.causes.trial import Tried
 from vehicle.measured.causes.unknowns import unknowns
-from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined
+from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined, with_new_columns
 from vehicle.measured.fit.knobs import settings_of
 from vehicle.measured.replay.course import Course
 from vehicle.measured.replay.replaying import Rig
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.noise import first_noise, tuned
 from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
+
+KEPT_BYTES = 300_000_000  # chosen: eight parts and four dozen columns of a quarter of an hour, a sixth of 2 GB
 
 
 def enlarged(bench: Bench, fit: Fit, best: Tried) -> Fit:
@@ -25,10 +27,11 @@ def enlarged(bench: Bench, fit: Fit, best: Tried) -> Fit:
 
 
 def with_part(bench: Bench, fit: Fit, part: Part) -> Fit:
-    """The fit with a part added as it is."""
+    """The fit with a part added as it is; the slopes of the others are those they have without it."""
     parts = (*fit.parts, part)
     bare = bench.surprise(settings_of(list(parts)))
-    return Fit(parts, linear_extra(bare, fit.extra), fit.slope, fit.extra)
+    larger = Fit(parts, linear_extra(bare, fit.extra), np.zeros((len(bare), 0)), fit.extra)
+    return replace(larger, slope=with_new_columns(bench, larger, fit.slope))
 
 
 def with_unnamed(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Fit:
@@ -41,7 +44,7 @@ def restarted(bench: Bench, parts: tuple[Part, ...], unnamed: tuple[Dependence, 
     surprise = bench.surprise(settings_of(list(parts)))
     bare = Fit(parts, surprise, np.zeros((len(surprise), 0)))
     free = unknowns(bench, bare)
-    made = np.concatenate([free, *[columns(bench, bare, one) for one in unnamed or ()]], axis=1)
+    made = np.asfortranarray(np.concatenate([free, *[columns(bench, bare, one) for one in unnamed or ()]], axis=1))
     extra = Extra(made, np.zeros(made.shape[1]), free.shape[1])
     return refined(bench, Fit(parts, surprise, bare.slope, extra))
 
@@ -67,7 +70,13 @@ def weighed(course: Course, rig: Rig, settings: Settings) -> Bench:
 
 
 def without(bench: Bench, fit: Fit, name: str) -> Fit:
-    """The fit refitted without one of its parts."""
+    """The fit refitted without one of its parts, found once where all such fits take no more than KEPT_BYTES."""
+    if (bench, name) in fit.smaller:
+        return fit.smaller[bench, name]
     parts = tuple(part for part in fit.parts if part[0].id != name)
     surprise = linear_extra(bench.surprise(settings_of(list(parts))), fit.extra)
-    return refined(bench, Fit(parts, surprise, np.zeros((len(surprise), 0)), fit.extra))
+    slope = np.delete(fit.slope, fit.columns(name), axis=1)
+    smaller = refined(bench, Fit(parts, surprise, slope, fit.extra))
+    if len(fit.parts) * fit.slope.nbytes <= KEPT_BYTES:
+        fit.smaller[bench, name] = smaller
+    return smaller

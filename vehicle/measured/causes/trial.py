@@ -40,19 +40,25 @@ class Projector:
     """Takes the columns of a fit out of vectors."""
 
     def __init__(self, slope: Array) -> None:
-        """Directions of the columns, orthonormal as far as their products tell."""
-        self.basis: Array | None = None
+        """What makes orthonormal directions of the columns, as far as their products tell."""
+        self.slope, self.turn = slope, np.zeros((slope.shape[1], 0))
         if slope.size:
-            scaled = slope / np.maximum(np.linalg.norm(slope, axis=0), 1e-12)
-            size, turn = np.linalg.eigh(crossed(scaled, scaled))
+            square = crossed(slope, slope)
+            scale = np.maximum(np.sqrt(np.diag(square)), 1e-12)
+            size, turn = np.linalg.eigh(square / np.outer(scale, scale))
             known = size > LEAST_PART * size[-1]
-            self.basis = np.einsum("ni,ij->nj", scaled, turn[:, known] / np.sqrt(size[known]))
+            self.turn = turn[:, known] / np.sqrt(size[known]) / scale[:, None]
 
     def __call__(self, vector: Array) -> Array:
         """The part of a vector (n,) that no column explains."""
-        if self.basis is None:
+        if not self.turn.size:
             return vector
-        return without(vector, self.basis, crossed(self.basis, vector))
+        return without(vector, self.slope, self.turn @ (self.turn.T @ crossed(self.slope, vector)))
+
+    def products(self, columns: Array) -> Array:
+        """Products (k, k) with each other of the parts of columns (n, k) that no column of the fit explains."""
+        share = self.turn.T @ crossed(self.slope, columns)
+        return crossed(columns, columns) - share.T @ share
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +89,7 @@ class _OneMore:
     @cached_property
     def _bare(self) -> Array:
         fit = self.fit
-        return fit.surprise if fit.extra is None else without(fit.surprise, fit.extra.columns, fit.extra.amounts)
+        return fit.surprise if fit.extra is None else fit.surprise - fit.extra.sum
 
     def at(self, at: Array) -> Point:
         settings = settings_of([*self.fit.parts, (self.knobs, at)])
@@ -126,9 +132,11 @@ def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, worth: 
 
 def _promise(point: Point) -> float:
     """Loss that a straight line takes away."""
-    slope, left = point.slope, point.left
-    side = crossed(slope, left)
-    square = crossed(slope, slope)
+    return promised(crossed(point.slope, point.slope), crossed(point.slope, point.left))
+
+
+def promised(square: Array, side: Array) -> float:
+    """Loss that columns take away, from their products with each other (m, m) and with what is left (m,)."""
     scale = np.maximum(np.diag(square), 1e-12)
     return float(side @ np.linalg.solve(square + 1e-9 * np.diag(scale), side))
 

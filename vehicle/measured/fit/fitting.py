@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
-from vehicle.measured.fit.products import squared, without
-from vehicle.measured.fit.solver import LATER_STEP, Point, Rule, descend, slope_of, with_own_slope
+from vehicle.measured.fit.products import add_products, squared, without
+from vehicle.measured.fit.solver import FIRST_STEP, LATER_STEP, Point, Rule, descend, slope_of, with_near_slope
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import MOST_USUAL
@@ -40,19 +38,26 @@ class Extra:
         """The columns that explain something."""
         return slice(self.unknowns, self.columns.shape[1])
 
+    @cached_property
+    def sum(self) -> Array:
+        """What is in use of all columns together (n,)."""
+        return without(np.zeros(len(self.columns)), self.columns, -self.amounts)
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Effects at their best values.
 
     `surprise` (n,) is what is left, `slope` (n, m) its change per coordinate, in the order of the parts and then of the
-    linear extra columns.
+    linear extra columns. A fit that is still to be refined may have that of a fit beside it, or none.
     """
 
     parts: tuple[Part, ...]
     surprise: Array
     slope: Array
     extra: Extra | None = None
+    # Fits on a bench without one of the parts: several questions need the same ones.
+    smaller: dict[tuple[Bench, str], Fit] = field(init=False, default_factory=dict)
 
     @property
     def loss(self) -> float:
@@ -82,7 +87,7 @@ def empty_fit(bench: Bench) -> Fit:
 
 def linear_extra(surprise: Array, extra: Extra | None) -> Array:
     """Surprises with the linear terms taken off."""
-    return surprise if extra is None else without(surprise, extra.columns, -extra.amounts)
+    return surprise if extra is None else surprise + extra.sum
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,13 +128,13 @@ class _Parts:
     @property
     def start(self) -> Point:
         amounts = np.zeros(0) if self.fit.extra is None else self.fit.extra.amounts
-        return Point(np.append(flat([at for _, at in self.fit.parts]), amounts), self.fit.surprise)
+        at = np.append(flat([at for _, at in self.fit.parts]), amounts)
+        known = self.fit.slope.shape[1] == len(at)
+        return Point(at, self.fit.surprise, self.fit.slope, at) if known else Point(at, self.fit.surprise)
 
     def fit_at(self, point: Point) -> Fit:
         """The fit with its coordinates, what is left and slope those of a point."""
-        return replace(
-            self.fit, parts=self._parts(point.at), surprise=point.left, slope=point.slope, extra=self._extra(point.at)
-        )
+        return Fit(self._parts(point.at), point.left, point.slope, self._extra(point.at))
 
     def left(self, at: Array, start: Point) -> Array:
         blocks = frozenset(block_of(name) for name in self.owners)
@@ -144,7 +149,7 @@ class _Parts:
     def _bare(self, point: Point) -> Array:
         """What is left without the linear terms."""
         extra = self._extra(point.at)
-        return point.left if extra is None else without(point.left, extra.columns, extra.amounts)
+        return point.left if extra is None else point.left - extra.sum
 
     def _parts(self, at: Array) -> tuple[Part, ...]:
         parts, first = [], 0
@@ -154,7 +159,20 @@ class _Parts:
         return tuple(parts)
 
     def _extra(self, at: Array) -> Extra | None:
-        return self.fit.extra and replace(self.fit.extra, amounts=at[len(self.typical) :])
+        if self.fit.extra is None:
+            return None
+        amounts = at[len(self.typical) :]
+        key = amounts.tobytes()
+        if key not in self._extras:
+            if len(self._extras) > 1:  # a point and the one before are asked for again and again
+                self._extras.clear()
+            self._extras[key] = replace(self.fit.extra, amounts=amounts)
+        return self._extras[key]
+
+    @cached_property
+    def _extras(self) -> dict[bytes, Extra]:
+        """Linear terms by their amounts."""
+        return {} if self.fit.extra is None else {self.fit.extra.amounts.tobytes(): self.fit.extra}
 
 
 def flat(vectors: Iterable[ArrayLike]) -> Array:
@@ -168,8 +186,19 @@ def slopes(bench: Bench, fit: Fit, share: float = LATER_STEP) -> Array:
     return slope_of(problem, problem.start, share)
 
 
+def with_new_columns(bench: Bench, fit: Fit, known: Array) -> Array:
+    """Slope of a fit (n, m) whose last part is new, from that of the others (n, m - c), linear terms included."""
+    problem = _Parts(bench, fit)
+    old = len(problem.typical) - fit.parts[-1][0].count
+    last = slope_of(problem, problem.start, FIRST_STEP, old)
+    return np.concatenate([known[:, :old], last], axis=1)
+
+
 def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:
-    """The fit with all its coordinates at their best together."""
+    """The fit with all its coordinates at their best together.
+
+    It is near its best already, as effects come and go one by one: slopes are fine ones from the first on.
+    """
     if not fit.parts and fit.extra is None:
         return fit
     problem = _Parts(bench, fit)
@@ -178,8 +207,8 @@ def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:
         count = len(problem.typical)
         return bool(np.all(np.abs(after.at - before.at)[:count] / problem.typical < SETTLED))
 
-    rule = Rule(iterations, settled, least_gain=LEAST_STEP)
-    return problem.fit_at(with_own_slope(problem, descend(problem, problem.start, rule)))
+    rule = Rule(iterations, settled, least_gain=LEAST_STEP, first_step=LATER_STEP)
+    return problem.fit_at(with_near_slope(problem, descend(problem, problem.start, rule)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,12 +226,3 @@ def block_sums(bench: Bench, slope: Array, surprise: Array) -> Sums:
     squares, sides = np.zeros((count, size, size)), np.zeros((count, size))
     add_products(bench.blocks, slope, surprise, squares, sides)
     return Sums(squares, sides, np.bincount(bench.blocks, surprise * surprise, count).astype(np.float64))
-
-
-def add_products(blocks: npt.NDArray[np.int64], slope: Array, left: Array, squares: Array, sides: Array) -> None:
-    """Add the products of columns with each other and with what is left to their blocks, stretch by stretch of one."""
-    edges = np.flatnonzero(np.diff(blocks, prepend=-1, append=-1))
-    for first, end in pairwise(edges):
-        rows = slope[first:end]
-        squares[blocks[first]] += rows.T @ rows
-        sides[blocks[first]] += rows.T @ left[first:end]

@@ -17,10 +17,10 @@ import numpy.typing as npt
 from vehicle.effects import BY_ID, REST_KEY, SPEED
 from vehicle.layout import DT_S
 from vehicle.learnt import Settings
-from vehicle.measured.fit.fitting import add_products, flat
+from vehicle.measured.fit.fitting import flat
 from vehicle.measured.fit.heldout import Pieces, steps_without
 from vehicle.measured.fit.knobs import Knobs
-from vehicle.measured.fit.products import squared
+from vehicle.measured.fit.products import add_products, squared
 from vehicle.measured.fit.solver import (
     FIRST_STEP,
     LATER_STEP,
@@ -28,7 +28,7 @@ from vehicle.measured.fit.solver import (
     Rule,
     descend,
     slope_of,
-    with_own_slope,
+    with_near_slope,
 )
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import add_off_middle
@@ -272,7 +272,7 @@ def fitted(loop: OpenLoop, terms: Terms, iterations: int = ITERATIONS) -> Model:
         return before.loss - after.loss < SETTLED * after.loss
 
     rule = Rule(iterations if terms else 0, settled, first_step=LATER_STEP)
-    end = with_own_slope(problem, descend(problem, start, rule))
+    end = with_near_slope(problem, descend(problem, start, rule))
     return Model(problem.terms_at(end.at), end.left, end.slope)
 
 

@@ -1,15 +1,19 @@
 """Products of tall columns in the order of their rows, on one core.
 
 Libraries of linear algebra share such products out to every core, which then wait for each other: on a busy machine
-that was two thirds of a diagnosis, and the last digits depended on the number of cores.
+that was two thirds of a diagnosis, and the last digits depended on the number of cores. Columns are best kept one after
+another (in the order of Fortran). Many are of one run alone: where a column is 0 for some rows it is passed over.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from vehicle.jit import compiled
 from vehicle.measured.logs.record import Array
+
+ROWS = 64  # that are looked at together: chosen, few enough to stay near the processor
 
 
 def squared(left: Array) -> float:
@@ -19,53 +23,128 @@ def squared(left: Array) -> float:
 
 def crossed(one: Array, two: Array) -> Array:
     """Products (m, k) of all columns (n, m) with all columns (n, k), or (m,) with a vector (n,)."""
-    wide, tall = np.ascontiguousarray(one), np.ascontiguousarray(two.reshape(len(two), -1))
-    if tall.shape[1] < wide.shape[1]:  # the inner loop is the longer one: several columns are added up at once
-        turned = np.zeros((tall.shape[1], wide.shape[1]))
-        _crossed(tall, wide, turned)
-        return np.ascontiguousarray(turned.T).reshape(one.shape[1], *two.shape[1:])
-    out = np.zeros((wide.shape[1], tall.shape[1]))
-    _crossed(wide, tall, out)
-    return out.reshape(one.shape[1], *two.shape[1:])
+    mine = np.ascontiguousarray(one.T)
+    if two.ndim == 1:
+        sides = np.zeros(len(mine))
+        _sided(mine, np.ascontiguousarray(two), 0, len(two), sides)
+        return sides
+    same = one is two
+    others = mine if same else np.ascontiguousarray(two.T)
+    out = np.zeros((len(mine), len(others)))
+    _crossed(mine, others, same, 0, len(two), out)
+    return out
 
 
 def squares(columns: Array) -> Array:
     """Sum of squares (m,) of every column (n, m)."""
-    out = np.zeros(columns.shape[1])
-    _squares(np.ascontiguousarray(columns), out)
+    out: Array = np.einsum("ni,ni->i", columns, columns)
     return out
 
 
 def without(vector: Array, columns: Array, amounts: Array) -> Array:
     """A vector (n,) less so much (m,) of each column (n, m)."""
     out = vector.copy()
-    _take(out, np.ascontiguousarray(columns), amounts)
+    _take(out, np.ascontiguousarray(columns.T), amounts)
     return out
 
 
-@compiled
-def _crossed(one, two, out) -> None:  # type: ignore[no-untyped-def]
-    if one.shape[1] == 1 and two.shape[1] == 1:
-        whole = 0.0
-        for row in range(len(one)):
-            whole += one[row, 0] * two[row, 0]
-        out[0, 0] = whole
-        return
-    for row in range(len(one)):
-        for i in range(one.shape[1]):
-            for j in range(two.shape[1]):
-                out[i, j] += one[row, i] * two[row, j]
+def side_by_side(columns: list[Array], rows: int) -> Array:
+    """Columns (n,) as one array (n, m), one after another in memory; none make one without columns."""
+    return np.array(columns).T if columns else np.zeros((rows, 0))
+
+
+def add_products(blocks: npt.NDArray[np.int64], slope: Array, left: Array, squares: Array, sides: Array) -> None:
+    """Add the products of columns with each other and with what is left to their blocks, stretch by stretch of one."""
+    edges = np.flatnonzero(np.diff(blocks, prepend=-1, append=-1))
+    _add(edges, blocks, np.ascontiguousarray(slope.T), np.ascontiguousarray(left), squares, sides)
 
 
 @compiled
-def _squares(columns, out) -> None:  # type: ignore[no-untyped-def]
-    for row in range(len(columns)):
-        for i in range(len(out)):
-            out[i] += columns[row, i] * columns[row, i]
+def _add(edges, blocks, columns, left, squares, sides) -> None:  # type: ignore[no-untyped-def]
+    for number in range(len(edges) - 1):
+        first, last = edges[number], edges[number + 1]
+        _crossed(columns, columns, True, first, last, squares[blocks[first]])
+        _sided(columns, left, first, last, sides[blocks[first]])
+
+
+@compiled
+def _crossed(one, two, same, begin, end, out) -> None:  # type: ignore[no-untyped-def]
+    """Add the products of columns (m, n) and (k, n) in the rows from `begin` to before `end` to `out` (m, k)."""
+    mine, others = np.empty((ROWS, len(one))), np.empty((ROWS, len(two)))
+    places, theirs = np.empty(len(one), np.int64), np.empty(len(two), np.int64)
+    sums = np.empty((len(one), len(two)))
+    if same:
+        others, theirs = mine, places
+    for first in range(begin, end, ROWS):
+        rows = min(ROWS, end - first)
+        many = _packed(one, first, rows, mine, places)
+        width = many if same else _packed(two, first, rows, others, theirs)
+        for i in range(many):
+            for j in range(width):
+                sums[i, j] = out[places[i], theirs[j]]
+        _summed(mine, others, rows, many, width, sums)
+        for i in range(many):
+            for j in range(width):
+                out[places[i], theirs[j]] = sums[i, j]
+
+
+@compiled
+def _packed(columns, first, rows, packed, places) -> int:  # type: ignore[no-untyped-def]
+    """Some rows of the columns (m, n) that are not 0 there, side by side; `places` gets which; returned is how many."""
+    count = 0
+    for i in range(len(columns)):
+        some = False
+        for row in range(first, first + rows):
+            if columns[i, row] != 0.0:
+                some = True
+                break
+        if some:
+            places[count] = i
+            for row in range(rows):
+                packed[row, count] = columns[i, first + row]
+            count += 1
+    return count
+
+
+@compiled
+def _summed(one, two, rows, many, width, sums) -> None:  # type: ignore[no-untyped-def]
+    """Add the products of packed columns to sums: four rows at once, for a sum is read and written once for them."""
+    whole = rows - rows % 4
+    for row in range(0, whole, 4):
+        for i in range(many):
+            a, b, c, d = one[row, i], one[row + 1, i], one[row + 2, i], one[row + 3, i]
+            for j in range(width):
+                sums[i, j] = (
+                    sums[i, j] + a * two[row, j] + b * two[row + 1, j] + c * two[row + 2, j] + d * two[row + 3, j]
+                )
+    for row in range(whole, rows):
+        for i in range(many):
+            for j in range(width):
+                sums[i, j] += one[row, i] * two[row, j]
+
+
+@compiled
+def _sided(columns, left, begin, end, out) -> None:  # type: ignore[no-untyped-def]
+    """Add the products of columns (m, n) with a vector (n,) to `out` (m,): four at once, for each waits for its sum."""
+    whole = len(columns) - len(columns) % 4
+    for i in range(0, whole, 4):
+        a, b, c, d = out[i], out[i + 1], out[i + 2], out[i + 3]
+        for row in range(begin, end):
+            a += columns[i, row] * left[row]
+            b += columns[i + 1, row] * left[row]
+            c += columns[i + 2, row] * left[row]
+            d += columns[i + 3, row] * left[row]
+        out[i], out[i + 1], out[i + 2], out[i + 3] = a, b, c, d
+    for i in range(whole, len(columns)):
+        for row in range(begin, end):
+            out[i] += columns[i, row] * left[row]
 
 
 @compiled
 def _take(vector, columns, amounts) -> None:  # type: ignore[no-untyped-def]
-    for row in range(len(vector)):
+    for first in range(0, len(vector), ROWS):
+        last = min(first + ROWS, len(vector))
         for i in range(len(amounts)):
-            vector[row] -= columns[row, i] * amounts[i]
+            if amounts[i] != 0.0:
+                for row in range(first, last):
+                    vector[row] -= columns[i, row] * amounts[i]

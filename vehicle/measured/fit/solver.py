@@ -1,34 +1,44 @@
 """Least squares by bounded Gauss-Newton steps with one-sided slopes: the one solver of all fits.
 
 Effects such as a dead band or a limit have no trace on one side of where they stand, so slopes are taken over a good
-share of a usual size and on one side only, the other one where the box ends. A step that does not lower the loss is
-shortened, twice at most: further the slope does not hold, and the next one will not either.
+share of a usual size and on one side only, the other one where the box ends. A slope serves all points near where it
+was taken, axis by axis, while steps gain what it promised. A step that does not lower the loss is shortened, twice at
+most: further the slope does not hold, and the next one will not either.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from vehicle.measured.fit.products import crossed, squared
+from vehicle.measured.fit.products import crossed, side_by_side, squared
 from vehicle.measured.logs.record import Array
 
 FIRST_STEP, LATER_STEP = 0.3, 0.1  # of a typical size: chosen, wide enough to cross a dead band, then finer
 SHORTENED = (1.0, 0.4, 0.15)  # shares of a step that are tried: chosen, nearly a decade in three simulations
+NEAR = 0.03  # of a typical size: chosen, little beside what a slope is taken over, so that it holds as well there
+STEPS_A_SLOPE = 3  # chosen: bounds the steps with one slope, which cost little beside it
+KEPT_PROMISE = 0.7  # chosen, of what a slope promised: a step that gains less says that it does not hold
 RIDGE = 1e-6  # of every diagonal entry: chosen, keeps columns that look alike from running apart
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Coordinates, what is left there (n,), and a slope (n, m): its own if `own`, else that of the step before."""
+    """Coordinates, what is left there (n,), and a slope (n, m) taken at the coordinates `taken`; None without one."""
 
     at: Array
     left: Array
     slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    own: bool = False
+    taken: Array | None = None
+
+    @property
+    def own(self) -> bool:
+        """Whether the slope was taken here on every axis, but for those on which it is linear."""
+        return self.taken is not None and np.array_equal(self.taken, self.at)
 
     @property
     def loss(self) -> float:
@@ -67,7 +77,7 @@ class Problem(Protocol):
 
 @dataclass(frozen=True)
 class Rule:
-    """When to stop: after `iterations` steps, or when a step takes no more than `least_gain` off the loss.
+    """When to stop: after the steps of `iterations` slopes, or when a step takes at most `least_gain` off the loss.
 
     `settled` sees the points before and after a step and says whether that was the last; `worthwhile` sees a point with
     its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes.
@@ -82,12 +92,14 @@ class Rule:
 
 def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
     """Slope (n, m + k - first) of what is left on the axes from `first` on, by one-sided differences."""
-    columns = []
-    for axis in range(first, len(problem.typical)):
-        moved = aside(problem, start.at, axis, share)
-        columns.append(problem.change(moved, axis, start) / (moved[axis] - start.at[axis]))
-    columns += list(problem.linear.T)
-    return np.stack(columns, axis=1) if columns else np.zeros((len(start.left), 0))
+    columns = [_column(problem, start, axis, share) for axis in range(first, len(problem.typical))]
+    return side_by_side([*columns, *problem.linear.T], len(start.left))
+
+
+def _column(problem: Problem, start: Point, axis: int, share: float) -> Array:
+    moved = aside(problem, start.at, axis, share)
+    column: Array = problem.change(moved, axis, start) / (moved[axis] - start.at[axis])
+    return column
 
 
 def aside(problem: Problem, at: Array, axis: int, share: float) -> Array:
@@ -101,42 +113,86 @@ def aside(problem: Problem, at: Array, axis: int, share: float) -> Array:
 
 def solve(slope: Array, left: Array) -> Array:
     """Change of the coordinates (m,) that lowers the loss most, for a slope (n, m) and what is left (n,)."""
-    square = crossed(slope, slope)
+    return _solved(crossed(slope, slope), crossed(slope, left))
+
+
+def _solved(square: Array, side: Array) -> Array:
     scale = np.diag(square).copy()
     scale[scale <= 0.0] = 1.0
-    return np.asarray(np.linalg.solve(square + RIDGE * np.diag(scale), -crossed(slope, left)))
+    return np.asarray(np.linalg.solve(square + RIDGE * np.diag(scale), -side))
 
 
 def downhill(problem: Problem, start: Point, least_gain: float = 0.0) -> Point | None:
     """One step inside the box, shortened until the loss is lower; None when it never is."""
-    change = solve(start.slope, start.left)
+    return _step(problem, start, least_gain)[0]
+
+
+def _step(problem: Problem, start: Point, least_gain: float) -> tuple[Point | None, bool]:
+    """The step of downhill, and whether it gained what the slope promised of it."""
+    square, side = crossed(start.slope, start.slope), crossed(start.slope, start.left)
+    change, before = _solved(square, side), start.loss
     for share in SHORTENED:
         at = np.clip(start.at + share * change, problem.low, problem.high)
-        after = Point(at, problem.left(at, start), start.slope)
-        if after.loss < start.loss - least_gain:
-            return after
-    return None
+        after = Point(at, problem.left(at, start), start.slope, start.taken)
+        loss, way = after.loss, at - start.at
+        if loss < before - least_gain:
+            return after, before - loss >= -KEPT_PROMISE * float(2.0 * side @ way + way @ square @ way)
+    return None, False
 
 
 def descend(problem: Problem, start: Point, rule: Rule) -> Point:
-    """The point that steps lead to until the rule ends them; its slope may be that of the step before."""
-    point = start
-    for number in range(rule.iterations):
-        point = with_slope(problem, point, rule.first_step if number == 0 else LATER_STEP)
-        after = downhill(problem, point, rule.least_gain) if rule.worthwhile(point) else None
-        if after is None:
+    """The point that steps lead to until the rule ends them; its slope may be one taken before.
+
+    A start that has a slope is stepped from with that one, as are all points that are near where one was taken.
+    """
+    point, holds, slopes = start, True, 0
+    for _ in range(STEPS_A_SLOPE * rule.iterations):
+        if not holds or not is_near(problem, point):
+            if slopes == rule.iterations:
+                break
+            known = point if holds else replace(point, taken=None)
+            point = with_near_slope(problem, known, rule.first_step if slopes == 0 else LATER_STEP)
+            slopes += 1
+        if not rule.worthwhile(point):
             break
+        after, holds = _step(problem, point, rule.least_gain)
+        if after is None:
+            if point.own:
+                break
+            continue  # with a slope of its own
         before, point = point, after
         if rule.settled(before, after):
             break
     return point
 
 
+def is_near(problem: Problem, point: Point) -> bool:
+    """Whether the slope of a point was taken near it on every axis."""
+    return point.taken is not None and not _far(problem, point).size
+
+
+def _far(problem: Problem, point: Point) -> npt.NDArray[np.int64]:
+    """Axes on which the slope was taken too far away."""
+    assert point.taken is not None
+    count = len(problem.typical)
+    return np.flatnonzero(np.abs(point.at - point.taken)[:count] > NEAR * problem.typical)
+
+
 def with_slope(problem: Problem, point: Point, share: float = LATER_STEP) -> Point:
     """The point with its own slope."""
-    return Point(point.at, point.left, slope_of(problem, point, share), True)
+    return Point(point.at, point.left, slope_of(problem, point, share), point.at)
 
 
-def with_own_slope(problem: Problem, point: Point) -> Point:
-    """The point as it is where it has its own slope, else with one."""
-    return point if point.own else with_slope(problem, point)
+def with_near_slope(problem: Problem, point: Point, share: float = LATER_STEP) -> Point:
+    """The point as it is where its slope was taken near enough, else with its own on the axes where it was not."""
+    if point.taken is None:
+        return with_slope(problem, point, share)
+    far = _far(problem, point)
+    if not far.size:
+        return point
+    slope, taken = point.slope.copy(order="F"), point.at.copy()
+    near = np.setdiff1d(np.arange(len(problem.typical)), far)
+    taken[near] = point.taken[near]
+    for axis in far:
+        slope[:, axis] = _column(problem, point, int(axis), share)
+    return Point(point.at, point.left, slope, taken)

@@ -54,58 +54,97 @@ def make_gains(  # type: ignore[no-untyped-def]
     `ahead`, `aside` (k - 1,) are simulated displacements between rows in the tractor's frame, `noise` (6,) the fields
     of Noise in order.
     """
-    n = SIZE
-    cov = np.zeros((n, n))
-    step = np.zeros((n, n))
+    cov = _first_covariance(noise)
+    cross, low, other = np.empty((SIZE, SEEN)), np.zeros((SEEN, SEEN)), np.empty((SEEN, SEEN))
+    for k in range(len(time)):
+        cosine, sine = math.cos(reference[k]), math.sin(reference[k])
+        lever_east, lever_north = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
+        for i in range(SIZE):
+            cross[i, 0] = cov[i, 0] - lever_north * cov[i, 2] + cov[i, 5]
+            cross[i, 1] = cov[i, 1] + lever_east * cov[i, 2] + cov[i, 6]
+            cross[i, 2] = cov[i, 2] + cov[i, 4]
+        for j in range(SEEN):
+            other[0, j] = cross[0, j] - lever_north * cross[2, j] + cross[5, j]
+            other[1, j] = cross[1, j] + lever_east * cross[2, j] + cross[6, j]
+            other[2, j] = cross[2, j] + cross[4, j]
+        other[0, 0] += noise[0] ** 2
+        other[1, 1] += noise[0] ** 2
+        other[2, 2] += noise[2] ** 2
+        _inverse_root(other, low)
+        roots[k] = low
+        # The inverse of the covariance of what is seen, from its root.
+        for i in range(SEEN):
+            for j in range(SEEN):
+                other[i, j] = low[0, i] * low[0, j] + low[1, i] * low[1, j] + low[2, i] * low[2, j]
+        for i in range(SIZE):
+            for j in range(SEEN):
+                gains[k, i, j] = cross[i, 0] * other[0, j] + cross[i, 1] * other[1, j] + cross[i, 2] * other[2, j]
+        for i in range(SIZE):
+            for j in range(i + 1):
+                cov[i, j] -= gains[k, i, 0] * cross[j, 0] + gains[k, i, 1] * cross[j, 1] + gains[k, i, 2] * cross[j, 2]
+                cov[j, i] = cov[i, j]
+        if k + 1 == len(time):
+            break
+        _moved_on(cov, ahead[k], aside[k], cosine, sine, time[k + 1] - time[k], noise)
+
+
+@compiled
+def _first_covariance(noise):  # type: ignore[no-untyped-def]
+    """Covariance (7, 7) before the first measurement."""
+    cov = np.zeros((SIZE, SIZE))
     cov[0, 0] = cov[1, 1] = 100.0 + noise[0] ** 2
     cov[2, 2] = 0.1**2
     cov[3, 3] = noise[4] ** 2
     cov[4, 4] = noise[3] ** 2
     cov[5, 5] = cov[6, 6] = noise[1] ** 2
-    h = np.zeros((SEEN, n))
-    for k in range(len(time)):
-        cosine, sine = math.cos(reference[k]), math.sin(reference[k])
-        h[:] = 0.0
-        h[0, 0] = h[0, 5] = h[1, 1] = h[1, 6] = h[2, 2] = h[2, 4] = 1.0
-        lever_east, lever_north = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
-        h[0, 2], h[1, 2] = -lever_north, lever_east
-        cross = cov @ h.T
-        s = h @ cross
-        s[0, 0] += noise[0] ** 2
-        s[1, 1] += noise[0] ** 2
-        s[2, 2] += noise[2] ** 2
-        low = np.linalg.cholesky(s)
-        inverse = np.linalg.inv(low)
-        roots[k] = inverse
-        gain = cross @ (inverse.T @ inverse)
-        gains[k] = gain
-        cov = cov - gain @ cross.T
-        cov = 0.5 * (cov + cov.T)
-        if k + 1 == len(time):
-            break
-        dt = time[k + 1] - time[k]
-        f, r = ahead[k], aside[k]
-        distance = math.sqrt(f * f + r * r)
-        step[:] = 0.0
-        for i in range(n):
-            step[i, i] = 1.0
-        step[0, 2] = -f * sine + r * cosine
-        step[1, 2] = f * cosine + r * sine
-        step[2, 3] = distance
-        soil, slow = math.exp(-dt / SOIL_MEMORY_S), math.exp(-dt / DRIFT_MEMORY_S)
-        step[3, 3] = soil
-        step[4, 4] = step[5, 5] = step[6, 6] = slow
-        cov = step @ cov @ step.T
-        cov[3, 3] += noise[4] ** 2 * (1.0 - soil * soil)
-        cov[4, 4] += noise[3] ** 2 * (1.0 - slow * slow)
-        cov[5, 5] += noise[1] ** 2 * (1.0 - slow * slow)
-        cov[6, 6] += noise[1] ** 2 * (1.0 - slow * slow)
-        push = noise[5] ** 2 * dt
-        side = (0.1 * noise[5]) ** 2 * dt
-        cov[0, 0] += push * cosine * cosine + side * sine * sine
-        cov[1, 1] += push * sine * sine + side * cosine * cosine
-        cov[0, 1] += (push - side) * cosine * sine
-        cov[1, 0] += (push - side) * cosine * sine
+    return cov
+
+
+@compiled
+def _inverse_root(square, out) -> None:  # type: ignore[no-untyped-def]
+    """Inverse (3, 3) of the lower Cholesky root of a symmetric matrix; nothing is written above the diagonal."""
+    a = math.sqrt(square[0, 0])
+    b, c = square[1, 0] / a, square[2, 0] / a
+    d = math.sqrt(square[1, 1] - b * b)
+    e = (square[2, 1] - c * b) / d
+    f = math.sqrt(square[2, 2] - c * c - e * e)
+    out[0, 0], out[1, 1], out[2, 2] = 1.0 / a, 1.0 / d, 1.0 / f
+    out[1, 0] = -b * out[0, 0] * out[1, 1]
+    out[2, 1] = -e * out[1, 1] * out[2, 2]
+    out[2, 0] = -(c * out[0, 0] + e * out[1, 0]) * out[2, 2]
+
+
+@compiled
+def _moved_on(cov, f, r, cosine, sine, dt, noise) -> None:  # type: ignore[no-untyped-def]
+    """The covariance (7, 7) after the way to the next row, with what soil, drift and speed add to it."""
+    to_east, to_north, distance = r * cosine - f * sine, f * cosine + r * sine, math.sqrt(f * f + r * r)
+    soil, slow = math.exp(-dt / SOIL_MEMORY_S), math.exp(-dt / DRIFT_MEMORY_S)
+    for j in range(SIZE):
+        cov[0, j] += to_east * cov[2, j]
+        cov[1, j] += to_north * cov[2, j]
+        cov[2, j] += distance * cov[3, j]
+        cov[3, j] *= soil
+        for i in range(4, SIZE):
+            cov[i, j] *= slow
+    for i in range(SIZE):
+        cov[i, 0] += to_east * cov[i, 2]
+        cov[i, 1] += to_north * cov[i, 2]
+        cov[i, 2] += distance * cov[i, 3]
+        cov[i, 3] *= soil
+        for j in range(4, SIZE):
+            cov[i, j] *= slow
+    for i in range(SIZE):  # what rounding parts
+        for j in range(i):
+            cov[i, j] = cov[j, i] = 0.5 * (cov[i, j] + cov[j, i])
+    cov[3, 3] += noise[4] ** 2 * (1.0 - soil * soil)
+    cov[4, 4] += noise[3] ** 2 * (1.0 - slow * slow)
+    cov[5, 5] += noise[1] ** 2 * (1.0 - slow * slow)
+    cov[6, 6] += noise[1] ** 2 * (1.0 - slow * slow)
+    push, side = noise[5] ** 2 * dt, (0.1 * noise[5]) ** 2 * dt
+    cov[0, 0] += push * cosine * cosine + side * sine * sine
+    cov[1, 1] += push * sine * sine + side * cosine * cosine
+    cov[0, 1] += (push - side) * cosine * sine
+    cov[1, 0] += (push - side) * cosine * sine
 
 
 @compiled
