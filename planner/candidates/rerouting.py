@@ -62,7 +62,9 @@ def with_turns(plan: Plan, turns: Mapping[Turn, tuple[Leg, ...]]) -> Plan:
     for (tractor, first, last), legs in sorted(turns.items(), reverse=True):
         old = missions[tractor].legs
         if [id(leg.points) for leg in legs] == [id(leg.points) for leg in old[first:last]]:
-            missions[tractor] = Mission((*old[:first], *legs, *old[last:]))
+            # Their gates are those of the plan as it is by now: legs of others may have got other numbers.
+            slower = (replace(leg, speed_mps=new.speed_mps) for leg, new in zip(old[first:last], legs, strict=True))
+            missions[tractor] = Mission((*old[:first], *slower, *old[last:]))
             continue
         gates = tuple(gate for leg in old[first:last] for gate in leg.gates)
         stand_s = math.fsum(leg.stand_s for leg in old[first:last])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.candidates.rerouting import with_turns
-from vehicle.missions import Leg, Mission, Plan
+from vehicle.missions import Gate, Leg, Mission, Plan
 
 
 def leg(first: float, last: float, stand_s: float = 0.0) -> Leg:
@@ -24,3 +24,13 @@ def test_a_turn_with_more_legs_keeps_its_stand_and_the_numbers_of_refills() -> N
     assert [(one["tractor"], one["leg"]) for one in new.notes["refills"]] == [(1, 1), (1, 6), (2, 4)]
     assert new.missions[1] is plan.missions[1] or len(new.missions[1].legs) == len(legs)
     assert math.fsum(each.stand_s for each in new.missions[0].legs) == math.fsum(each.stand_s for each in legs)
+
+
+def test_a_turn_that_is_only_slowed_keeps_gates_whose_legs_have_got_other_numbers() -> None:
+    """Of two turns mended at once, one has more legs than before, and the other waits for what comes after it."""
+    first = (leg(0, 10), leg(10, 14), leg(14, 30))
+    second = tuple(one.with_gates((Gate(1, 2, 5.0),)) if n == 1 else one for n, one in enumerate(first))
+    slow = (replace(second[1], speed_mps=0.5),)
+    new = with_turns(Plan((Mission(second), Mission(first))), {(0, 1, 2): slow, (1, 1, 2): (leg(10, 12), leg(12, 14))})
+    assert new.missions[0].legs[1].speed_mps == 0.5
+    assert new.missions[0].legs[1].gates == (Gate(1, 3, 5.0),)
