@@ -12,6 +12,7 @@ import numpy as np
 
 from vehicle.clearance import too_close
 from vehicle.control import control_tick
+from vehicle.jit import unowned
 from vehicle.layout import DT_S
 from vehicle.loop import drive_tractor, note
 from vehicle.world import World
@@ -23,6 +24,9 @@ def bare_steps(  # type: ignore[no-untyped-def]
     clearances,
 ):  # fmt: skip
     """Advance `bodies` (n, 6: x, y, angle, vx, vy, spin) as pymunk does: places with the old velocity first."""
+    bodies, force, states, models = unowned(bodies), unowned(force), unowned(states), unowned(models)
+    grounds, tables, legs, gates = unowned(grounds), unowned(tables), unowned(legs), unowned(gates)
+    points, cumulative, record, clearances = unowned(points), unowned(cumulative), unowned(record), unowned(clearances)
     count = len(states)
     for step in range(steps):
         if step % every == 0:
