@@ -11,7 +11,7 @@ TURN = 2.0 * math.pi
 
 @compiled
 def wrapped(angle: float) -> float:
-    """Angle in (-pi, pi], by whole turns."""
+    """Angle in (-pi, pi] but for rounding, by whole turns."""
     return angle - TURN * math.ceil((angle - math.pi) / TURN)
 
 

@@ -30,7 +30,7 @@ def found_offsets() -> tuple[int, ...]:
     """Distance (bytes) of each number from the start of a body, in the order above; empty where the probe fails."""
     try:
         first, second = _offsets(1.0), _offsets(-2.0)
-    except AttributeError:  # a function of the library has another name
+    except (AttributeError, TypeError, ffi.error):  # a function of the library has another name, or takes other things
         return ()
     return first if first == second else ()
 

@@ -165,7 +165,7 @@ class World:
         for body, (x, y, angle, vx, vy, spin) in zip(self.bodies, snapshot.motion.tolist(), strict=True):
             body.position, body.angle, body.velocity, body.angular_velocity = (x, y), angle, (vx, vy), spin
         self.boxes.bring()
-        self.rows = 0
+        self.rows, self._record = 0, np.empty((0, *self._record.shape[1:]))
         for part in snapshot.record():
             self._room(len(part))[:] = part
             self.rows += len(part)
@@ -176,7 +176,7 @@ class World:
         It is taken at once for as long as the run is expected to take: what is not written to takes no memory.
         """
         if self.rows + rows > len(self._record):
-            expected = math.ceil(expected_s / (DT_S * self.every))
+            expected = math.ceil(expected_s / (DT_S * self.every)) + 1
             count = max(self.rows + rows, expected, math.ceil(GROWN * len(self._record)))
             wider = np.empty((count, *self._record.shape[1:]))
             wider[: self.rows] = self._record[: self.rows]

@@ -193,7 +193,9 @@ def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> C
     def drive(choice: Refined) -> CandidateRun:
         plan = with_cured(choice.plan, cured, site)
         if plan is not choice.plan:
-            choice = replace(choice, plan=plan, run=None)
+            one = _run_plan(site, strategy, job, replace(choice, plan=plan, run=None), simulate, give_way, cured)
+            if one.reason is None:
+                return one
         return _run_plan(site, strategy, job, choice, simulate, give_way, cured)
 
     for dry in with_headland(site, job, refined):

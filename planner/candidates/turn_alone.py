@@ -24,7 +24,7 @@ from vehicle.world import simulate
 LEAD_M, TAIL_M = 40.0, 2.0  # of the tracks before and after: enough to come to speed and to settle
 LONGEST_S = 900.0
 PLACES = 4  # chosen: a quarter of a look apart is 4 cm at working speed
-SHORTEST_M = 1.0  # of a part that places are shifted along
+SHORTEST_M = 1.0  # of a part of a leg: it takes no part in the turn, and places are shifted along no shorter one
 Points = npt.NDArray[np.float64]
 
 
@@ -68,9 +68,9 @@ class TurnAlone:
 
     def _places_m(self, first: Leg) -> list[float]:
         """By how much later on the first leg the tractor may as well begin (m)."""
-        if not self.before or first.length_m < SHORTEST_M:
-            return [0.0]
         look_m = first.speed_mps / self.site.tractor.guidance.rate_hz
+        if not self.before or first.length_m < look_m + SHORTEST_M:
+            return [0.0]
         return [place * look_m / PLACES for place in range(PLACES)]
 
     def _driven_off_m(self, legs: tuple[Leg, ...]) -> float | None:
@@ -109,7 +109,7 @@ def _lead(legs: Sequence[Leg], first: int) -> tuple[Leg, ...]:
     """The last LEAD_M before a leg, of the legs that work on the same track as the one before it."""
     lead: list[Leg] = []
     left_m, number = LEAD_M, first - 1
-    while left_m > 0.0 and number >= 0 and (not lead or _goes_on(legs[number], lead[0])):
+    while left_m > SHORTEST_M and number >= 0 and (not lead or _goes_on(legs[number], lead[0])):
         lead.insert(0, _part(legs[number], -left_m))
         left_m -= legs[number].length_m
         number -= 1

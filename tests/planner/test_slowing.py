@@ -1,6 +1,7 @@
 """Turns tried alone before they are driven more slowly."""
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,19 @@ def test_the_worst_counts_of_where_a_turn_may_begin(small_site: Site, monkeypatc
     look_m = turn.before[0].speed_mps / small_site.tractor.guidance.rate_hz
     assert begun == pytest.approx([0.0, 0.25 * look_m, 0.5 * look_m, 0.75 * look_m], abs=1e-9)
     assert 39.0 < sum(leg.length_m for leg in turn.before) <= 40.0 + 1e-9 and len(turn.before) > 1
+
+
+@pytest.mark.parametrize("rest_m", [1e-3, 0.4, 0.999])
+def test_a_lead_that_is_all_but_whole_takes_no_more(small_site: Site, rest_m: float) -> None:
+    """Of legs of a track that are together that much short of 40 m no piece is cut that has no length."""
+    legs = STRATEGIES["split-field"].build(small_site.job(1)).missions[0].legs
+    starts = [n for n in range(1, len(legs)) if legs[n].implement and not legs[n - 1].implement]
+    track = legs[starts[0]]
+    ends = [np.array([x, 0.0]) for x in (0.0, 50.0, 80.0, 90.0 - rest_m)]
+    pieces = tuple(replace(track, points=np.array(pair)) for pair in pairwise(ends))
+    lead = turn_alone._lead((*pieces, legs[starts[1] - 1]), 3)
+    assert lead == pieces[1:]
+    assert sum(leg.length_m for leg in turn_alone._lead((pieces[0], *pieces[2:]), 2)) == pytest.approx(40.0)
 
 
 def test_what_mends_a_turn_in_one_plan_is_taken_over_to_others(small_site: Site) -> None:

@@ -157,6 +157,20 @@ def test_a_run_in_two_parts_is_one_run(build: Any, eg105: Tractor, implement: Im
     assert_same_bits(world.run(), World(plan, eg105, implement).run())
 
 
+def test_a_world_that_goes_back_leaves_the_run_it_returned(build: Any, eg105: Tractor, implement: Implement) -> None:
+    world = World(crossing(build), eg105, implement)
+    world.run(max_time_s=20.0)
+    back = world.snapshot()
+    run = world.run(max_time_s=40.0)
+    kept, later = run.record.copy(), world.snapshot()
+    assert back is not None and later is not None
+    world.restore(back)
+    again = world.run(max_time_s=40.0)
+    assert np.array_equal(again.record, kept)
+    again.record[:] = -1.0
+    assert np.array_equal(run.record, kept) and np.array_equal(later.record()[0], kept)
+
+
 def test_the_rows_of_a_run_are_held_once(build: Any, eg105: Tractor, implement: Implement) -> None:
     """A run over 200 ha has some 290 MB of them."""
     rehearsal = Rehearsal(eg105, implement, stop_clearance_m=0.5)

@@ -148,6 +148,9 @@ def test_a_slope_serves_near_points_while_it_keeps_its_promise() -> None:
     assert with_near_slope(straight, end) is end
     wrong = replace(straight.start(0.0), slope=np.array([[9.0]]), taken=np.zeros(1))
     assert descend(straight, wrong, Rule(4, never)).at == pytest.approx([3.0]) and straight.axes
+    tiny = replace(straight.start(0.0), slope=np.array([[9.0]]), taken=np.zeros(1))
+    small = Rule(4, lambda before, after: bool(np.all(np.abs(after.at - before.at) < 0.5)))
+    assert descend(straight, tiny, small).at == pytest.approx([3.0]), "a step is small also where a slope is too steep"
     far = Stand(lambda at: at - 3.0, 1, typical=1.0)
     descend(far, far.start(0.0), Rule(2, never))
     assert far.axes == [0, 0], "three usual sizes away a slope is taken again"

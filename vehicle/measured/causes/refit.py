@@ -10,7 +10,7 @@ from vehicle.learnt import Settings
 from vehicle.measured.causes.dependence import Dependence, columns
 from vehicle.measured.causes.trial import Tried
 from vehicle.measured.causes.unknowns import unknowns
-from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined, with_new_columns
+from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined
 from vehicle.measured.fit.knobs import settings_of
 from vehicle.measured.replay.course import Course
 from vehicle.measured.replay.replaying import Rig
@@ -27,11 +27,10 @@ def enlarged(bench: Bench, fit: Fit, best: Tried) -> Fit:
 
 
 def with_part(bench: Bench, fit: Fit, part: Part) -> Fit:
-    """The fit with a part added as it is; the slopes of the others are those they have without it."""
+    """The fit with a part added as it is."""
     parts = (*fit.parts, part)
     bare = bench.surprise(settings_of(list(parts)))
-    larger = Fit(parts, linear_extra(bare, fit.extra), np.zeros((len(bare), 0)), fit.extra)
-    return replace(larger, slope=with_new_columns(bench, larger, fit.slope))
+    return Fit(parts, linear_extra(bare, fit.extra), np.zeros((len(bare), 0)), fit.extra)
 
 
 def with_unnamed(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Fit:
@@ -75,8 +74,7 @@ def without(bench: Bench, fit: Fit, name: str) -> Fit:
         return fit.smaller[bench, name]
     parts = tuple(part for part in fit.parts if part[0].id != name)
     surprise = linear_extra(bench.surprise(settings_of(list(parts))), fit.extra)
-    slope = np.delete(fit.slope, fit.columns(name), axis=1)
-    smaller = refined(bench, Fit(parts, surprise, slope, fit.extra))
+    smaller = refined(bench, Fit(parts, surprise, np.zeros((len(surprise), 0)), fit.extra))
     if len(fit.parts) * fit.slope.nbytes <= KEPT_BYTES:
         fit.smaller[bench, name] = smaller
     return smaller

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
 from vehicle.measured.fit.products import add_products, squared, without
-from vehicle.measured.fit.solver import FIRST_STEP, LATER_STEP, Point, Rule, descend, slope_of, with_near_slope
+from vehicle.measured.fit.solver import LATER_STEP, Point, Rule, descend, slope_of, with_near_slope
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import MOST_USUAL
@@ -49,7 +49,7 @@ class Fit:
     """Effects at their best values.
 
     `surprise` (n,) is what is left, `slope` (n, m) its change per coordinate, in the order of the parts and then of the
-    linear extra columns. A fit that is still to be refined may have that of a fit beside it, or none.
+    linear extra columns. That of a fit that is still to be refined means nothing.
     """
 
     parts: tuple[Part, ...]
@@ -128,9 +128,7 @@ class _Parts:
     @property
     def start(self) -> Point:
         amounts = np.zeros(0) if self.fit.extra is None else self.fit.extra.amounts
-        at = np.append(flat([at for _, at in self.fit.parts]), amounts)
-        known = self.fit.slope.shape[1] == len(at)
-        return Point(at, self.fit.surprise, self.fit.slope, at) if known else Point(at, self.fit.surprise)
+        return Point(np.append(flat([at for _, at in self.fit.parts]), amounts), self.fit.surprise)
 
     def fit_at(self, point: Point) -> Fit:
         """The fit with its coordinates, what is left and slope those of a point."""
@@ -186,19 +184,8 @@ def slopes(bench: Bench, fit: Fit, share: float = LATER_STEP) -> Array:
     return slope_of(problem, problem.start, share)
 
 
-def with_new_columns(bench: Bench, fit: Fit, known: Array) -> Array:
-    """Slope of a fit (n, m) whose last part is new, from that of the others (n, m - c), linear terms included."""
-    problem = _Parts(bench, fit)
-    old = len(problem.typical) - fit.parts[-1][0].count
-    last = slope_of(problem, problem.start, FIRST_STEP, old)
-    return np.concatenate([known[:, :old], last], axis=1)
-
-
 def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:
-    """The fit with all its coordinates at their best together.
-
-    It is near its best already, as effects come and go one by one: slopes are fine ones from the first on.
-    """
+    """The fit with all its coordinates at their best together."""
     if not fit.parts and fit.extra is None:
         return fit
     problem = _Parts(bench, fit)
@@ -207,7 +194,7 @@ def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:
         count = len(problem.typical)
         return bool(np.all(np.abs(after.at - before.at)[:count] / problem.typical < SETTLED))
 
-    rule = Rule(iterations, settled, least_gain=LEAST_STEP, first_step=LATER_STEP)
+    rule = Rule(iterations, settled, least_gain=LEAST_STEP)
     return problem.fit_at(with_near_slope(problem, descend(problem, problem.start, rule)))
 
 

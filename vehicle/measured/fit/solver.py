@@ -37,7 +37,7 @@ class Point:
 
     @property
     def own(self) -> bool:
-        """Whether the slope was taken here on every axis, but for those on which it is linear."""
+        """Whether the slope was taken here on every axis."""
         return self.taken is not None and np.array_equal(self.taken, self.at)
 
     @property
@@ -141,9 +141,9 @@ def _step(problem: Problem, start: Point, least_gain: float) -> tuple[Point | No
 
 
 def descend(problem: Problem, start: Point, rule: Rule) -> Point:
-    """The point that steps lead to until the rule ends them; its slope may be one taken before.
+    """The point that steps lead to until the rule ends them; its slope may be one taken before, near it.
 
-    A start that has a slope is stepped from with that one, as are all points that are near where one was taken.
+    Points that are near where a slope was taken are stepped from with that one, also the start.
     """
     point, holds, slopes = start, True, 0
     for _ in range(STEPS_A_SLOPE * rule.iterations):
@@ -158,12 +158,12 @@ def descend(problem: Problem, start: Point, rule: Rule) -> Point:
         after, holds = _step(problem, point, rule.least_gain)
         if after is None:
             if point.own:
-                break
+                return point
             continue  # with a slope of its own
         before, point = point, after
-        if rule.settled(before, after):
+        if holds and rule.settled(before, after):  # a step of a slope that does not hold may be small far from the best
             break
-    return point
+    return point if holds else replace(point, taken=None)
 
 
 def is_near(problem: Problem, point: Point) -> bool:
