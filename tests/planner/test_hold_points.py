@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from planner.candidates.evaluate import Candidate, run_candidate
-from planner.candidates.steady import _tracks_begun, turn_start
+from planner.candidates.steady import tracks_begun, turn_start
 from planner.scenario import Scenario
 from planner.site import prepare
 from planner.yielding.deconflict import _past, _turned, hold_leg
@@ -89,7 +89,7 @@ class TestTasksSayWhatLegsShow:
         for plan in plans:
             for mission in plan.missions:
                 guess = Guess(mission)
-                assert _tracks_begun(mission) == guess.begun()
+                assert tracks_begun(mission) == guess.begun()
                 assert [turn_start(mission, leg) for leg in guess.begun()] == [
                     guess.turn_start(leg) for leg in guess.begun()
                 ]
