@@ -57,7 +57,7 @@ class Watched:
 
     def well(self) -> None:
         """Nothing was complained of, and nothing asked of anybody else."""
-        assert self.said == []
+        assert self.said == [], self.said
         here = (self.base, "data:", "blob:")
         assert [url for url in self.asked if not url.startswith(here)] == []
 
