@@ -15,7 +15,7 @@ from fields import Field
 from planner.ground import overlays
 from planner.ground.measure import coverage, excursion, finite_or_none, guided_point, outline_excursion_m, reversals
 from planner.ground.swept import swept_ground
-from planner.ground.trampled import TYRE_M, trampled_m2
+from planner.ground.trampled import SHORT, TYRE_M, trampled_m2
 from planner.site import Site
 from vehicle.compile import outline
 from vehicle.missions import ROUND, TRACK, TURN, Leg, Mission, Plan, Task
@@ -287,6 +287,26 @@ class TestTrampled:
         # Both set out together: the bar is at y = 22 after 10 s, when the first crossing wheels are at its swath.
         run = run_of(small_site, pass_north(10.0, 5.0, 55.0, 300), self.crossing(y, count=300))
         assert self.trampled(small_site, run) == pytest.approx(self.ONCE if spoilt else 0.0, rel=1e-6)
+
+    @given(
+        y=st.floats(12.0, 50.0), wide=st.floats(0.0, 8.0), waves=st.integers(1, 4), count=st.integers(150, 500),
+        down=st.booleans(),
+    )  # fmt: skip
+    @QUICK
+    def test_it_is_the_same_however_long_the_spans_are(
+        self, small_site: Any, y: float, wide: float, waves: int, count: int, down: bool
+    ) -> None:
+        # To and fro across a swath that is being worked, or was, on a way that bends; partly with the implement down.
+        turns = np.linspace(0.0, 2.0 * math.pi * waves, count)
+        way = np.column_stack([10.0 - 9.0 * np.cos(turns), y + wide * np.sin(0.7 * turns)])
+        heading = np.unwrap(np.arctan2(*np.gradient(way, axis=0).T[::-1]))
+        driven = [(*row, down and k % 90 > 60) for k, row in enumerate(np.column_stack([way, heading]).tolist())]
+        run = run_of(small_site, pass_north(10.0, 5.0, 55.0, count), driven)
+        swept = swept_ground(run, small_site)
+        found = trampled_m2(run, small_site, swept)
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr("planner.ground.trampled.LONG", SHORT)
+            assert found == pytest.approx(trampled_m2(run, small_site, swept), rel=0.02, abs=0.05)
 
 
 class TestOutlineOutside:
