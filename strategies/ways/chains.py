@@ -25,6 +25,7 @@ MOST_LINKS = 2500
 UNKNOWN, NOWHERE = -1.0, -2
 FAR = 6.0  # radii; three arcs lead no farther
 ROUNDING = 1e-5  # radians
+SPARE_M = 1e-6
 
 
 @compiled
@@ -165,15 +166,40 @@ def close_by(pose, spots, near, behind, out) -> int:  # type: ignore[no-untyped-
 
 @compiled
 def all_close_by(poses, near, behind):  # type: ignore[no-untyped-def]
-    """For every pose (n, 3) the others it may lead to, as indptr (n + 1,) and after (k,)."""
-    indptr = np.zeros(len(poses) + 1, np.int64)
-    out = np.empty(len(poses), np.int64)
-    for i in range(len(poses)):
-        indptr[i + 1] = indptr[i] + close_by(poses[i], poses, near, behind, out)
+    """For every pose (n, 3) the others it may lead to, as `close_by` has it: indptr (n + 1,) and after (k,).
+
+    Poses are held against those of a strip about them only.
+    """
+    count = len(poses)
+    indptr = np.zeros(count + 1, np.int64)
+    order = np.argsort(poses[:, 0])
+    east = poses[order, 0]
+    strips = np.empty((count, 2), np.int64)
+    for k in range(count):
+        strips[k, 0] = np.searchsorted(east, poses[k, 0] - near - SPARE_M)
+        strips[k, 1] = np.searchsorted(east, poses[k, 0] + near + SPARE_M)
+    _lead(poses, order, strips, near, behind, indptr[1:], np.empty(0, np.int64))
+    indptr = np.cumsum(indptr)
     after = np.empty(indptr[-1], np.int64)
-    for i in range(len(poses)):
-        close_by(poses[i], poses, near, behind, after[indptr[i] : indptr[i + 1]])
+    _lead(poses, order, strips, near, behind, indptr[:-1].copy(), after)
     return indptr, after
+
+
+@compiled
+def _lead(poses, order, strips, near, behind, place, after) -> None:  # type: ignore[no-untyped-def]
+    """Count in `place` (n,) on for each pose that it may lead to; these are put into `after` there, unless it is empty.
+
+    `order` are the poses by their easting, and `strips` (n, 2) where in it those near enough to each begin and end.
+    """
+    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    for k in range(len(poses)):
+        for at in range(strips[k, 0], strips[k, 1]):
+            i = order[at]
+            x, y = poses[k, 0] - poses[i, 0], poses[k, 1] - poses[i, 1]
+            if abs(y) <= near and math.hypot(x, y) <= near and x * cosine[i] + y * sine[i] > -behind:
+                if len(after):
+                    after[place[i]] = k
+                place[i] += 1
 
 
 @compiled

@@ -16,6 +16,7 @@ from vehicle.clearance import point_box
 from vehicle.jit import compiled
 
 Floats = npt.NDArray[np.float64]
+AT_ONCE = 32  # steps of a way held against the same stretches
 
 
 def stretches_of(lines: shapely.Geometry) -> Floats:
@@ -80,12 +81,19 @@ def boxes_near(x, y, heading, boxes, stretches, near, count, far_m, spare_m):  #
 @compiled
 def _within(stretches, x, y, reach_m, near):  # type: ignore[no-untyped-def]
     """Number of the stretches whose bounds are within reach of a place; which they are is written to `near`."""
+    return _still_within(stretches, np.arange(len(stretches)), len(stretches), x, y, reach_m, near)
+
+
+@compiled
+def _still_within(stretches, near, many, x, y, reach_m, close):  # type: ignore[no-untyped-def]
+    """Number of those stretches of the first `many` in `near` within reach of a place; they are written to `close`."""
     count = 0
-    for k in range(len(stretches)):
+    for place in range(many):
+        k = near[place]
         west, east = min(stretches[k, 0], stretches[k, 2]), max(stretches[k, 0], stretches[k, 2])
         south, north = min(stretches[k, 1], stretches[k, 3]), max(stretches[k, 1], stretches[k, 3])
         if west <= x + reach_m and east >= x - reach_m and south <= y + reach_m and north >= y - reach_m:
-            near[count] = k
+            close[count] = k
             count += 1
     return count
 
@@ -103,7 +111,7 @@ def rubs(ends, pieces, boxes, stretches, guide_m, reach_m, spare_m, step_m):  # 
     length = 0.0
     for k in range(len(pieces)):
         length += pieces[k, 0]
-    near = np.empty(len(stretches), dtype=np.int64)
+    near, close = np.empty(len(stretches), dtype=np.int64), np.empty(len(stretches), dtype=np.int64)
     # No place of a way is farther from the middle of its ends than half its length.
     far_m = reach_m + guide_m + spare_m
     count = _within(stretches, 0.5 * (px + ends[1, 0]), 0.5 * (py + ends[1, 1]), 0.5 * length + far_m, near)
@@ -117,6 +125,8 @@ def rubs(ends, pieces, boxes, stretches, guide_m, reach_m, spare_m, step_m):  # 
         steps = max(1, math.ceil(pieces[k, 0] / step_m - 1e-9))
         fx, fy, qx, qy = px, py, px, py
         for number in range(1, steps + 1):
+            if number % AT_ONCE == 1:  # so many steps lead no farther than this
+                some = _still_within(stretches, near, count, qx, qy, far_m + guide_m + (AT_ONCE + 1) * step_m, close)
             run = gear * pieces[k, 0] * number / steps
             half = 0.5 * bend * run
             chord = run * (math.sin(half) / half if half != 0.0 else 1.0)
@@ -128,7 +138,7 @@ def rubs(ends, pieces, boxes, stretches, guide_m, reach_m, spare_m, step_m):  # 
                 dx, dy = nx - x, ny - y
                 angle, apart = math.atan2(dy, dx), math.hypot(dx, dy)
                 x, y = nx - guide_m * dx / apart, ny - guide_m * dy / apart
-            if boxes_near(x, y, angle, boxes, stretches, near, count, far_m, spare_m):
+            if some and boxes_near(x, y, angle, boxes, stretches, close, some, far_m, spare_m):
                 return True
             qx, qy = nx, ny
         px, py, heading = qx, qy, heading + bend * gear * pieces[k, 0]

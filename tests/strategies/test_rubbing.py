@@ -4,12 +4,19 @@ import math
 
 import numpy as np
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies.ways.rubbing import boxes_near, stretch_to_box, stretches_of
+from strategies.ways.fence import Body
+from strategies.ways.paths import Path, Segment, make_path
+from strategies.ways.rubbing import boxes_near, rubs, stretch_to_box, stretches_of
 
-place = st.floats(-6.0, 6.0)
+place = st.floats(-6.0, 6.0).map(lambda metres: round(metres, 6))  # shapes know nothing of numbers near to none
+pieces = st.lists(
+    st.tuples(st.floats(0.1, 60.0), st.sampled_from([-0.2, -0.05, 0.0, 0.03, 0.2]), st.sampled_from([1, 1, -1])),
+    min_size=1, max_size=5,
+)  # fmt: skip
+BODY, SPARE_M, STEP_M = Body(((-1.0, 3.0, 1.0), (-2.0, -1.0, 2.5)), 0.8), 0.3, 0.5
 
 
 @given(st.tuples(place, place), st.tuples(place, place), st.floats(-3.0, 0.0), st.floats(0.1, 3.0), st.floats(0.1, 2.0))
@@ -45,3 +52,32 @@ def test_a_machine_that_stands_is_near_where_its_boxes_are(x: float, y: float, h
     stretches = stretches_of(line)
     near = boxes_near(x, y, heading, boxes, stretches, np.arange(len(stretches)), len(stretches), 3.7, 0.3)
     assert near == (away <= 0.3) or abs(away - 0.3) < 1e-9
+
+
+def poses_of_axle(way: Path) -> np.ndarray:
+    """Poses of the rear axle on a way, shape (n, 3): it trails the guided point, and keeps to the way in reverse."""
+    x, y, heading = way.start
+    poses = [(x - BODY.guide_m * math.cos(heading), y - BODY.guide_m * math.sin(heading), heading)]
+    for gear, points in way.sample(STEP_M):
+        for before, here in zip(points, points[1:], strict=False):
+            dx, dy = before - here if gear < 0 else here - poses[-1][:2]
+            angle = math.atan2(dy, dx)
+            x, y = here - BODY.guide_m * np.array([math.cos(angle), math.sin(angle)])
+            poses.append((x, y, angle))
+    return np.array(poses)
+
+
+@settings(deadline=None, max_examples=200)
+@given(pieces, st.integers(0, 2**32 - 1), st.integers(1, 60), st.floats(1.0, 25.0))
+def test_a_way_rubs_where_any_box_on_it_is_near_any_stretch(drawn: list, seed: int, count: int, long_m: float) -> None:
+    way = make_path((0.0, 0.0, 0.4), [Segment(*one) for one in drawn], "turn")
+    rng, poses = np.random.default_rng(seed), poses_of_axle(way)
+    first = poses[rng.integers(len(poses), size=count), :2] + rng.uniform(-30.0, 30.0, (count, 2))
+    lines = shapely.linestrings(np.stack([first, first + rng.uniform(-long_m, long_m, (count, 2))], axis=1))
+    away = shapely.distance(BODY.placed(poses)[:, None], lines).min(axis=0)
+    for some in (lines, lines[away > SPARE_M]):
+        if not len(some) or min(abs(away - SPARE_M)) < 1e-6:
+            continue
+        ends, boxes, stretches = np.array([way.start, way.end]), np.array(BODY.boxes), stretches_of(some)
+        found = rubs(ends, way.rows(), boxes, stretches, BODY.guide_m, BODY.reach_m, SPARE_M, STEP_M)
+        assert found == (min(shapely.distance(BODY.placed(poses)[:, None], some).min(axis=0)) <= SPARE_M)
