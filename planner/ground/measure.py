@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -29,18 +30,23 @@ Points = npt.NDArray[np.float64]
 class Coverage:
     """Areas in m2: of the field without its obstacles, worked, worked again, and missed; worked + missed = field.
 
-    `missed` are the pieces of missed ground wider than SLIVER_M, the largest first. `largest` is the largest one that
-    an implement could work in one go: half a working width or less does not join two of them. None where there is none.
-    `cut_off_m2` of the missed ground are cut off by obstacles: no plan can work them, and none is charged for them.
+    `ground` is all that was missed. `largest` is the largest piece of it that an implement could work in one go: half a
+    working width or less does not join two of them. None where there is none. `cut_off_m2` of the missed ground are cut
+    off by obstacles: no plan can work them, and none is charged for them.
     """
 
     field_m2: float
     worked_m2: float
     overlap_m2: float
     missed_m2: float
-    missed: tuple[shapely.Polygon, ...]
+    ground: shapely.Geometry
     largest: MissedPiece | None
     cut_off_m2: float = 0.0
+
+    @cached_property
+    def missed(self) -> tuple[shapely.Polygon, ...]:
+        """The pieces of missed ground wider than SLIVER_M, the largest first; worked out where they are asked for."""
+        return tuple(_wide(self.ground, SLIVER_M))
 
     @property
     def worked_pct(self) -> float:
@@ -88,7 +94,7 @@ def coverage(run: Run, site: Site, swept: Swept | None = None) -> Coverage:
     reached = left_of(missed, united(np.array(site.layout.field.cut_off))) if site.layout.field.cut_off else missed
     largest = _largest(reached, 0.5 * site.implement.width_m)
     return Coverage(
-        boundary.area, area, max(total - area, 0.0), float(missed.area), tuple(_wide(missed, SLIVER_M)), largest,
+        boundary.area, area, max(total - area, 0.0), float(missed.area), missed, largest,
         max(0.0, float(missed.area - reached.area)),
     )  # fmt: skip
 
