@@ -7,6 +7,7 @@ import numpy.typing as npt
 import shapely
 
 from planner.site import Site, body_of
+from vehicle.jit import compiled
 from vehicle.run import Run
 
 EVERY = 2  # rows of the 10 Hz record between looks: under half a metre of driving
@@ -82,9 +83,10 @@ def obstacle_touched(run: Run, site: Site) -> str | None:
     field = site.layout.field
     names = [str(one)[0].lower() + str(one)[1:] for one in field.obstacles]
     holes = [HOLE] * (len(field.solid) - len(names))
-    courses = [run.poses(tractor)[::EVERY].copy() for tractor in range(run.plan.tractors)]
-    for shape, name in zip(field.solid, [*holes, *names], strict=True):
-        core = shape.buffer(-TOUCH_M)
+    cores = [shape.buffer(-TOUCH_M) for shape in field.solid]
+    courses = [run.poses(tractor)[::EVERY] for tractor in range(run.plan.tractors)]
+    courses = [poses[in_boxes(poses, shapely.bounds(cores), _reach_m(site))] for poses in courses if cores]
+    for core, name in zip(cores, [*holes, *names], strict=True):
         shapely.prepare(core)
         if any(shapely.intersects(core, _near(poses, site, core)).any() for poses in courses):
             return name
@@ -99,14 +101,29 @@ def _near(poses: Points, site: Site, shape: shapely.Geometry) -> Boxes:
     return body.placed(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
 
 
+def _reach_m(site: Site) -> float:
+    """How far anything of tractor and implement is from the centre of mass at most."""
+    return body_of(site.tractor, site.implement).reach_m + site.tractor.rear_axle_m
+
+
+@compiled
+def in_boxes(poses, boxes, reach):  # type: ignore[no-untyped-def]
+    """Which poses (t, 2 or more) are within `reach` of any of the boxes (n, 4) of west, south, east and north."""
+    out = np.zeros(len(poses), np.bool_)
+    west, south, east, north = boxes[:, 0] - reach, boxes[:, 1] - reach, boxes[:, 2] + reach, boxes[:, 3] + reach
+    for k in range(len(poses)):
+        x, y = poses[k, 0], poses[k, 1]
+        for number in range(len(boxes)):
+            if x > west[number] and x < east[number] and y > south[number] and y < north[number]:
+                out[k] = True
+                break
+    return out
+
+
 def _within_reach(poses: Points, site: Site, shape: shapely.Geometry) -> npt.NDArray[np.bool_]:
     """At which of the poses (t,) a box of tractor or implement could touch a shape."""
-    reach_m = body_of(site.tractor, site.implement).reach_m + site.tractor.rear_axle_m
-    near = np.zeros(len(poses), dtype=np.bool_)
-    parts = shapely.get_parts(shape)
-    for west, south, east, north in shapely.bounds(parts if len(parts) <= APART else [shape]):
-        x, y = poses[:, :2].T
-        near |= (x > west - reach_m) & (x < east + reach_m) & (y > south - reach_m) & (y < north + reach_m)
+    reach_m, parts = _reach_m(site), shapely.get_parts(shape)
+    near = in_boxes(poses, shapely.bounds(parts if len(parts) <= APART else [shape]), reach_m)
     rows = np.flatnonzero(near)
     for some in np.array_split(rows, 1 + len(rows) // AT_ONCE):
         near[some] = shapely.dwithin(shape, shapely.points(poses[some, :2]), reach_m)

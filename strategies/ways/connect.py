@@ -294,7 +294,7 @@ class Connector:
     def _rings_lead(self, begin: Moves, end: Moves) -> bool:
         """Whether there is any chain along ring poses."""
         ring, kept, known = self._ring
-        if not begin.ways or not end.ways or not ring:
+        if not begin.ways or not end.ways or not len(ring):
             return False
         poses, rooms = self._with_rings(begin.ways, end.ways)
         first, first_goal = len(begin.ways), len(begin.ways) + len(ring)
@@ -307,10 +307,11 @@ class Connector:
 
     def _with_rings(self, starts: list[Path], goals: list[Path]) -> tuple[Floats, Floats]:
         """The poses of starts, rings and goals, and what is known of their room."""
-        ring, _, known = self._ring
-        poses = np.array([s.end for s in starts] + ring + [g.start for g in goals])
+        places, _, known = self._ring
+        ends = [s.end for s in starts], [g.start for g in goals]
+        poses = np.concatenate([np.array(ends[0]), places, np.array(ends[1])])
         rooms = np.full((len(poses), 4), UNKNOWN)
-        rooms[len(starts) : len(starts) + len(ring)] = known
+        rooms[len(starts) : len(starts) + len(places)] = known
         return poses, rooms
 
     def _chain(
@@ -374,10 +375,10 @@ class Connector:
         return Corners(self.free, self._guard)
 
     @cached_property
-    def _ring(self) -> tuple[list[Pose], tuple[Ints, Ints, Floats], Floats]:
-        """Ring poses, and which may follow which, with what is known of their links and of the room they have."""
-        poses = ring_poses(self.free, self.radius_m)
-        near = all_close_by(np.array(poses).reshape(-1, 3), _RING_REACH * self.radius_m, self.radius_m)
+    def _ring(self) -> tuple[Floats, tuple[Ints, Ints, Floats], Floats]:
+        """Ring poses (n, 3), which may follow which, what is known of their links and of the room they have."""
+        poses = np.array(ring_poses(self.free, self.radius_m), dtype=np.float64).reshape(-1, 3)
+        near = all_close_by(poses, _RING_REACH * self.radius_m, self.radius_m)
         return poses, (*near, np.full(len(near[1]), UNKNOWN)), np.full((len(poses), 4), UNKNOWN)
 
 

@@ -7,12 +7,13 @@ which ring poses are joined to an end serves every route from or to it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.ways.chains import UNKNOWN, close_by, link_s
+from strategies.ways.chains import SPARE_M, UNKNOWN, link_s
 from strategies.ways.paths import Path
 from strategies.ways.words import MOST_PIECES
 from vehicle.jit import compiled
@@ -49,12 +50,11 @@ def rings_lead(  # type: ignore[no-untyped-def]
     """
     rings, row, barriers = first_goal - starts, np.zeros((MOST_PIECES, 3)), np.full((3, 1, 4), np.inf)
     seen, stack, high = np.zeros(rings, np.bool_), np.empty(rings, np.int64), 0
-    close = _close(poses, starts, first_goal, near, behind)
     for first in range(rings):
         if from_start[first] == UNASKED and not seen[first]:
             from_start[first] = APART
             for start in range(starts):
-                if close[start, first] and from_start[first] == APART:
+                if from_start[first] == APART and _leads(poses[start], poses[starts + first], near, behind):
                     link = link_s(poses, start, starts + first, rooms, barriers[0], radius, speeds, edges, row)
                     from_start[first] = JOINED if link < np.inf else APART
         if from_start[first] == JOINED and not seen[first]:
@@ -82,11 +82,9 @@ def rings_lead(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _close(poses, starts, first_goal, near, behind):  # type: ignore[no-untyped-def]
-    """Which ring poses are close by each start, (starts, rings)."""
-    close = np.zeros((starts, first_goal - starts), np.bool_)
-    out = np.empty(first_goal - starts, np.int64)
-    for start in range(starts):
-        for place in range(close_by(poses[start], poses[starts:first_goal], near, behind, out)):
-            close[start, out[place]] = True
-    return close
+def _leads(pose, spot, near, behind) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a spot is close by a pose, as chains.close_by has it."""
+    x, y = spot[0] - pose[0], spot[1] - pose[1]
+    if max(abs(x), abs(y)) > near + SPARE_M or math.hypot(x, y) > near:
+        return False
+    return x * math.cos(pose[2]) + y * math.sin(pose[2]) > -behind  # type: ignore[no-any-return]

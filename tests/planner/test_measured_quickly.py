@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fields import Field
 from planner.ground.measure import _wide
 from planner.ground.overlays import only_areas, within, without_slivers
-from planner.ground.touched import FenceCheck, ObstacleCheck
+from planner.ground.touched import FenceCheck, ObstacleCheck, in_boxes
 from planner.ground.trampled import _met
 from planner.scenario import Scenario
 from planner.site import Site, prepare
@@ -78,6 +78,17 @@ def test_nothing_is_touched_at_poses_that_are_out_of_reach(ponds: Site, drawn: l
         near = check.reached(poses)
         assert check.depth_m(poses) == check.depth_m(poses[near])
         assert check.depth_m(poses[~near]) == 0.0
+
+
+@QUICK
+@given(boxes, st.integers(0, 2**32 - 1), st.floats(0.0, 5.0))
+def test_poses_near_boxes_are_those_in_the_boxes_grown(drawn: list[Any], seed: int, reach_m: float) -> None:
+    bounds = np.array([*shapely.bounds([turned(*one) for one in drawn]), *shapely.bounds([shapely.Polygon()])])
+    poses = np.random.default_rng(seed).uniform((-20.0, -20.0, -3.0), (80.0, 80.0, 3.0), (200, 3))
+    grown = [shapely.box(w - reach_m, s - reach_m, e + reach_m, n + reach_m) for w, s, e, n in bounds[:-1]]
+    expected = [any(one.contains(shapely.Point(pose[:2])) for one in grown) for pose in poses]
+    assert in_boxes(poses, bounds, reach_m).tolist() == expected
+    assert in_boxes(poses[::2], bounds, reach_m).tolist() == expected[::2]
 
 
 def test_poses_are_looked_at_in_parts_with_the_same_answer(ponds: Site, monkeypatch: pytest.MonkeyPatch) -> None:

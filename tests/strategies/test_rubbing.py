@@ -1,6 +1,7 @@
 """Boxes and the straight stretches of lines, against shapely."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -59,7 +60,7 @@ def poses_of_axle(way: Path) -> np.ndarray:
     x, y, heading = way.start
     poses = [(x - BODY.guide_m * math.cos(heading), y - BODY.guide_m * math.sin(heading), heading)]
     for gear, points in way.sample(STEP_M):
-        for before, here in zip(points, points[1:], strict=False):
+        for before, here in pairwise(points):
             dx, dy = before - here if gear < 0 else here - poses[-1][:2]
             angle = math.atan2(dy, dx)
             x, y = here - BODY.guide_m * np.array([math.cos(angle), math.sin(angle)])
