@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -202,21 +203,29 @@ class Job:
 
     def turn_time(self, a: Pass, b: Pass) -> float:
         """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""
-        if a.track.cell != b.track.cell:
-            radius = self.manner.radius_m
-            return shortest_m(np.array(self.exit(a)), np.array(self.entry(b)), radius) / self.manner.turn_speed_mps
-        heading, speed = self.heading(a), self.manner.turn_speed_mps
-        cosine, sine = math.cos(heading), math.sin(heading)
+        return self.turns_from(a)(b)
+
+    def turns_from(self, a: Pass) -> Callable[[Pass], float]:
+        """`turn_time` from one pass to others."""
+        cell, heading, manner, width_m = a.track.cell, self.heading(a), self.manner, self.layout.width_m
+        cosine, sine, speed = math.cos(heading), math.sin(heading), manner.turn_speed_mps
         x, y = a.track.end if a.direction > 0 else a.track.start
-        to_x, to_y = b.track.start if b.direction > 0 else b.track.end
-        off_x, off_y = to_x - (x + self.manner.tool_m * cosine), to_y - (y + self.manner.tool_m * sine)
-        along, across = off_x * cosine + off_y * sine, abs(off_y * cosine - off_x * sine)
-        if a.direction == b.direction:
-            return (abs(along) + across + 2.0 * math.pi * self.manner.radius_m) / speed
-        table = self.manner.turn_s
-        lines = max(1, round(across / self.layout.width_m))
-        extra = max(0, lines - len(table) + 1) * self.layout.width_m
-        return table[min(lines, len(table) - 1)] + (extra + abs(along)) / speed
+        x, y = x + manner.tool_m * cosine, y + manner.tool_m * sine
+        table, round_m = manner.turn_s, 2.0 * math.pi * manner.radius_m
+
+        def seconds(b: Pass) -> float:
+            if cell != b.track.cell:
+                return shortest_m(np.array((x, y, heading)), np.array(self.entry(b)), manner.radius_m) / speed
+            to_x, to_y = b.track.start if b.direction > 0 else b.track.end
+            off_x, off_y = to_x - x, to_y - y
+            along, across = off_x * cosine + off_y * sine, abs(off_y * cosine - off_x * sine)
+            if a.direction == b.direction:
+                return (abs(along) + across + round_m) / speed
+            lines = max(1, round(across / width_m))
+            extra = max(0, lines - len(table) + 1) * width_m
+            return table[min(lines, len(table) - 1)] + (extra + abs(along)) / speed
+
+        return seconds
 
 
 def _pose(row: Floats) -> Pose:

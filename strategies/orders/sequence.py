@@ -95,20 +95,24 @@ def order_tracks(
     tracks where they are known already.
     """
     cells = list(cells_in(job.layout, tracks) if cells is None else cells)
-    from_last, direction = corner
-    outer = -1 if from_last else 0
-    first = _first_cells(cells, job.layout)
-    edge = (max if from_last else min)(cell[outer].line for cell in first)
-    start = (max if last_piece else min)(
-        (cell for cell in first if cell[outer].line == edge), key=lambda cell: cell[outer].piece
-    )
+    start = _start(cells, job.layout, corner, last_piece)
     cells.remove(start)
-    order = _through(start, jump, from_last, direction)
+    order = _through(start, jump, *corner)
     while cells:
         cell, option = _nearest(order[-1], cells, job)
         cells.remove(cell)
         order += _through(cell, jump, *option)
     return order
+
+
+def _start(cells: Sequence[Cell], layout: Layout, corner: tuple[bool, int], last_piece: bool) -> Cell:
+    """The cell that an order begins with."""
+    from_last, _ = corner
+    outer = -1 if from_last else 0
+    first = _first_cells(list(cells), layout)
+    edge = (max if from_last else min)(cell[outer].line for cell in first)
+    pieces = (cell for cell in first if cell[outer].line == edge)
+    return (max if last_piece else min)(pieces, key=lambda cell: cell[outer].piece)
 
 
 def _first_cells(cells: list[Cell], layout: Layout) -> list[Cell]:
@@ -134,14 +138,20 @@ def _through(cell: Cell, jump: int, from_last: bool, direction: int) -> Order:
 
 def _nearest(here: Pass, cells: list[Cell], job: Job) -> tuple[Cell, tuple[bool, int]]:
     """The cell and the corner of it that is reached soonest from the end of a pass."""
+    seconds = job.turns_from(here)
     options = [
-        (job.turn_time(here, Pass(cell[-1] if from_last else cell[0], direction)), index, from_last, direction)
+        (seconds(Pass(cell[-1] if from_last else cell[0], direction)), index, from_last, direction)
         for index, cell in enumerate(cells)
         for from_last in (False, True)
         for direction in (-here.direction, here.direction)
     ]
     _, index, from_last, direction = min(options, key=lambda option: (round(option[0], 6), *option[1:]))
     return cells[index], (from_last, direction)
+
+
+def _interrupted(cells: Sequence[Cell], layout: Layout, corner: tuple[bool, int]) -> bool:
+    """Whether the line of a corner has a first piece and another last."""
+    return _start(cells, layout, corner, True) is not _start(cells, layout, corner, False)
 
 
 def order_time(order: Order, job: Job) -> float:
@@ -161,6 +171,7 @@ def patterned(shares: list[list[Track]], job: Job, jump: int) -> list[Order]:
     options = [
         [order_tracks(share, job, jump, corner, last_piece, part) for share, part in zip(shares, parts, strict=True)]
         for corner, last_piece in product(corners, (False, True))
+        if not last_piece or any(_interrupted(part, job.layout, corner) for part in parts)
     ]
     gates = [[job.gate_time(order[0], order[-1]) for order in orders] for orders in options]
     times = [
