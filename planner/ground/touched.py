@@ -123,7 +123,7 @@ def in_boxes(poses, boxes, reach):  # type: ignore[no-untyped-def]
 def _within_reach(poses: Points, site: Site, shape: shapely.Geometry) -> npt.NDArray[np.bool_]:
     """At which of the poses (t,) a box of tractor or implement could touch a shape."""
     reach_m, parts = _reach_m(site), shapely.get_parts(shape)
-    near = in_boxes(poses, shapely.bounds(parts if len(parts) <= APART else [shape]), reach_m)
+    near: npt.NDArray[np.bool_] = in_boxes(poses, shapely.bounds(parts if len(parts) <= APART else [shape]), reach_m)
     rows = np.flatnonzero(near)
     for some in np.array_split(rows, 1 + len(rows) // AT_ONCE):
         near[some] = shapely.dwithin(shape, shapely.points(poses[some, :2]), reach_m)
