@@ -140,4 +140,4 @@ def mission_of(job: Job, order: list[Pass]) -> Mission:
 
 def mission_from(legs: Sequence[Leg]) -> Mission:
     """These legs as a mission; a tractor may be kept waiting before it starts at all."""
-    return Mission((replace(legs[0], may_wait=True), *legs[1:]))
+    return Mission((legs[0].linked(may_wait=True), *legs[1:]))
