@@ -105,6 +105,11 @@ class Leg:
         """Why no world can drive it, whatever the legs around it; "" when one can."""
         return _leg_fault(self) or _task_fault(self.task)
 
+    def measured(self, length_m: float) -> Leg:
+        """This leg, of which somebody who has cut it knows the length."""
+        self.__dict__["length_m"] = length_m
+        return self
+
     def linked(self, **changes: Any) -> Leg:
         """The same way with other values of anything but its points, so that it need not be measured again."""
         leg = replace(self, **changes)
