@@ -27,8 +27,7 @@ from planner.outlook import with_outlook
 from planner.price.cost import as_simulated, coming_and_going
 from planner.scenario import LEAST_CLEARANCE_M
 from planner.site import ROOM_KEPT, Site
-from planner.yielding.courses import courses_of
-from planner.yielding.deconflict import SLACKS, GiveWay, without_conflicts
+from planner.yielding.deconflict import GiveWay, without_conflicts
 from planner.yielding.giving_way import Rules, Scheduled, giving_way
 from reports.results import PlanResult, done_s
 from strategies.errors import StrategyError
@@ -194,7 +193,7 @@ def _run_job(
 
     check_leave(job, strategy)
     alone = Alone(site, rehearsal)
-    refused: list[Plan] = []
+    refused: list[Plan] = []  # no timetable was found for them
     give_way = _give_way(site, alone, refused)
     limits = Limits(pace_of(site.tractor, site.implement, site.manner.radius_m), alone)
     refined, reached = built_within_reach(job, build)
@@ -244,17 +243,14 @@ def _run_job(
 
 
 def _give_way(site: Site, alone: Alone, refused: list[Plan]) -> GiveWay:
-    """Schedules plans of this site; those with no timetable though each tractor gets home alone become `refused`."""
+    """Schedules plans of this site."""
     rules = Rules(
-        site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven
+        site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven, refused
     )  # fmt: skip
 
     def give_way(plan: Plan, slack: float) -> Scheduled | None:
         alone.expect_also(plan)
-        scheduled = giving_way(plan, rules, slack)
-        if scheduled is None and slack == SLACKS[0] and courses_of(plan, alone, site.driven) is not None:
-            refused.append(plan)
-        return scheduled
+        return giving_way(plan, rules, slack)
 
     return give_way
 

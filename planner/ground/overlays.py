@@ -40,7 +40,9 @@ def _holds(whole: shapely.Geometry, areas: Areas) -> bool:
     if not len(areas):
         return True
     shapely.prepare(whole)
-    places = (shapely.points(shapely.get_coordinates(areas)), shapely.point_on_surface(areas))
+    corners = shapely.get_coordinates(areas)
+    outside = corners[~shapely.intersects_xy(whole, corners)]  # few: others need no point made
+    places = (shapely.points(outside), shapely.point_on_surface(areas))
     return bool(whole.is_valid and all(shapely.dwithin(whole, some, NEAR_M).all() for some in places))
 
 

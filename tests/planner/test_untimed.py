@@ -14,7 +14,7 @@ from planner.candidates.other_orders import Untimed
 from planner.outlook import stakes_of
 from planner.scenario import Scenario
 from planner.site import Site, prepare
-from planner.yielding.giving_way import Scheduled
+from planner.yielding.giving_way import Rules, Scheduled
 from strategies.headland.rounds import FIRST, LAST
 from strategies.record import Refined
 from vehicle.missions import Plan
@@ -30,10 +30,10 @@ def round_site() -> Site:
 
 
 class Driven:
-    """Orders and plans that would have been driven, and who gets a timetable."""
+    """Orders and plans that would have been driven, who gets a timetable, and whether all get home alone."""
 
     def __init__(self, timed: tuple[str, ...] = (LAST,)) -> None:
-        self.timed = timed
+        self.timed, self.home = timed, True
         self.plans: list[tuple[Any, Plan]] = []
 
     def meets(self, *given: Any) -> CandidateRun:
@@ -42,8 +42,12 @@ class Driven:
         give_way(plan, 1.0)
         return CandidateRun(cast(Run, None), "tractors meet", "none", None)
 
-    def schedule(self, plan: Plan, *_: Any) -> Scheduled | None:
-        return Scheduled(plan, 1.0, 1.0) if plan.notes["headland"] in self.timed else None
+    def schedule(self, plan: Plan, rules: Rules, _: float) -> Scheduled | None:
+        if plan.notes["headland"] in self.timed:
+            return Scheduled(plan, 1.0, 1.0)
+        if self.home:
+            rules.untimed.append(plan)
+        return None
 
     def orders(self, headland: str) -> list[Any]:
         """The orders in which the rounds were driven like this, each once."""
@@ -56,7 +60,6 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> Driven:
     found = Driven()
     monkeypatch.setattr("planner.candidates.evaluate._run_plan", found.meets)
     monkeypatch.setattr("planner.candidates.evaluate.giving_way", found.schedule)
-    monkeypatch.setattr("planner.candidates.evaluate.courses_of", lambda *_: [])
     return found
 
 
@@ -111,10 +114,8 @@ def test_where_a_timetable_was_found_every_order_is_driven(round_site: Site, dri
     assert driven_beside(round_site, driven) == [(), BOTH, EVERY_SECOND]
 
 
-def test_where_one_does_not_get_home_alone_every_order_is_driven(
-    round_site: Site, driven: Driven, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("planner.candidates.evaluate.courses_of", lambda *_: None)
+def test_where_one_does_not_get_home_alone_every_order_is_driven(round_site: Site, driven: Driven) -> None:
+    driven.home = False
     assert driven_beside(round_site, driven) == [(), BOTH, EVERY_SECOND]
 
 
