@@ -87,12 +87,14 @@ def with_stops(legs: Sequence[Leg], every_m: float) -> list[Leg]:
     """The same legs with a place to wait before each, and about every so many metres on those driven forwards."""
     stopping: list[Leg] = []
     for leg in legs:
-        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T))))
+        steps_m = np.hypot(*np.diff(leg.points, axis=0).T)
+        along = np.concatenate(([0.0], np.cumsum(steps_m)))
         parts = max(1, round(along[-1] / every_m)) if leg.gear > 0 else 1
         cuts = np.searchsorted(along, along[-1] * np.arange(1, parts) / parts)
         for a, b in pairwise([0, *sorted(set(cuts.tolist()) - {0, len(along) - 1}), len(along) - 1]):
             may_wait = leg.may_wait if a == 0 and stopping and stopping[-1].gear != leg.gear else True
-            stopping.append(replace(leg, points=leg.points[a : b + 1], may_wait=may_wait))
+            part = replace(leg, points=leg.points[a : b + 1], may_wait=may_wait)
+            stopping.append(part.measured(float(steps_m[a:b].sum())))
     return stopping
 
 
@@ -140,4 +142,4 @@ def mission_of(job: Job, order: list[Pass]) -> Mission:
 
 def mission_from(legs: Sequence[Leg]) -> Mission:
     """These legs as a mission; a tractor may be kept waiting before it starts at all."""
-    return Mission((replace(legs[0], may_wait=True), *legs[1:]))
+    return Mission((legs[0].linked(may_wait=True), *legs[1:]))

@@ -113,7 +113,9 @@ def together(singles: Sequence[Single]) -> Driven:
 
 def _joined(parts: Sequence[tuple[Snapshot, int]]) -> Snapshot:
     first, count = parts[0][0], len(parts)
-    states = np.concatenate([one.states[number : number + 1] for one, number in parts])
+    states = np.empty(count, dtype=STATE)
+    for row, (one, number) in enumerate(parts):
+        states[row] = one.states[number]
     motion = np.array([one.motion[number] for one, number in parts])
     near = np.zeros(count, dtype=np.bool_)
     return Snapshot(_clock(first, states), states, np.full(count, np.inf), motion, near, (), first.rows)

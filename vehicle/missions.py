@@ -105,9 +105,20 @@ class Leg:
         """Why no world can drive it, whatever the legs around it; "" when one can."""
         return _leg_fault(self) or _task_fault(self.task)
 
+    def measured(self, length_m: float) -> Leg:
+        """This leg, of which somebody who has cut it knows the length."""
+        self.__dict__["length_m"] = length_m
+        return self
+
+    def linked(self, **changes: Any) -> Leg:
+        """The same way with other values of anything but its points, so that it need not be measured again."""
+        leg = replace(self, **changes)
+        leg.__dict__.update((name, self.__dict__[name]) for name in ("length_m", "ends") if name in self.__dict__)
+        return leg
+
     def with_gates(self, gates: Iterable[Gate]) -> Leg:
         """The same leg with further gates."""
-        return replace(self, gates=self.gates + tuple(gates))
+        return self.linked(gates=self.gates + tuple(gates))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
@@ -296,7 +296,7 @@ def asked_s(mission: Mission) -> float:
 def ungated(plan: Plan) -> Plan:
     """The plan with nobody waiting for anybody."""
     free = (
-        tuple(replace(leg, gates=(), follow=None) if leg.gates or leg.follow else leg for leg in mission.legs)
+        tuple(leg.linked(gates=(), follow=None) if leg.gates or leg.follow else leg for leg in mission.legs)
         for mission in plan.missions
     )
     return Plan(tuple(Mission(legs) for legs in free), plan.notes)

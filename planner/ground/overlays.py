@@ -41,8 +41,8 @@ def _holds(whole: shapely.Geometry, areas: Areas) -> bool:
         return True
     shapely.prepare(whole)
     corners = shapely.get_coordinates(areas)
-    aside = corners[~shapely.intersects_xy(whole, corners)]  # few: the others need no points made of them
-    places = (shapely.points(aside), shapely.point_on_surface(areas))
+    outside = corners[~shapely.intersects_xy(whole, corners)]  # few: others need no point made
+    places = (shapely.points(outside), shapely.point_on_surface(areas))
     return bool(whole.is_valid and all(shapely.dwithin(whole, some, NEAR_M).all() for some in places))
 
 

@@ -139,7 +139,7 @@ def mission_key(mission: Mission) -> bytes:
 
 def _unbound(mission: Mission) -> Mission:
     """The mission for a tractor that waits for nobody."""
-    return Mission(tuple(replace(leg, gates=(), follow=None) for leg in mission.legs))
+    return Mission(tuple(leg.linked(gates=(), follow=None) for leg in mission.legs))
 
 
 def _course(mission: Mission, run: Run) -> Course:

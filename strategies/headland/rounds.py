@@ -10,6 +10,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from strategies.errors import StrategyError
 from strategies.headland.laps import Shift, link, shift_of
 from strategies.headland.shifts import Stretch, shared
@@ -22,6 +24,7 @@ FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
 ORIGINS = 12  # places tried for the first border between sectors
 SAME_M = 20.0  # of rounds: what borders in an awkward place leave out beyond this is not given up for a short way
+NEARLY_M = 0.002  # pairs that are farther apart by more are so to the millimetre as well
 STOPS_M = 10.0  # a tractor may be kept waiting so often on its way between rounds and tracks
 
 
@@ -72,7 +75,7 @@ def with_rounds(job: Job, plan: Plan, order: str, passage: Passage = PASSAGES[0]
     legs = [renumbered(whole.legs, moved) for whole in wholes]
     for tractor, whole in enumerate(wholes):
         if whole.begin < len(whole.legs):
-            leg = replace(legs[tractor][whole.begin], may_wait=True)
+            leg = legs[tractor][whole.begin].linked(may_wait=True)
             legs[tractor][whole.begin] = leg.with_gates(_gates(wholes, own, tractor, first, passage))
     left = math.fsum(shift.left_m for shift in shifts if shift)
     notes = {**plan.notes, "headland": order, "rounds": max(lap.number for lap in job.rounds), "left_m": round(left, 1)}
@@ -139,18 +142,18 @@ def _sharing(job: Job, outside_in: bool, origin: float) -> list[list[Stretch]]:
 
 def _dealt(places: Sequence[tuple[float, ...] | None], ends: list[Pose]) -> list[int]:
     """Which share each tractor drives: the pairs that are nearest to each other first."""
-    pairs = sorted(
-        (math.inf if place is None else round(math.dist(place, end[:2]), 3), tractor, share)
-        for share, place in enumerate(places)
-        for tractor, end in enumerate(ends)
-    )
+    some = [share for share, place in enumerate(places) if place is not None]
+    at = np.array([place for place in places if place is not None]).reshape(-1, 2)
+    apart = np.hypot(*(np.array([end[:2] for end in ends])[:, None] - at).transpose(2, 0, 1))
     own: dict[int, int] = {}
-    taken: set[int] = set()
-    for _, tractor, share in pairs:
-        if tractor not in own and share not in taken:
-            own[tractor] = share
-            taken.add(share)
-    return [own[tractor] for tractor in range(len(ends))]
+    for _ in range(min(apart.shape)):
+        near = np.argwhere(apart <= apart.min() + NEARLY_M).tolist()
+        pairs = ((round(math.dist(at[n], ends[tractor][:2]), 3), tractor, some[n], n) for tractor, n in near)
+        _, tractor, share, n = min(pairs)
+        own[tractor] = share
+        apart[tractor], apart[:, n] = math.inf, math.inf
+    left = iter(sorted(set(range(len(places))) - set(own.values())))
+    return [own[tractor] if tractor in own else next(left) for tractor in range(len(ends))]
 
 
 def _joined(
@@ -178,7 +181,7 @@ def _joined(
         legs = (*mission.legs, *between, *shift.legs)
         return _Whole(legs, _last_track(mission.legs), _last_hold(mission.legs), 0)
     before = len(shift.legs) + len(between)
-    tracks = (replace(mission.legs[0], gates=()), *mission.legs[1:])  # whoever comes first may go in first
+    tracks = (mission.legs[0].linked(gates=()), *mission.legs[1:])  # whoever comes first may go in first
     begin = next((n for n, leg in enumerate(tracks) if leg.task.kind == TRACK), 0)
     return _Whole((*shift.legs, *between, *tracks), len(shift.legs), before + begin, before)
 
@@ -196,8 +199,7 @@ def _last_hold(legs: Sequence[Leg]) -> int:
 def renumbered(legs: Sequence[Leg], moved: list[int]) -> list[Leg]:
     """Legs whose gates and follow orders count the legs that were put before those they name."""
     return [
-        replace(
-            leg,
+        leg.linked(
             gates=tuple(Gate(gate.tractor, gate.leg + moved[gate.tractor], gate.after_m) for gate in leg.gates),
             follow=leg.follow and replace(leg.follow, leg=leg.follow.leg + moved[leg.follow.tractor]),
         )

@@ -29,7 +29,7 @@ from strategies.ways.paths import (
     require_radius,
     straight,
 )
-from strategies.ways.reach import Moves, rings_lead
+from strategies.ways.reach import Layers, Moves, Spots, rings_lead
 from strategies.ways.routes import Corners, corner_poses, ring_poses
 from strategies.ways.search import RULES, best_costs, best_word, cost_s, shortest_forward, shortest_m
 from strategies.ways.turns import TURN_KINDS
@@ -197,16 +197,16 @@ class Connector:
 
     def _route(self, a: Pose, b: Pose) -> Path | None:
         """A route by corners, else by rings; first without reversing, then with ever more of it at the ends."""
-        bends = list(self._bends(a, b))
+        bends = [Layers.of(layers) for layers in self._bends(a, b)]
         ends = [self._ends(a, b, effort) for effort in ((0, 1) if self.reversing else (0,))]
         for starts, goals in ends:
-            way = self._by_corners(bends, starts.ways, goals.ways)
+            way = self._by_corners(bends, starts, goals)
             if way is not None:
                 return way
         if self.reversing:
             ends.append(self._ends(a, b, 2))
-            way = self._by_corners(bends, ends[-1][0].ways, ends[-1][1].ways)
-        return way or self._beside_corners(ends, sight=[] in bends)
+            way = self._by_corners(bends, *ends[-1])
+        return way or self._beside_corners(ends, sight=any(not layers.sizes for layers in bends))
 
     def _beside_corners(self, ends: list[tuple[Moves, Moves]], sight: bool) -> Path | None:
         """The first route by rings for ends of ever more effort, the last of which hold all that those before hold.
@@ -215,9 +215,9 @@ class Connector:
         """
         if self._rings_lead(*ends[-1]):
             return next((path for pair in ends if (path := self._by_rings(*pair))), None)
-        if sight or self._by_layers(ends[-1][0].ways, [], ends[-1][1].ways, math.inf) is None:
+        if sight or self._by_layers(*ends[-1], Layers.of([]), math.inf) is None:
             return None
-        return next((way for one, two in ends if (way := self._by_layers(one.ways, [], two.ways, math.inf))), None)
+        return next((way for pair in ends if (way := self._by_layers(*pair, Layers.of([]), math.inf))), None)
 
     def _ends(self, a: Pose, b: Pose, effort: int) -> tuple[Moves, Moves]:
         """What may be driven before the first word of a route and after its last, remembered for the next route."""
@@ -227,9 +227,13 @@ class Connector:
             if key not in self._moves:
                 if len(self._moves) >= _MOST_MOVES:
                     self._moves.clear()
-                self._moves[key] = Moves(moves(pose, effort))
+                self._moves[key] = self._moves_of(moves(pose, effort), before)
             found.append(self._moves[key])
         return found[0], found[1]
+
+    def _moves_of(self, ways: list[Path], before: bool) -> Moves:
+        spots = Spots.at([way.end if before else way.start for way in ways])
+        return Moves(ways, spots, np.array([self.costs.time_s(way) for way in ways]))
 
     def _starts(self, a: Pose, effort: int) -> list[Path]:
         """What may be driven before the first word of a route.
@@ -259,84 +263,69 @@ class Connector:
             bends = zip(way, way[1:], way[2:], strict=False)
             yield [self._inside(corner_poses(p, q, r, self.radius_m)) for p, q, r in bends]
 
-    def _by_corners(self, bends: list[list[list[Pose]]], starts: list[Path], goals: list[Path]) -> Path | None:
+    def _by_corners(self, bends: list[Layers], starts: Moves, goals: Moves) -> Path | None:
         """The quickest route along the few shortest ways through the visibility graph."""
         best: Path | None = None
         for layers in bends:
             limit = self.costs.time_s(best) if best else math.inf
-            best = self._by_layers(starts, layers, goals, limit) or best
+            best = self._by_layers(starts, goals, layers, limit) or best
         return best
 
-    def _by_layers(
-        self, starts: list[Path], layers: list[list[Pose]], goals: list[Path], limit_s: float
-    ) -> Path | None:
+    def _by_layers(self, starts: Moves, goals: Moves, layers: Layers, limit_s: float) -> Path | None:
         """Quickest chain from a start through one pose of each layer to a goal, if quicker than limit_s."""
-        between = [pose for layer in layers for pose in layer]
-        poses = np.array([s.end for s in starts] + between + [g.start for g in goals]).reshape(-1, 3)
-        sizes = np.array([len(starts), *(len(layer) for layer in layers), len(goals)])
-        none = np.zeros(len(poses) + 1, np.int64), np.empty(0, np.int64), np.empty(0)
-        rooms = np.full((len(poses), 4), UNKNOWN)
-        return self._chain(poses, rooms, starts, goals, layered(sizes), none, limit_s)
+        if not starts.ways or not goals.ways:
+            return None
+        sizes = np.array([len(starts.ways), *layers.sizes, len(goals.ways)])
+        none = np.zeros(sizes.sum() + 1, np.int64), np.empty(0, np.int64), np.empty(0)
+        return self._chain(starts, layers.spots, goals, layered(sizes), none, limit_s)
 
     def _by_rings(self, begin: Moves, end: Moves) -> Path | None:
         """Quickest chain from a start along ring poses to a goal, then made shorter where links can be left out."""
-        starts, goals = begin.ways, end.ways
-        if not starts or not goals:
+        if not begin.ways or not end.ways:
             return None
-        ring, kept, known = self._ring
-        poses, rooms = self._with_rings(starts, goals)
-        first_goal = len(starts) + len(ring)
-        graph = round_rings(poses, len(starts), first_goal, _RING_REACH * self.radius_m, self.radius_m)
-        found = self._chain(poses, rooms, starts, goals, graph, kept)
-        known[:] = rooms[len(starts) : first_goal]
-        return found
+        ring, kept = self._ring
+        first, first_goal = len(begin.ways), len(begin.ways) + len(ring.poses)
+        poses = Spots.of([begin.spots, ring, end.spots]).poses
+        graph = round_rings(poses, first, first_goal, _RING_REACH * self.radius_m, self.radius_m)
+        return self._chain(begin, ring, end, graph, kept)
 
     def _rings_lead(self, begin: Moves, end: Moves) -> bool:
         """Whether there is any chain along ring poses."""
-        ring, kept, known = self._ring
-        if not begin.ways or not end.ways or not len(ring):
+        ring, kept = self._ring
+        count = len(ring.poses)
+        if not begin.ways or not end.ways or not count:
             return False
-        poses, rooms = self._with_rings(begin.ways, end.ways)
-        first, first_goal = len(begin.ways), len(begin.ways) + len(ring)
+        parts = begin.spots, ring, end.spots
+        spots = Spots.of(parts)
         led = rings_lead(
-            poses, rooms, first, first_goal, kept, begin.asked(len(ring)), end.asked(len(ring)),
-            _RING_REACH * self.radius_m, self.radius_m, self.radius_m, self.costs.speeds, self._edges,
+            spots.poses, spots.rooms, len(begin.ways), len(begin.ways) + count, kept, begin.asked(count),
+            end.asked(count), _RING_REACH * self.radius_m, self.radius_m, self.radius_m, self.costs.speeds, self._edges,
         )  # fmt: skip
-        known[:] = rooms[first:first_goal]
+        spots.learn(parts)
         return bool(led)
-
-    def _with_rings(self, starts: list[Path], goals: list[Path]) -> tuple[Floats, Floats]:
-        """The poses of starts, rings and goals, and what is known of their room."""
-        places, _, known = self._ring
-        ends = [s.end for s in starts], [g.start for g in goals]
-        poses = np.concatenate([np.array(ends[0]), places, np.array(ends[1])])
-        rooms = np.full((len(poses), 4), UNKNOWN)
-        rooms[len(starts) : len(starts) + len(places)] = known
-        return poses, rooms
 
     def _chain(
         self,
-        poses: Floats,
-        rooms: Floats,
-        starts: list[Path],
-        goals: list[Path],
+        starts: Moves,
+        between: Spots,
+        goals: Moves,
         graph: tuple[Ints, Ints],
         kept: tuple[Ints, Ints, Floats],
         limit_s: float = math.inf,
     ) -> Path | None:
-        """The route along the quickest chain of `poses`, which begin with the starts and end with the goals."""
-        if not starts or not goals:
-            return None
-        before, after = (np.array([self.costs.time_s(move) for move in moves]) for moves in (starts, goals))
-        links = np.full(len(graph[1]), UNKNOWN)
+        """The route along the quickest chain of poses from a start to a goal, in a graph of all of them."""
+        parts = starts.spots, between, goals.spots
+        spots, links = Spots.of(parts), np.full(len(graph[1]), UNKNOWN)
         chain = quickest_chain(
-            poses, rooms, before, after, (*graph, links), kept, self.radius_m, self.costs.speeds,
-            self._edges, limit_s,
+            spots.poses, spots.rooms, starts.seconds, goals.seconds, (*graph, links), kept, self.radius_m,
+            self.costs.speeds, self._edges, limit_s,
         ).tolist()  # fmt: skip
+        spots.learn(parts)
         if not chain:
             return None
-        parts = self._shortcut([_pose(poses[i]) for i in chain])
-        return join((starts[chain[0]], *parts, goals[chain[-1] - len(poses) + len(goals)]), "route")
+        way = self._shortcut([_pose(spots.poses[i]) for i in chain])
+        first, last = starts.ways[chain[0]], goals.ways[chain[-1] - len(spots.poses) + len(goals.ways)]
+        return join((first, *way, last), "route")
 
     def _shortcut(self, poses: list[Pose]) -> list[Path]:
         """Links along the poses, leaving out those that a direct word passes by on a shorter way."""
@@ -375,11 +364,11 @@ class Connector:
         return Corners(self.free, self._guard)
 
     @cached_property
-    def _ring(self) -> tuple[Floats, tuple[Ints, Ints, Floats], Floats]:
-        """Ring poses (n, 3), which may follow which, what is known of their links and of the room they have."""
-        poses = np.array(ring_poses(self.free, self.radius_m), dtype=np.float64).reshape(-1, 3)
-        near = all_close_by(poses, _RING_REACH * self.radius_m, self.radius_m)
-        return poses, (*near, np.full(len(near[1]), UNKNOWN)), np.full((len(poses), 4), UNKNOWN)
+    def _ring(self) -> tuple[Spots, tuple[Ints, Ints, Floats]]:
+        """Ring poses, and which may follow which, with what is known of their links."""
+        spots = Spots.at(ring_poses(self.free, self.radius_m))
+        near = all_close_by(spots.poses, _RING_REACH * self.radius_m, self.radius_m)
+        return spots, (*near, np.full(len(near[1]), UNKNOWN))
 
 
 def _pose(row: Floats) -> Pose:

@@ -8,13 +8,14 @@ which ring poses are joined to an end serves every route from or to it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.ways.chains import SPARE_M, UNKNOWN, link_s
-from strategies.ways.paths import Path
+from strategies.ways.chains import SPARE_M, UNKNOWN, Floats, link_s
+from strategies.ways.paths import Path, Pose
 from strategies.ways.words import MOST_PIECES
 from vehicle.jit import compiled
 
@@ -22,13 +23,54 @@ UNASKED, APART, JOINED = -1, 0, 1
 
 
 @dataclass(eq=False)
+class Spots:
+    """Poses (n, 3) that routes lead through, and what is known of the room they have, (n, 4) as of chains.link_s."""
+
+    poses: Floats
+    rooms: Floats
+
+    @classmethod
+    def at(cls, poses: Sequence[Pose]) -> Spots:
+        """Poses of whose room nothing is known yet."""
+        return cls(np.array(poses, dtype=np.float64).reshape(-1, 3), np.full((len(poses), 4), UNKNOWN))
+
+    @classmethod
+    def of(cls, parts: Sequence[Spots]) -> Spots:
+        """Those of some parts, one after another."""
+        return cls(np.concatenate([part.poses for part in parts]), np.concatenate([part.rooms for part in parts]))
+
+    def learn(self, parts: Sequence[Spots]) -> None:
+        """Tell the parts that these were made of what is known now."""
+        first = 0
+        for part in parts:
+            part.rooms[:] = self.rooms[first : first + len(part.rooms)]
+            first += len(part.rooms)
+
+
+@dataclass(eq=False)
+class Layers:
+    """Poses of which a route takes one of each layer: how many are in each, and all of them one after another."""
+
+    sizes: list[int]
+    spots: Spots
+
+    @classmethod
+    def of(cls, layers: Sequence[Sequence[Pose]]) -> Layers:
+        """From the poses of each layer."""
+        return cls([len(layer) for layer in layers], Spots.at([pose for layer in layers for pose in layer]))
+
+
+@dataclass(eq=False)
 class Moves:
     """What may be driven at one end of a route, and whether each pose of the rings is joined to any of it.
 
-    `joined` (poses,) is empty until rings are asked for, and UNASKED where that was not needed yet.
+    `spots` is where the rest of the route joins each of the ways, `seconds` (n,) how long they take. `joined` (poses,)
+    is empty until rings are asked for, and UNASKED where that was not needed yet.
     """
 
     ways: list[Path]
+    spots: Spots
+    seconds: Floats
     joined: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
 
     def asked(self, poses: int) -> npt.NDArray[np.int8]:

@@ -15,7 +15,7 @@ from shapely import LineString, MultiPoint, Point, Polygon, box
 from strategies.ways.chains import UNKNOWN, layered, link_s, quickest_chain
 from strategies.ways.connect import Connector, TurnCosts, _boundary
 from strategies.ways.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
-from strategies.ways.reach import APART, UNASKED, rings_lead
+from strategies.ways.reach import APART, UNASKED, Layers, Spots, rings_lead
 from strategies.ways.routes import Corners, corner_poses, ring_poses
 from strategies.ways.search import fitting_forward, fitting_in_room, room_m
 from strategies.ways.turns import TURN_KINDS, fishtail, omega_turn, switch_back, u_turn
@@ -359,6 +359,17 @@ def test_rings_lead_where_their_links_do() -> None:
     assert rings(row, [(0, 2), (2, 3)])
     assert not rings(row, [(0, 1), (2, 3)])
     assert not rings(row, [(1, 2), (2, 3), (3, 1)])
+
+
+def test_what_is_learnt_of_spots_together_is_known_to_each_part() -> None:
+    parts = [Spots.at([(0.0, 0.0, 0.0)]), Spots.at([]), Spots.at([(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])]
+    spots = Spots.of(parts)
+    assert spots.poses.tolist() == [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    assert (spots.rooms == UNKNOWN).all() and spots.rooms.shape == (3, 4)
+    spots.rooms[2, 1] = 7.0
+    spots.learn(parts)
+    assert parts[2].rooms.tolist() == [[UNKNOWN] * 4, [UNKNOWN, 7.0, UNKNOWN, UNKNOWN]] and len(parts[1].rooms) == 0
+    assert Layers.of([[(0.0, 0.0, 0.0)], [], [(1.0, 1.0, 1.0)]]).sizes == [1, 0, 1]
 
 
 def test_a_route_that_fails_leaves_the_next_as_it_would_be_alone() -> None:

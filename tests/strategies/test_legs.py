@@ -14,9 +14,9 @@ from fields import Field
 from fields.field import GroundZone
 from strategies.errors import StrategyError
 from strategies.job import Job, Pass
-from strategies.legs import mission_of, pass_legs, straight_leg, turn_legs, way_legs
+from strategies.legs import mission_of, pass_legs, straight_leg, turn_legs, way_legs, with_stops
 from strategies.ways.paths import Path, Segment
-from vehicle.missions import Plan, Task, check_plan
+from vehicle.missions import Leg, Plan, Task, check_plan
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 
@@ -138,3 +138,11 @@ class TestMission:
         x, y, heading = mission.start
         assert math.isclose(heading, job.heading(Pass(job.layout.tracks[2], -1)), abs_tol=1e-9)
         assert (x, y) == pytest.approx(job.layout.tracks[2].end)
+
+
+def test_parts_between_stops_are_as_long_as_they_measure() -> None:
+    angles = np.linspace(0.0, 5.0, 211)
+    whole = Leg(np.column_stack([20.0 * np.cos(angles), 20.0 * np.sin(angles)]), 1.0)
+    parts = with_stops([whole, Leg(np.array([[0.0, 0.0], [1.0, 2.0]]), 1.0, gear=-1)], 7.0)
+    assert len(parts) == round(whole.length_m / 7.0) + 1
+    assert [part.length_m for part in parts] == [Leg(part.points, 1.0).length_m for part in parts]

@@ -45,6 +45,15 @@ def test_length_by_hand(build: Any, points: list[tuple[float, float]], expected:
     assert build.leg(*points).length_m == pytest.approx(expected)
 
 
+def test_a_leg_that_is_linked_otherwise_is_as_long(build: Any) -> None:
+    leg = build.leg((0, 0), (3, 4), (3, 0))
+    early, measured = leg.linked(may_wait=True), (leg.length_m, leg.ends)
+    late = leg.linked(gates=(Gate(0, 0, 1.0),)).with_gates([Gate(0, 1, 2.0)])
+    assert measured == (early.length_m, early.ends) == (late.length_m, late.ends)
+    assert early.points is late.points is leg.points and early.may_wait and not leg.may_wait
+    assert late.gates == (Gate(0, 0, 1.0), Gate(0, 1, 2.0)) and late.speed_mps == leg.speed_mps
+
+
 @pytest.mark.parametrize(("gear", "heading_deg"), [(1, 45.0), (-1, -135.0)])
 def test_a_mission_starts_facing_its_path_or_away_from_it(build: Any, gear: int, heading_deg: float) -> None:
     x, y, heading = Mission((build.leg((2, 3), (5, 6), gear=gear),)).start
