@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from vehicle.jit import compiled
+from vehicle.jit import compiled, inlined
 
 SMALL = 0.1  # rad; the first term left out is below 1e-17 of the first one
 
@@ -24,13 +24,19 @@ def tangent(angle: float) -> float:
     return angle + angle * z * (low + high * (zz * zz))
 
 
-@compiled
-def arc_share(slope: float) -> float:
-    """The angle (rad) of a tangent `slope` of 0 or more, over that tangent; 1 for none."""
-    if slope > SMALL:
-        return math.atan(slope) / slope
+@inlined
+def small_arc_share(slope: float) -> float:
+    """arc_share of a tangent up to SMALL."""
     z = slope * slope
     zz = z * z
     low = (1.0 - 1.0 / 3.0 * z) + (1.0 / 5.0 - 1.0 / 7.0 * z) * zz
     high = (1.0 / 9.0 - 1.0 / 11.0 * z) + (1.0 / 13.0 - 1.0 / 15.0 * z) * zz
     return low + high * (zz * zz)
+
+
+@compiled
+def arc_share(slope: float) -> float:
+    """The angle (rad) of a tangent `slope` of 0 or more, over that tangent; 1 for none."""
+    if slope > SMALL:
+        return math.atan(slope) / slope
+    return small_arc_share(slope)
