@@ -1,6 +1,7 @@
 """Functions of small arguments by their power series: what the wheels of a tractor mostly turn and slip by.
 
 Each is the library's function to the last bit or two. The terms are summed in pairs, so that few wait for each other.
+Tangents of larger angles, up to those of full lock, are those of a continued fraction (Lambert 1768).
 """
 
 from __future__ import annotations
@@ -10,18 +11,28 @@ import math
 from vehicle.jit import compiled, inlined
 
 SMALL = 0.1  # rad; the first term left out is below 1e-17 of the first one
+NEAR = 0.8  # rad; the ninth convergent of Lambert's continued fraction for the tangent is off by less than 1e-17
+
+
+@inlined
+def near_tangent(angle: float) -> float:
+    """tangent of an angle up to NEAR, without a branch that leaves the loop it stands in."""
+    z = angle * angle
+    zz = z * z
+    low = (1.0 / 3.0 + 2.0 / 15.0 * z) + (17.0 / 315.0 + 62.0 / 2835.0 * z) * zz
+    high = (1382.0 / 155925.0 + 21844.0 / 6081075.0 * z) + 929569.0 / 638512875.0 * zz
+    small = low + high * (zz * zz)
+    over = (11486475.0 - 810810.0 * z) + (12870.0 - 44.0 * z) * zz
+    under = (34459425.0 - 16216200.0 * z) + (945945.0 - 13860.0 * z) * zz + 45.0 * (zz * zz)
+    return angle + angle * z * (small if abs(angle) <= SMALL else over / under)
 
 
 @compiled
 def tangent(angle: float) -> float:
     """Tangent of an angle (rad)."""
-    if abs(angle) > SMALL:
+    if abs(angle) > NEAR:
         return math.tan(angle)
-    z = angle * angle
-    zz = z * z
-    low = (1.0 / 3.0 + 2.0 / 15.0 * z) + (17.0 / 315.0 + 62.0 / 2835.0 * z) * zz
-    high = (1382.0 / 155925.0 + 21844.0 / 6081075.0 * z) + 929569.0 / 638512875.0 * zz
-    return angle + angle * z * (low + high * (zz * zz))
+    return near_tangent(angle)
 
 
 @inlined

@@ -132,11 +132,11 @@ def test_places_in_the_field_are_moved_to_the_origin_of_the_course() -> None:
 def test_a_model_is_made_once_for_its_settings_and_origin() -> None:
     rig = make_rig(EG105, "soil", (4.0, 15.0))
     patch = {"grip_patch": {"ratio": 0.5, "east_m": 10.0, "north_m": 20.0, "radius_m": 5.0}}
-    assert rig.effective(patch) is rig.effective({**patch}) and rig.effective(patch)[0]["patch_east"] == 6.0
+    assert rig.effective(patch) is rig.effective({**patch}) and rig.effective(patch)["patch_east"] == 6.0
     moved = replace(rig, origin=(0.0, 0.0))
-    assert moved.effective(patch)[0]["patch_east"] == 10.0 and rig.effective({})[0]["patch"] == 1.0
-    many = [rig.effective({"wheel_slip": {"ratio": 0.001 * number}})[0]["slip"] for number in range(40)]
-    assert many == pytest.approx(0.001 * np.arange(40)) and rig.effective(patch)[0]["patch_east"] == 6.0
+    assert moved.effective(patch)["patch_east"] == 10.0 and rig.effective({})["patch"] == 1.0
+    many = [rig.effective({"wheel_slip": {"ratio": 0.001 * number}})["slip"] for number in range(40)]
+    assert many == pytest.approx(0.001 * np.arange(40)) and rig.effective(patch)["patch_east"] == 6.0
 
 
 def test_commands_drive_where_sensors_are_left_out() -> None:

@@ -1,9 +1,8 @@
 """Many stretches at a measured speed driven side by side: what one step needs of each is worked out in vectors.
 
 One replay waits for itself, step after step, most of the time. Where the speed is measured, all that a step takes from
-the log is known before: the tangent of the wheels and the drift of the ground are told first, then sideways speed and
-spin are stepped for all stretches at once, then the places follow. Each stretch is driven as it would be alone, bit for
-bit, with the formulas of vehicle.chassis.
+the log is known before (see replay.foretelling): sideways speed and spin are stepped for all stretches at once, then
+the places follow. Each stretch is driven as it would be alone, bit for bit, with the formulas of vehicle.chassis.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.states import ANGLE, X, Y
 from vehicle.series import SMALL, small_arc_share
-from vehicle.terms import affected_tangent, ground_drift
 from vehicle.tyres import limited, per_rolling
 
 ABREAST = 16  # chosen: stretches side by side; a constant, so that the compiler knows how far values lie apart
@@ -35,89 +33,57 @@ WHEELS = 4
 
 
 class Abreast(NamedTuple):
-    """Grids of stretches one after another, the longest first: stretch i has the steps `begins` to before `ends`.
+    """Stretches one after another, the longest first: stretch i has the steps `begins` to before `ends`.
 
-    Times `starts_s` (s) are those of Stretch.start_s; the grids (n,) are those of Stretch, with `cosines` and `sines`
-    of its heading.
+    `starts` (s, 3) are the poses they begin at, `speed` (n,) the speeds measured.
     """
 
     begins: npt.NDArray[np.int64]
     ends: npt.NDArray[np.int64]
-    starts_s: Array
+    starts: Array
     speed: Array
-    working: Array
-    east: Array
-    north: Array
-    heading: Array
-    cosines: Array
-    sines: Array
 
 
 def abreast_of(stretches: Sequence[Stretch]) -> Abreast:
     """Stretches laid one after another, as they come: the longest has to be the first."""
     counts = np.array([len(one.grids["speed"]) for one in stretches])
     ends = np.cumsum(counts)
-    names = ("speed", "working", "east", "north", "heading")
-    laid = [np.concatenate([one.grids[name] for one in stretches], dtype=np.float64) for name in names]
-    ways = [np.concatenate([one.direction[number] for one in stretches]) for number in (0, 1)]
-    return Abreast(ends - counts, ends, np.array([one.start_s for one in stretches]), *laid, *ways)
+    starts = [[one.grids[name][0] for name in ("east", "north", "heading")] for one in stretches]
+    speed = np.concatenate([one.grids["speed"] for one in stretches], dtype=np.float64)
+    return Abreast(ends - counts, ends, np.array(starts), speed)
 
 
 @compiled
 def drive_abreast(  # type: ignore[no-untyped-def]
-    begins, ends, starts_s, speed, working, east, north, heading, cosines, sines, turned, downhill, dt, models, ground,
-    table, out,
-) -> None:  # fmt: skip
-    """Drive at most ABREAST stretches, of the columns of Abreast; `out` (n, 5) gets x, y and angle before each step.
+    begins, ends, starts, speed, bend, ahead, slide, dt, model, ground, out
+) -> None:
+    """Drive at most ABREAST stretches, from `begins` to before `ends`, the longest first, from poses `starts` (s, 3).
 
-    `turned` (n,) is the wheel angle behind the play, `downhill` (n,) the drift to the right (m/m) on a slope that was
-    measured, beside that of the models, one per stretch, which differ in nothing but effects.
+    `speed`, and `bend`, `ahead` and `slide` of foretell, have a value per step (n,); `out` (n, 5) gets x, y and angle
+    before each.
     """
-    steps, now = np.zeros(STEPS * PER_STEP * ABREAST), np.zeros(PER_NOW * ABREAST)
-    places = np.empty((len(begins), 3))
-    for lane in range(len(begins)):
-        first = begins[lane]
-        places[lane, 0], places[lane, 1], places[lane, 2] = east[first], north[first], heading[first]
+    steps, now, places = np.zeros(STEPS * PER_STEP * ABREAST), np.zeros(PER_NOW * ABREAST), starts.copy()
     done, longest = 0, ends[0] - begins[0]
     while done < longest:
         count = 0
         while count < len(begins) and begins[count] + done < ends[count]:
             first, last = begins[count] + done, min(begins[count] + done + STEPS, ends[count])
-            _bend(
-                steps, count, first, last, begins[count], starts_s[count], speed, working, east, north, cosines, sines,
-                turned, downhill, dt, table, models[count],
-            )  # fmt: skip
+            for i in range(first, last):
+                at = (i - first) * PER_STEP * ABREAST + count
+                steps[at + SPEED * ABREAST], steps[at + TANGENT * ABREAST] = speed[i], bend[i]
+                steps[at + AHEAD * ABREAST], steps[at + SLIDE * ABREAST] = ahead[i], slide[i]
             count += 1
         rows = min(STEPS, longest - done)
         if count < FEW or ground.shaped != 0.0:
-            _turn_each(steps, now, rows, count, dt, models[0], ground)
+            _turn_each(steps, now, rows, count, dt, model, ground)
         elif count <= ABREAST // 2:
-            _turn_abreast(steps, now, rows, ABREAST // 2, dt, models[0], ground)
+            _turn_abreast(steps, now, rows, ABREAST // 2, dt, model, ground)
         else:
-            _turn_abreast(steps, now, rows, ABREAST, dt, models[0], ground)
+            _turn_abreast(steps, now, rows, ABREAST, dt, model, ground)
         for lane in range(count):
             first, last = begins[lane] + done, min(begins[lane] + done + STEPS, ends[lane])
             _move(steps, lane, first, last, places[lane], dt, out)
         done += STEPS
-
-
-@compiled
-def _bend(  # type: ignore[no-untyped-def]
-    steps, lane, first, last, begin, start_s, speed, working, east, north, cosines, sines, turned, downhill, dt, table,
-    model,
-) -> None:  # fmt: skip
-    """What the log tells of some steps of a stretch."""
-    for i in range(first, last):
-        forward, there, across = speed[i], cosines[i], sines[i]
-        seconds = start_s + (i - begin) * dt
-        at = (i - first) * PER_STEP * ABREAST + lane
-        steps[at + SPEED * ABREAST] = forward
-        steps[at + TANGENT * ABREAST] = affected_tangent(
-            turned[i], forward, east[i], north[i], there, across, seconds, working[i], table, model
-        )
-        along, slide = ground_drift(turned[i], forward, there, across, model)
-        steps[at + AHEAD * ABREAST] = along
-        steps[at + SLIDE * ABREAST] = slide + abs(forward) * downhill[i]
 
 
 @compiled

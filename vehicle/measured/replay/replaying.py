@@ -29,6 +29,7 @@ from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.abreast import ABREAST, Abreast, abreast_of, drive_abreast
 from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.foretelling import foretell
 from vehicle.measured.replay.keeping import Effects, Kept, key_of, of_blocks
 from vehicle.measured.replay.states import ANGLE, FORWARD, STEERING, X, Y
 from vehicle.terms import affected_tangent, ground_drift, played
@@ -140,12 +141,12 @@ class Rig:
         return laid
 
     def effective(self, settings: Settings) -> Any:
-        """The record of with_effects, as an array (1,), made once for the stretches of a course."""
+        """The record of with_effects, made once for the stretches of a course."""
         key = self.origin, tuple(self.ranges.items()), key_of(settings)
         if key not in self.models:
             if len(self.models) >= MOST_MODELS:
                 self.models.clear()
-            self.models[key] = self.with_effects(settings)
+            self.models[key] = self.with_effects(settings)[0]
         return self.models[key]
 
     def with_effects(self, settings: Settings) -> Any:
@@ -234,18 +235,21 @@ def _groups(asked: list[_Asked]) -> list[list[_Asked]]:
 def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
     """States of stretches driven side by side at their measured speed."""
     laid = rig.abreast(tuple(one.stretch for one in group))
-    out, turned, downhill = np.empty((len(laid.speed), 5)), np.empty(len(laid.speed)), np.zeros(len(laid.speed))
+    out, (bend, ahead, slide) = np.empty((len(laid.speed), 5)), np.zeros((3, len(laid.speed)))
     out[:, FORWARD] = laid.speed
-    models = np.empty(len(group), rig.model.dtype)
-    for number, one in enumerate(group):
+    for one, begin, end in zip(group, laid.begins, laid.ends, strict=True):
+        grids, mine = one.stretch.grids, slice(int(begin), int(end))
         settings, slope = _on_slope(one.stretch, one.settings)
-        models[number], mine = rig.effective(settings)[0], slice(int(laid.begins[number]), int(laid.ends[number]))
         if slope is not None:
-            downhill[mine] = slope
-        before, wheel, steady = _wheels(rig, one)
-        out[mine, STEERING] = before
-        play_steps(wheel, steady, steady[0] if one.sensed else before[0], one.sensed, models[number], turned[mine])
-    drive_abreast(*laid, turned, downhill, DT_S, models, rig.ground[0], rig.table, out)
+            slide[mine] = slope
+        model, (before, wheel, steady) = rig.effective(settings), _wheels(rig, one)
+        out[mine, STEERING], turned = before, np.empty(len(wheel))
+        play_steps(wheel, steady, steady[0] if one.sensed else before[0], one.sensed, model, turned)
+        foretell(
+            grids["speed"], grids["working"], grids["east"], grids["north"], *one.stretch.direction, turned,
+            one.stretch.start_s, DT_S, rig.table, model, bend[mine], ahead[mine], slide[mine],
+        )  # fmt: skip
+    drive_abreast(*laid, bend, ahead, slide, DT_S, rig.model[0], rig.ground[0], out)
     return {one.key: out[begin:end] for one, begin, end in zip(group, laid.begins, laid.ends, strict=True)}
 
 
@@ -269,7 +273,7 @@ def _commanded(rig: Rig, asked: _Asked) -> Array:
     replay_steps(
         command, wheel, steady, grids["speed"], grids["target"], grids["working"], grids["east"], grids["north"],
         grids["heading"], *stretch.direction, np.zeros(len(command)) if slope is None else slope, stretch.start_s, DT_S,
-        asked.sensed, _fresh(command)[0], rig.effective(settings)[0], rig.ground[0], rig.table, out,
+        asked.sensed, _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
 
@@ -294,7 +298,7 @@ def _steered(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
     def steered() -> tuple[Array]:
         command, wheel = _steering(stretch)
         out = np.empty(len(command) + 1)
-        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.effective(acting)[0], out)
+        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.effective(acting), out)
         return (out,)
 
     return rig.kept.get((stretch, "wheel", key_of(acting)), steered)[0]
