@@ -15,24 +15,40 @@ NEAR = 0.8  # rad; the ninth convergent of Lambert's continued fraction for the 
 
 
 @inlined
-def near_tangent(angle: float) -> float:
-    """tangent of an angle up to NEAR, without a branch that leaves the loop it stands in."""
-    z = angle * angle
+def _of_small(z: float) -> float:
+    """What a tangent exceeds its angle by, over the angle and its square `z`, of angles up to SMALL."""
     zz = z * z
     low = (1.0 / 3.0 + 2.0 / 15.0 * z) + (17.0 / 315.0 + 62.0 / 2835.0 * z) * zz
     high = (1382.0 / 155925.0 + 21844.0 / 6081075.0 * z) + 929569.0 / 638512875.0 * zz
-    small = low + high * (zz * zz)
+    return low + high * (zz * zz)
+
+
+@inlined
+def _of_near(z: float) -> float:
+    """As _of_small, of angles up to NEAR."""
+    zz = z * z
     over = (11486475.0 - 810810.0 * z) + (12870.0 - 44.0 * z) * zz
     under = (34459425.0 - 16216200.0 * z) + (945945.0 - 13860.0 * z) * zz + 45.0 * (zz * zz)
-    return angle + angle * z * (small if abs(angle) <= SMALL else over / under)
+    return over / under
+
+
+@inlined
+def near_tangent(angle: float) -> float:
+    """tangent of an angle up to NEAR, worked out both ways: only without a branch are loops made of vectors."""
+    z = angle * angle
+    small, near = _of_small(z), _of_near(z)
+    return angle + angle * z * (small if abs(angle) <= SMALL else near)
 
 
 @compiled
 def tangent(angle: float) -> float:
     """Tangent of an angle (rad)."""
-    if abs(angle) > NEAR:
-        return math.tan(angle)
-    return near_tangent(angle)
+    size, z = abs(angle), angle * angle
+    if size <= SMALL:
+        return angle + angle * z * _of_small(z)
+    if size <= NEAR:
+        return angle + angle * z * _of_near(z)
+    return math.tan(angle)
 
 
 @inlined

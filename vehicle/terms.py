@@ -118,7 +118,7 @@ def affected_tangent(  # type: ignore[no-untyped-def]
     bend = worked(bend, extra, working, model)
     if model.slide > 0.0:
         bend = within_slide(bend, forward, model)
-    return bend  # type: ignore[no-any-return]
+    return bend
 
 
 @inlined
