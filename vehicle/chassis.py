@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from vehicle.jit import compiled
+from vehicle.jit import compiled, inlined
 from vehicle.steering import ackermann
 from vehicle.tyres import CREEP_MPS, friction_curve, side_resistance, side_share
 
@@ -30,6 +30,78 @@ def passed_share(rolling: float, sliding: float, ground: object) -> float:
     )  # fmt: skip
 
 
+@inlined
+def wheel_motion(
+    forward: float, right: float, spin: float, tangent: float, front: float, rear: float, half: float
+) -> tuple[float, float, float, float, float, float, float, float, float, float, float]:
+    """How the wheels of a body move: lines, sliding and rolling.
+
+    Cosine and sine of the line of the left, then of the right front wheel; speeds across its line of the left front,
+    the right front and either rear wheel (m/s); speeds along it of front left, front right, rear left and rear right.
+    `front` and `rear` are the ways from the centre of mass to the axles, `half` is half the track (m).
+    """
+    cos_1, sin_1, cos_2, sin_2 = ackermann(tangent, half * (1.0 / (front + rear)))
+    left, right_side, v = forward + half * spin, forward - half * spin, right + front * spin
+    rolling_1, sliding_1 = left * cos_1 + v * sin_1, v * cos_1 - left * sin_1
+    rolling_2, sliding_2 = right_side * cos_2 + v * sin_2, v * cos_2 - right_side * sin_2
+    sliding = right - rear * spin
+    return cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding, rolling_1, rolling_2, left, right_side
+
+
+@inlined
+def axle_damping(dt: float, model: object, ground: object) -> tuple[float, float]:
+    """Side slope of one front and one rear wheel under its load, times `dt` (N s)."""
+    front, rear = model.front, model.rear  # type: ignore[attr-defined]
+    load = 0.5 * (model.mass * GRAVITY) * (1.0 / (front + rear))  # type: ignore[attr-defined]
+    return dt * load * rear * ground.front_slope, dt * load * front * ground.rear_slope  # type: ignore[attr-defined]
+
+
+@inlined
+def rear_load(model: object) -> float:
+    """Load on the rear axle (N)."""
+    per_base = 1.0 / (model.front + model.rear)  # type: ignore[attr-defined]
+    load = 0.5 * (model.mass * GRAVITY) * per_base  # type: ignore[attr-defined]
+    return 2.0 * load * model.front  # type: ignore[attr-defined, no-any-return]
+
+
+@inlined
+def pushed(
+    forward: float, right: float, spin: float, drive: float, dt: float,
+    cos_1: float, sin_1: float, cos_2: float, sin_2: float, sliding_1: float, sliding_2: float, sliding: float,
+    d_1: float, d_2: float, d_3: float, d_4: float,
+    front: float, rear: float, half: float, mass: float, inertia: float, rolling: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Changes of the forward and right speed and the spin in `dt`, from the motion and damping of the wheels.
+
+    `d_1` to `d_4` are the damping times dt (N s2/m) of the front left, front right, rear left and rear right wheel,
+    `rolling` is the share of the weight that rolling takes. Numbers instead of records: vectors are made of nothing
+    else.
+    """
+    arm_1, arm_2 = front * cos_1 - half * sin_1, front * cos_2 + half * sin_2
+    along_1, along_2, d_34 = d_1 * sin_1, d_2 * sin_2, d_3 + d_4
+    side_1, side_2 = d_1 * cos_1, d_2 * cos_2
+    turn_1, turn_2 = d_1 * arm_1, d_2 * arm_2
+    # (M + dt D) change = dt (force - D velocity - M spin x velocity); forward is eliminated first.
+    a11 = mass + along_1 * sin_1 + along_2 * sin_2
+    a12 = -(along_1 * cos_1 + along_2 * cos_2)
+    a13 = -(along_1 * arm_1 + along_2 * arm_2)
+    a22 = (mass + d_34) + (side_1 * cos_1 + side_2 * cos_2)
+    a23 = (side_1 * arm_1 + side_2 * arm_2) - d_34 * rear
+    a33 = (inertia + d_34 * (rear * rear)) + (turn_1 * arm_1 + turn_2 * arm_2)
+    weight = mass * GRAVITY
+    resistance = rolling * weight * forward / (abs(forward) + 0.05)
+    b1 = (along_1 * sliding_1 + along_2 * sliding_2) + dt * (drive - resistance + mass * right * spin)
+    b2 = -((side_1 * sliding_1 + side_2 * sliding_2) + (d_34 * sliding + dt * mass * forward * spin))
+    b3 = d_34 * (sliding * rear) - (turn_1 * sliding_1 + turn_2 * sliding_2)
+    m22, m23, m33 = a11 * a22 - a12 * a12, a11 * a23 - a12 * a13, a11 * a33 - a13 * a13
+    c2, c3 = a11 * b2 - a12 * b1, a11 * b3 - a13 * b1
+    scale = 1.0 / (m22 * m33 - m23 * m23)
+    right_change = (m33 * c2 - m23 * c3) * scale
+    spin_change = (m22 * c3 - m23 * c2) * scale
+    forward_change = (b1 - (a12 * right_change + a13 * spin_change)) * (1.0 / a11)
+    return forward_change, right_change, spin_change
+
+
 def _make_step(shaped: bool) -> Step:
     """The step for plain tyres, or with friction curve and friction circle.
 
@@ -43,51 +115,28 @@ def _make_step(shaped: bool) -> Step:
         ground: object,
     ) -> tuple[float, float, float]:  # fmt: skip
         front, rear, half = model.front, model.rear, 0.5 * model.track  # type: ignore[attr-defined]
-        mass, inertia = model.mass, model.inertia  # type: ignore[attr-defined]
-        weight = mass * GRAVITY
-        per_base = 1.0 / (front + rear)
-        load = 0.5 * weight * per_base
-        slope, limit = dt * load * rear * ground.front_slope, ground.front_limit  # type: ignore[attr-defined]
-        stiff, most = dt * load * front * ground.rear_slope, ground.rear_limit  # type: ignore[attr-defined]
-        cos_1, sin_1, cos_2, sin_2 = ackermann(tangent, half * per_base)
-        arm_1, arm_2 = front * cos_1 - half * sin_1, front * cos_2 + half * sin_2
-        left, right_side, v = forward + half * spin, forward - half * spin, right + front * spin
-        rolling_1, sliding_1 = left * cos_1 + v * sin_1, v * cos_1 - left * sin_1
-        rolling_2, sliding_2 = right_side * cos_2 + v * sin_2, v * cos_2 - right_side * sin_2
-        sliding = right - rear * spin
-        # Damping times dt (N s2/m) of the front left, front right, rear left and rear right wheel.
+        cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding, rolling_1, rolling_2, left, right_side = (
+            wheel_motion(forward, right, spin, tangent, front, rear, half)
+        )
+        slope, stiff = axle_damping(dt, model, ground)
+        limit, most = ground.front_limit, ground.rear_limit  # type: ignore[attr-defined]
         d_1 = side_resistance(rolling_1, sliding_1, slope, limit)
         d_2 = side_resistance(rolling_2, sliding_2, slope, limit)
         d_3 = side_resistance(left, sliding, stiff, most)
         d_4 = side_resistance(right_side, sliding, stiff, most)
         if shaped:
-            grip = 2.0 * load * front * ground.grip  # type: ignore[attr-defined]
+            grip = rear_load(model) * ground.grip  # type: ignore[attr-defined]
             drive = min(max(drive, -grip), grip)
             share = side_share(drive, grip)
             d_1 *= passed_share(rolling_1, sliding_1, ground)
             d_2 *= passed_share(rolling_2, sliding_2, ground)
             d_3 *= share * passed_share(left, sliding, ground)
             d_4 *= share * passed_share(right_side, sliding, ground)
-        along_1, along_2, d_34 = d_1 * sin_1, d_2 * sin_2, d_3 + d_4
-        side_1, side_2 = d_1 * cos_1, d_2 * cos_2
-        turn_1, turn_2 = d_1 * arm_1, d_2 * arm_2
-        # (M + dt D) change = dt (force - D velocity - M spin x velocity); forward is eliminated first.
-        a11 = mass + along_1 * sin_1 + along_2 * sin_2
-        a12 = -(along_1 * cos_1 + along_2 * cos_2)
-        a13 = -(along_1 * arm_1 + along_2 * arm_2)
-        a22 = (mass + d_34) + (side_1 * cos_1 + side_2 * cos_2)
-        a23 = (side_1 * arm_1 + side_2 * arm_2) - d_34 * rear
-        a33 = (inertia + d_34 * (rear * rear)) + (turn_1 * arm_1 + turn_2 * arm_2)
-        resistance = ground.rolling * weight * forward / (abs(forward) + 0.05)  # type: ignore[attr-defined]
-        b1 = (along_1 * sliding_1 + along_2 * sliding_2) + dt * (drive - resistance + mass * right * spin)
-        b2 = -((side_1 * sliding_1 + side_2 * sliding_2) + (d_34 * sliding + dt * mass * forward * spin))
-        b3 = d_34 * (sliding * rear) - (turn_1 * sliding_1 + turn_2 * sliding_2)
-        m22, m23, m33 = a11 * a22 - a12 * a12, a11 * a23 - a12 * a13, a11 * a33 - a13 * a13
-        c2, c3 = a11 * b2 - a12 * b1, a11 * b3 - a13 * b1
-        scale = 1.0 / (m22 * m33 - m23 * m23)
-        right_change = (m33 * c2 - m23 * c3) * scale
-        spin_change = (m22 * c3 - m23 * c2) * scale
-        forward_change = (b1 - (a12 * right_change + a13 * spin_change)) * (1.0 / a11)
+        forward_change, right_change, spin_change = pushed(
+            forward, right, spin, drive, dt, cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding,
+            d_1, d_2, d_3, d_4,
+            front, rear, half, model.mass, model.inertia, ground.rolling,  # type: ignore[attr-defined]
+        )  # fmt: skip
         return forward + forward_change, right + right_change, spin + spin_change
 
     return step

@@ -36,6 +36,11 @@ def compiled(function: Function) -> Function:
     return cast(Function, dispatcher)
 
 
+def inlined(function: Function) -> Function:
+    """Written out wherever a compiled function calls it: loops over tractors are made of vectors only so."""
+    return cast(Function, numba.njit(error_model="numpy", inline="always")(function))
+
+
 def _unowned(typingctx: Any, array: Any) -> Any:
     """The same array without its owner, whom somebody else has to keep alive.
 

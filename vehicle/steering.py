@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vehicle.jit import compiled
+from vehicle.jit import compiled, inlined
 
 HOLD, TRACK, SLEW = 1, 2, 3
 
@@ -55,7 +55,7 @@ def ackermann(tangent: float, half: float) -> tuple[float, float, float, float]:
     return left * one, tangent * one, right * other, tangent * other
 
 
-@compiled
+@inlined
 def corrected_angle(angle: float, table: object, limit: float) -> float:
     """Angle the base model needs for the radius measured at the physical `angle`, by linear interpolation.
 

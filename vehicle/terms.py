@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from vehicle.jit import compiled
+from vehicle.jit import compiled, inlined
 from vehicle.rest import FADE
 from vehicle.series import tangent
 from vehicle.steering import corrected_angle
@@ -17,6 +17,8 @@ GRAVITY_MPS2 = 9.80665
 DRIFT_LIMIT = 0.3  # grip that changes with time is not believed beyond this share of it
 KNEE = 5.0  # how sharply a curve meets the limit of side force: at four fifths of it 5 % of a curve are lost
 REST_LIMIT = 0.9  # of the curvature: a rest told at some speeds and angles must not turn a tractor the other way
+SECANTS = 4  # chosen: each leaves a twentieth of what is left to settle, at usual losses
+STRAIGHT_RAD = 1e-6  # below it nothing is lost
 CRAWL_MPS = 0.1  # below it a push fades out: a tractor that stands stays
 
 
@@ -34,16 +36,22 @@ def unstrained_angle(angle: float, forward: float, table, model) -> float:  # ty
     The loss depends on the acceleration, which depends on what is left; a few secant steps settle it, and unlike the
     acceleration of the step before they cannot swing.
     """
-    if abs(angle) < 1e-6:
+    if abs(angle) < STRAIGHT_RAD:
         return angle
     left = angle
-    per_tangent = model.understeer * forward * forward / (model.front + model.rear)
-    for _ in range(4):
-        left = angle / (1.0 + per_tangent * tangent(corrected_angle(left, table, model.lock)) / left)
+    for _ in range(SECANTS):
+        left = secant_step(angle, left, tangent(corrected_angle(left, table, model.lock)), forward, model)
     return left
 
 
-@compiled
+@inlined
+def secant_step(angle: float, left: float, bend: float, forward: float, model) -> float:  # type: ignore[no-untyped-def]
+    """Wheel angle left (rad) of an `angle`, from a first answer and the tangent that it stands for."""
+    per_tangent = model.understeer * forward * forward / (model.front + model.rear)
+    return angle / (1.0 + per_tangent * bend / left)  # type: ignore[no-any-return]
+
+
+@inlined
 def grip(angle: float, east: float, north: float, seconds: float, model) -> float:  # type: ignore[no-untyped-def]
     """Factor on the curvature: gain, side, place in the field and time since the start of the run."""
     factor = model.bend
@@ -106,16 +114,29 @@ def affected_tangent(  # type: ignore[no-untyped-def]
         extra = trust * rest_grip(play, forward, cosine, sine, working, model)
     if model.understeer != 0.0:
         angle = unstrained_angle(angle, forward, table, model)
-    base = model.front + model.rear
     bend = tangent(corrected_angle(angle, table, model.lock)) * grip(angle, east, north, seconds, model)
-    bend *= 1.0 + extra
-    bend += base * model.draft * working
+    bend = worked(bend, extra, working, model)
     if model.slide > 0.0:
-        # `slide` is the inverse of the side force the tyres can give, per weight: 0 stands for no limit.
-        share = abs(bend) * forward * forward * model.slide / (base * GRAVITY_MPS2)
-        if share > 0.3:
-            bend /= (1.0 + share**KNEE) ** (1.0 / KNEE)
-    return bend  # type: ignore[no-any-return]
+        bend = within_slide(bend, forward, model)
+    return bend
+
+
+@inlined
+def worked(bend: float, extra: float, working: float, model) -> float:  # type: ignore[no-untyped-def]
+    """Tangent with an extra share of the rest and the draft of a working implement."""
+    return bend * (1.0 + extra) + (model.front + model.rear) * model.draft * working  # type: ignore[no-any-return]
+
+
+@compiled
+def within_slide(bend: float, forward: float, model) -> float:  # type: ignore[no-untyped-def]
+    """Tangent of a curve that the side force of the tyres allows.
+
+    `slide` is the inverse of the side force the tyres can give, per weight: 0 stands for no limit.
+    """
+    share = abs(bend) * forward * forward * model.slide / ((model.front + model.rear) * GRAVITY_MPS2)
+    if share > 0.3:
+        bend /= (1.0 + share**KNEE) ** (1.0 / KNEE)
+    return bend
 
 
 @compiled
@@ -126,13 +147,27 @@ def ground_drift(  # type: ignore[no-untyped-def]
 
     Down a cross slope only sideways; as the rest pushes a tractor that moves, either way.
     """
-    pace = abs(forward)
-    ahead, right = 0.0, pace * (model.slope_east * sine - model.slope_north * cosine)
+    ahead, right = 0.0, down_slope(forward, cosine, sine, model)
     if model.rest != 0.0:
-        share = math.tanh(pace / CRAWL_MPS) * rest_trust(play, forward, model)
-        ahead = share * (model.rest_push_to_east * cosine + model.rest_push_to_north * sine)
-        right += share * (model.rest_push_to_east * sine - model.rest_push_to_north * cosine)
+        ahead, aside = pushed_along(play, forward, cosine, sine, model)
+        right += aside
     return ahead, right
+
+
+@compiled
+def pushed_along(  # type: ignore[no-untyped-def]
+    play: float, forward: float, cosine: float, sine: float, model
+) -> tuple[float, float]:  # fmt: skip
+    """Speed (m/s, ahead and to the right) of the push of the rest."""
+    share = math.tanh(abs(forward) / CRAWL_MPS) * rest_trust(play, forward, model)
+    ahead = share * (model.rest_push_to_east * cosine + model.rest_push_to_north * sine)
+    return ahead, share * (model.rest_push_to_east * sine - model.rest_push_to_north * cosine)
+
+
+@inlined
+def down_slope(forward: float, cosine: float, sine: float, model) -> float:  # type: ignore[no-untyped-def]
+    """Speed (m/s, to the right) down a cross slope."""
+    return abs(forward) * (model.slope_east * sine - model.slope_north * cosine)  # type: ignore[no-any-return]
 
 
 @compiled

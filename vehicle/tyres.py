@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import math
 
-from vehicle.jit import compiled
+from vehicle.jit import compiled, inlined
 from vehicle.series import arc_share
 
 CREEP_MPS = 0.05  # below this speed slip angles are taken as if the wheel rolled this fast: no division by zero
+
+
+@inlined
+def per_rolling(rolling: float) -> float:
+    """One over the speed (s/m) that slip is taken by."""
+    return 1.0 / max(abs(rolling), CREEP_MPS)
+
+
+@inlined
+def limited(share: float, slide: float, limit: float) -> float:
+    """Slip angle (rad), beyond `limit` that limit, over its tangent `slide`, of which it is the `share`."""
+    if share * slide > limit:
+        share = limit / slide
+    return share
 
 
 @compiled
@@ -19,12 +33,9 @@ def side_resistance(rolling: float, sliding: float, slope: float, limit: float) 
     derivative would leave the implicit step explicit and let saturated tyres throw a crawling tractor from one side to
     the other.
     """
-    inverse = 1.0 / max(abs(rolling), CREEP_MPS)
+    inverse = per_rolling(rolling)
     slide = abs(sliding) * inverse
-    share = arc_share(slide)
-    if share * slide > limit:
-        share = limit / slide
-    return slope * share * inverse
+    return slope * limited(arc_share(slide), slide, limit) * inverse
 
 
 @compiled

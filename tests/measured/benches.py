@@ -16,7 +16,8 @@ from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, knobs_for
 from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.horizons import chain
-from vehicle.measured.replay.replaying import FORWARD, Rig, make_rig, replay
+from vehicle.measured.replay.replaying import Rig, make_rig, replay
+from vehicle.measured.replay.states import FORWARD
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor, load_tractor

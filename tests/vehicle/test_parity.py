@@ -14,7 +14,7 @@ from vehicle.effects import CATALOGUE, POSITION
 from vehicle.guidance import project, steering_command, target_point, wrapped
 from vehicle.layout import DT_S
 from vehicle.measured.answer.demo import draw_hidden
-from vehicle.measured.replay.replaying import ANGLE, STEERING, X, Y
+from vehicle.measured.replay.states import ANGLE, STEERING, X, Y
 from vehicle.missions import Leg, Mission, Task
 from vehicle.rest import REST
 from vehicle.tractor import Tractor, load_tractor

@@ -12,7 +12,9 @@ logs: reading
 
 replay: comparing
     course, part           stretches on the simulation's grid; a balanced part of hours of them
-    keeping                what was replayed once, so that nothing is driven twice
+    keeping, states        what was replayed once, so that nothing is driven twice; the columns of what is kept
+    foretelling            what a measured speed tells of all steps before they are driven
+    abreast                many stretches driven side by side
     replaying              logged commands through the functions of planning, and what instruments show of them
     anchoring, windows     rigid fits in closed form; the parts of a run that take turns
     horizons               open-loop error over horizons, anchored again piece by piece

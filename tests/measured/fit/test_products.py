@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vehicle.measured.fit.products import add_products, crossed, side_by_side, squared, squares, without
+from vehicle.measured.fit.products import Tall, add_products, crossed, side_by_side, squared, squares, without
 
 
 def test_products_are_those_of_the_columns() -> None:
@@ -37,6 +37,19 @@ def test_columns_of_one_run_alone_are_passed_over_without_a_trace() -> None:
         assert np.array_equal(crossed(columns, columns), slow)
         assert np.array_equal(crossed(columns, columns.copy()), slow)
         assert np.array_equal(crossed(columns, columns[:, 4]), slow[:, 4])
+
+
+def test_columns_looked_at_once_give_the_same_bits() -> None:
+    rng = np.random.default_rng(4)
+    for rows in (1, 64, 333):
+        columns, left = rng.normal(size=(rows, 7)), rng.normal(size=rows)
+        columns[: rows // 2, 1:4] = columns[rows // 3 :, 5] = columns[:, 6] = 0.0
+        amounts = rng.normal(size=7)
+        laid = Tall(columns)
+        assert np.array_equal(laid.crossed(left), crossed(columns, left))
+        assert np.array_equal(laid.without(left, amounts), without(left, columns, amounts))
+    none = Tall(np.zeros((4, 0)))
+    assert none.crossed(np.ones(4)).shape == (0,) and none.without(np.ones(4), np.zeros(0)).tolist() == [1.0] * 4
 
 
 def test_products_are_added_to_the_blocks_they_belong_to() -> None:

@@ -6,7 +6,8 @@ import pytest
 from tests.measured.drawn import circle, course, rig
 from vehicle.effects import PATH, SPEED
 from vehicle.measured.replay.keeping import Kept, key_of, of_blocks
-from vehicle.measured.replay.replaying import STEERING, replay, wheel_angles
+from vehicle.measured.replay.replaying import replay, wheel_angles
+from vehicle.measured.replay.states import STEERING
 
 OFFSET, BIAS = {"steering_offset": {"angle_deg": 1.0}}, {"heading_bias": {"angle_deg": 2.0}}
 LATE = {"steering_dead_time": {"time_s": 0.3}}

@@ -13,18 +13,8 @@ from vehicle.errors import VehicleError
 from vehicle.layout import DT_S
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import blank
-from vehicle.measured.replay.replaying import (
-    ANGLE,
-    FORWARD,
-    STEERING,
-    X,
-    Y,
-    antenna_lever,
-    make_rig,
-    own_rig,
-    replay,
-    seen,
-)
+from vehicle.measured.replay.replaying import antenna_lever, make_rig, own_rig, replay, seen
+from vehicle.measured.replay.states import ANGLE, FORWARD, STEERING, X, Y
 from vehicle.tractor import EffectSetting, load_tractor
 
 EG105 = load_tractor("eg105")

@@ -19,7 +19,8 @@ from vehicle.measured.logs.reading import log_from_frame
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import PACE_MPS, Pieces, blank
-from vehicle.measured.replay.replaying import ANGLE, Rig, X, Y, make_rig, replay
+from vehicle.measured.replay.replaying import Rig, make_rig, replay
+from vehicle.measured.replay.states import ANGLE, X, Y
 from vehicle.measured.surprise.draws import noisy_instruments, over_rough_ground
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor

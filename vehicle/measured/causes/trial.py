@@ -10,7 +10,7 @@ import numpy as np
 
 from vehicle.measured.fit.fitting import Fit, linear_extra
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
-from vehicle.measured.fit.products import crossed, without
+from vehicle.measured.fit.products import Tall, crossed, without
 from vehicle.measured.fit.solver import Point, Rule, descend
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
@@ -41,7 +41,7 @@ class Projector:
 
     def __init__(self, slope: Array) -> None:
         """What makes orthonormal directions of the columns, as far as their products tell."""
-        self.slope, self.turn = slope, np.zeros((slope.shape[1], 0))
+        self.slope, self.turn, self._laid = slope, np.zeros((slope.shape[1], 0)), Tall(slope)
         if slope.size:
             square = crossed(slope, slope)
             scale = np.maximum(np.sqrt(np.diag(square)), 1e-12)
@@ -53,7 +53,7 @@ class Projector:
         """The part of a vector (n,) that no column explains."""
         if not self.turn.size:
             return vector
-        return without(vector, self.slope, self.turn @ (self.turn.T @ crossed(self.slope, vector)))
+        return self._laid.without(vector, self.turn @ (self.turn.T @ self._laid.crossed(vector)))
 
     def products(self, columns: Array) -> Array:
         """Products (k, k) with each other of the parts of columns (n, k) that no column of the fit explains."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
-from vehicle.measured.fit.products import add_products, squared, without
+from vehicle.measured.fit.products import Tall, add_products, squared
 from vehicle.measured.fit.solver import LATER_STEP, Point, Rule, descend, slope_of, with_near_slope
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
@@ -41,7 +41,18 @@ class Extra:
     @cached_property
     def sum(self) -> Array:
         """What is in use of all columns together (n,)."""
-        return without(np.zeros(len(self.columns)), self.columns, -self.amounts)
+        return self.laid.without(np.zeros(len(self.columns)), -self.amounts)
+
+    @cached_property
+    def laid(self) -> Tall:
+        """The columns, looked at once for all amounts."""
+        return Tall(self.columns)
+
+    def with_amounts(self, amounts: Array) -> Extra:
+        """The same terms, so much in use."""
+        other = replace(self, amounts=amounts)
+        other.__dict__["laid"] = self.laid
+        return other
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +175,7 @@ class _Parts:
         if key not in self._extras:
             if len(self._extras) > 1:  # a point and the one before are asked for again and again
                 self._extras.clear()
-            self._extras[key] = replace(self.fit.extra, amounts=amounts)
+            self._extras[key] = self.fit.extra.with_amounts(amounts)
         return self._extras[key]
 
     @cached_property

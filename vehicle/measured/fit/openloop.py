@@ -7,7 +7,7 @@ each as a share of what it was before.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -33,8 +33,9 @@ from vehicle.measured.fit.solver import (
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import add_off_middle
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.horizons import Cuts, anchored_pieces, cuts, driven_pose
-from vehicle.measured.replay.replaying import FORWARD, replay
+from vehicle.measured.replay.horizons import Cuts, anchored_pieces, cuts, driven_poses
+from vehicle.measured.replay.replaying import replay
+from vehicle.measured.replay.states import FORWARD
 from vehicle.measured.replay.windows import window_of
 from vehicle.measured.surprise.bench import Bench
 from vehicle.rest import BY_NAME
@@ -91,12 +92,18 @@ class OpenLoop:
     def errors(self, terms: Sequence[Term]) -> Array:
         """The whole vector: the sum of its squares is 1 without terms."""
         acting = (*self.settled, *terms)
-        parts = [self._raw(stretch, settings_in(acting, stretch.run)) for stretch in self.bench.course.stretches]
-        out: Array = np.concatenate(parts) / self._units
+        out = self._raw({run: settings_in(acting, run) for run in range(self.run_count)})
+        out /= self._units
         return out
 
-    def _raw(self, stretch: Stretch, settings: Settings) -> Array:
-        antenna, heading = driven_pose(self.bench.rig, stretch, settings, by_speed=True)
+    def _raw(self, settings: Mapping[int, Settings]) -> Array:
+        """The vector in metres and radians, for the settings of every run."""
+        each = [(stretch, settings[stretch.run]) for stretch in self.bench.course.stretches]
+        poses = driven_poses(self.bench.rig, each, by_speed=True)
+        return np.concatenate([self._anchored(*one, *pose) for one, pose in zip(each, poses, strict=True)])
+
+    def _anchored(self, stretch: Stretch, settings: Settings, antenna: Array, heading: Array) -> Array:
+        """Errors of one stretch, from its poses driven."""
         behind = self._behind(stretch, settings)
         parts = []
         for cut in self._cuts[stretch]:
@@ -136,7 +143,7 @@ class OpenLoop:
     @cached_property
     def _units(self) -> Array:
         """Per entry, the size of its horizon and kind without terms, so that each of them sums up to its share."""
-        whole = np.concatenate([self._raw(stretch, {}) for stretch in self.bench.course.stretches])
+        whole = self._raw({run: {} for run in range(self.run_count)})
         group = np.concatenate([
             np.repeat(np.arange(len(HORIZONS_S)), one.rows * KINDS) * KINDS
             + np.tile(np.arange(KINDS), one.rows * len(HORIZONS_S))

@@ -16,6 +16,30 @@ from vehicle.measured.logs.record import Array
 ROWS = 64  # that are looked at together: chosen, few enough to stay near the processor
 
 
+class Tall:
+    """Columns (n, m) that are asked for again and again, with where each of them is not 0 all along."""
+
+    def __init__(self, columns: Array) -> None:
+        """Look at the columns once."""
+        self._columns = np.ascontiguousarray(columns.T)
+        pieces = -(-len(columns) // ROWS)
+        self._counts = np.zeros(pieces, np.int64)
+        self._places = np.zeros((pieces, columns.shape[1]), np.int64)
+        _look(self._columns, self._counts, self._places)
+
+    def crossed(self, vector: Array) -> Array:
+        """Products (m,) with a vector (n,): those of `crossed`."""
+        out = np.zeros(len(self._columns))
+        _sided_where(self._columns, self._counts, self._places, np.ascontiguousarray(vector), out)
+        return out
+
+    def without(self, vector: Array, amounts: Array) -> Array:
+        """A vector (n,) less so much (m,) of each column."""
+        out = vector.copy()
+        _take_where(out, self._columns, self._counts, self._places, amounts)
+        return out
+
+
 def squared(left: Array) -> float:
     """Sum of squares of a vector (n,)."""
     return float(np.einsum("i,i", left, left))
@@ -148,3 +172,51 @@ def _take(vector, columns, amounts) -> None:  # type: ignore[no-untyped-def]
             if amounts[i] != 0.0:
                 for row in range(first, last):
                     vector[row] -= columns[i, row] * amounts[i]
+
+
+@compiled
+def _look(columns, counts, places) -> None:  # type: ignore[no-untyped-def]
+    """Per piece of ROWS rows how many columns (m, n) are not 0 there, `counts` (p,), and which, `places` (p, m)."""
+    for piece in range(len(counts)):
+        first, last = piece * ROWS, min((piece + 1) * ROWS, columns.shape[1])
+        for i in range(len(columns)):
+            for row in range(first, last):
+                if columns[i, row] != 0.0:
+                    places[piece, counts[piece]] = i
+                    counts[piece] += 1
+                    break
+
+
+@compiled
+def _sided_where(columns, counts, places, left, out) -> None:  # type: ignore[no-untyped-def]
+    """As _sided, of all rows: what is 0 is passed over, which leaves the sums as they are."""
+    for piece in range(len(counts)):
+        first, last = piece * ROWS, min((piece + 1) * ROWS, len(left))
+        whole = counts[piece] - counts[piece] % 4
+        for k in range(0, whole, 4):
+            i, j, m, n = places[piece, k], places[piece, k + 1], places[piece, k + 2], places[piece, k + 3]
+            a, b, c, d = out[i], out[j], out[m], out[n]
+            for row in range(first, last):
+                a += columns[i, row] * left[row]
+                b += columns[j, row] * left[row]
+                c += columns[m, row] * left[row]
+                d += columns[n, row] * left[row]
+            out[i], out[j], out[m], out[n] = a, b, c, d
+        for k in range(whole, counts[piece]):
+            i = places[piece, k]
+            a = out[i]
+            for row in range(first, last):
+                a += columns[i, row] * left[row]
+            out[i] = a
+
+
+@compiled
+def _take_where(vector, columns, counts, places, amounts) -> None:  # type: ignore[no-untyped-def]
+    """As _take."""
+    for piece in range(len(counts)):
+        first, last = piece * ROWS, min((piece + 1) * ROWS, len(vector))
+        for k in range(counts[piece]):
+            i = places[piece, k]
+            amount = amounts[i]
+            for row in range(first, last):
+                vector[row] -= columns[i, row] * amount

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.anchoring import anchor_pieces
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import Rig, antenna_seen, replay, seen
+from vehicle.measured.replay.replaying import Pair, Rig, antenna_seen, replays, seen
 from vehicle.measured.replay.windows import half_of
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # from a moment to a short swath at 5 km/h
@@ -67,16 +67,24 @@ def chain(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool = False
 
     With `by_speed` at the speed that was measured, where it was: so a fault of the speed leaves no trace of its own.
     """
-    return seen(rig, stretch, _driven(rig, stretch, settings, by_speed), settings)
+    (states,) = _driven(rig, [(stretch, settings)], by_speed)
+    return seen(rig, stretch, states, settings)
 
 
-def driven_pose(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool = False) -> tuple[Array, Array]:
-    """Antenna (k, 2) and heading (k,) of chain alone."""
-    return antenna_seen(rig, stretch, _driven(rig, stretch, settings, by_speed), settings)
+def driven_poses(rig: Rig, each: Sequence[Pair], by_speed: bool = False) -> list[tuple[Array, Array]]:
+    """Antenna (k, 2) and heading (k,) of chain alone, for many stretches, each with its settings."""
+    states = _driven(rig, each, by_speed)
+    return [antenna_seen(rig, stretch, mine, one) for (stretch, one), mine in zip(each, states, strict=True)]
 
 
-def _driven(rig: Rig, stretch: Stretch, settings: Settings, by_speed: bool) -> Array:
-    return replay(rig, stretch, settings, from_sensor=False, from_speed=by_speed and stretch.speed_seen)
+def _driven(rig: Rig, each: Sequence[Pair], by_speed: bool) -> list[Array]:
+    """States of stretches, those of one kind side by side."""
+    found: dict[int, Array] = {}
+    for timed in (False, True):
+        mine = [number for number, (stretch, _) in enumerate(each) if (by_speed and stretch.speed_seen) is timed]
+        states = replays(rig, [each[number] for number in mine], from_sensor=False, from_speed=timed)
+        found.update(zip(mine, states, strict=True))
+    return [found[number] for number in range(len(each))]
 
 
 def squares(stretch: Stretch, antenna: Array, heading: Array, half: int | None = None) -> Squares:
@@ -105,13 +113,16 @@ def run_squares(
 
     `by_speed` is that of chain.
     """
-    totals = no_squares(len(course.names))
+    totals, each, halves = no_squares(len(course.names)), list[Pair](), list[int | None]()
     for stretch in course.stretches:
         mine = settings[stretch.run]
         for half, one in enumerate(mine) if isinstance(mine, tuple) else ((None, mine),):
-            antenna, heading = driven_pose(rig, stretch, one, by_speed)
-            for horizon, part in squares(stretch, antenna, heading, half).items():
-                totals[stretch.run][horizon] += part
+            each.append((stretch, one))
+            halves.append(half)
+    poses = driven_poses(rig, each, by_speed)
+    for (stretch, _), half, (antenna, heading) in zip(each, halves, poses, strict=True):
+        for horizon, part in squares(stretch, antenna, heading, half).items():
+            totals[stretch.run][horizon] += part
     return totals
 
 

@@ -23,11 +23,18 @@ class Kept:
 
     def get(self, key: Hashable, make: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
         """The arrays of a key, made where they are not kept. They are shared: nobody may write to them."""
+        found = self.find(key)
+        return self.keep(key, make()) if found is None else found
+
+    def find(self, key: Hashable) -> tuple[Array, ...] | None:
+        """The arrays of a key where they are kept."""
         found = self._found.get(key)
         if found is not None:
             self._found.move_to_end(key)
-            return found
-        made = make()
+        return found
+
+    def keep(self, key: Hashable, made: tuple[Array, ...]) -> tuple[Array, ...]:
+        """Keep arrays under a key that has none, which from now on nobody may write to."""
         for one in made:
             one.flags.writeable = False
         self._found[key] = made

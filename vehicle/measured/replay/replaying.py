@@ -8,14 +8,14 @@ Effects that belong to a place or a direction look at the measured pose, so one 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from vehicle.calibration import steering_tables
-from vehicle.chassis import GRAVITY, body_step
+from vehicle.chassis import body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
 from vehicle.effects import PATH, SLOPE_DRIFT, SPEED, effect_fields
@@ -27,28 +27,33 @@ from vehicle.kinds import PER_SLOPE
 from vehicle.layout import DT_S, STATE
 from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
+from vehicle.measured.replay.abreast import ABREAST, Abreast, abreast_of, drive_abreast
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.keeping import Kept, key_of, of_blocks
+from vehicle.measured.replay.foretelling import foretell
+from vehicle.measured.replay.keeping import Effects, Kept, key_of, of_blocks
+from vehicle.measured.replay.states import ANGLE, FORWARD, STEERING, X, Y
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
-X, Y, ANGLE, STEERING, FORWARD = range(5)  # columns of replayed states
 MOST_MODELS = 16  # chosen: the stretches of a course ask for one after another
+MOST_GROUPS, MOST_LAID = 4, 250_000  # chosen: groups of stretches that stay laid side by side, of so many steps each
+Pair = tuple[Stretch, Settings]
 
 
 @compiled
 def replay_steps(  # type: ignore[no-untyped-def]
     command, wheel, steady, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt,
-    from_sensor, from_speed, state, model, ground, table, out,
+    from_sensor, state, model, ground, table, out,
 ) -> None:  # fmt: skip
-    """Drive through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and speed before each.
+    """Drive at the speed commanded through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and
+    speed before each.
 
     `cosines` and `sines` are those of `heading`; `downhill` is the drift to the right (m/m) on a slope that was
     measured, beside that of the model.
 
-    `from_sensor` and `from_speed` put the measured wheel angle and speed in the place of what the commands give. Speeds
-    are those on the ground, measured or not: where that is itself carried along, the tractor drives on top of it. Play
-    behind the sensor follows `steady`, its angle without noise: the extremes of noise would take up some of the play.
+    `from_sensor` puts the measured wheel angle in the place of what the commands give. Speeds are those on the ground:
+    where that is itself carried along, the tractor drives on top of it. Play behind the sensor follows `steady`, its
+    angle without noise: the extremes of noise would take up some of the play.
     """
     x, y, angle, forward = east[0], north[0], heading[0], speed[0]
     state.steering = state.commands[-1] = wheel[0]
@@ -57,8 +62,6 @@ def replay_steps(  # type: ignore[no-untyped-def]
     right = spin = 0.0
     for i in range(len(command)):
         state.command, state.working, state.target_speed = command[i], working[i], target[i]
-        if from_speed:
-            forward = speed[i]
         out[i, X], out[i, Y], out[i, ANGLE], out[i, STEERING], out[i, FORWARD] = x, y, angle, state.steering, forward
         if from_sensor:
             state.steering = wheel[i]
@@ -67,10 +70,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
         else:
             turn_wheels(state, model, dt)
             turned = state.play
-        if from_speed:
-            drive = ground.rolling * model.mass * GRAVITY * forward / (abs(forward) + 0.05)  # what rolling takes
-        else:
-            drive = propel(state, model, ground, forward, dt)
+        drive = propel(state, model, ground, forward, dt)
         there, across = cosines[i], sines[i]
         tangent = affected_tangent(
             turned, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
@@ -88,13 +88,27 @@ def replay_steps(  # type: ignore[no-untyped-def]
 
 @compiled
 def steer_steps(command, first, dt, state, model, out) -> None:  # type: ignore[no-untyped-def]
-    """Steer through one command per step from a `first` wheel angle; `out` (n,) gets the wheel angle before each."""
+    """Steer through one command per step from a `first` wheel angle; `out` (n + 1,) gets the wheel angle before each
+    and after the last."""
     state.steering = state.play = state.commands[-1] = first
     for i in range(len(command)):
         state.command = command[i]
         out[i] = state.steering
         turn_wheels(state, model, dt)
         state.clock += 1
+    out[len(command)] = state.steering
+
+
+@compiled
+def play_steps(wheel, steady, first, noisy, model, out) -> None:  # type: ignore[no-untyped-def]
+    """Wheel angles behind the play, `out` (n,), of those before it, (n,), and without noise, `steady` (n,).
+
+    The play begins at a `first` angle; angles that are not `noisy` are their own `steady` ones.
+    """
+    play = first
+    for i in range(len(wheel)):
+        play = played(play, steady[i], model)
+        out[i] = wheel[i] + (play - steady[i]) if noisy else play
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +116,7 @@ class Rig:
     """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
 
     `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none. `kept` is what
-    was replayed already, `models` what it was replayed with.
+    was replayed already, `models` what it was replayed with, `groups` the stretches that were driven side by side.
     """
 
     tractor: Tractor
@@ -113,6 +127,18 @@ class Rig:
     ranges: Mapping[str, float] = field(default_factory=dict)
     kept: Kept = field(default_factory=Kept)
     models: dict[Hashable, Any] = field(default_factory=dict)
+    groups: dict[tuple[Stretch, ...], Abreast] = field(default_factory=dict)
+
+    def abreast(self, stretches: tuple[Stretch, ...]) -> Abreast:
+        """The stretches side by side, kept for the next time where they are short."""
+        laid = self.groups.get(stretches)
+        if laid is None:
+            laid = abreast_of(stretches)
+            if len(laid.speed) <= MOST_LAID:
+                if len(self.groups) >= MOST_GROUPS:
+                    self.groups.pop(next(iter(self.groups)))
+                self.groups[stretches] = laid
+        return laid
 
     def effective(self, settings: Settings) -> Any:
         """The record of with_effects, made once for the stretches of a course."""
@@ -155,43 +181,123 @@ def replay(rig: Rig, stretch: Stretch, settings: Settings, from_sensor: bool, fr
 
     What the log lacks is replaced: a sensor by the command and back.
     """
-    sensed, timed = from_sensor and stretch.wheel is not None, from_speed or stretch.target is None
-    # A sensor cuts the chain: what lies before it moves nothing, and antenna and clocks move no tractor at all.
-    blocks = {PATH, *(() if sensed else (STEERS,)), *(() if timed else (SPEED,))}
-    acting = of_blocks(settings, frozenset(blocks))
-    key = (stretch, sensed, timed, tuple(rig.ranges.items()), key_of(acting))
-    return rig.kept.get(key, lambda: (_replayed(rig, stretch, acting, sensed, timed),))[0]
+    return replays(rig, [(stretch, settings)], from_sensor, from_speed)[0]
 
 
-def _replayed(rig: Rig, stretch: Stretch, settings: Settings, sensed: bool, timed: bool) -> Array:
-    grids = stretch.grids
+def replays(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool) -> list[Array]:
+    """The states of replay for many stretches, each with its settings."""
+    asked = _asked(rig, pairs, from_sensor, from_speed)
+    found = [rig.kept.find(one.key) for one in asked]
+    missing = [one for one, states in zip(asked, found, strict=True) if states is None]
+    made: dict[Hashable, Array] = {}
+    for group in _groups(list({one.key: one for one in missing}.values())):
+        made |= _led(rig, group) if group[0].timed else {group[0].key: _commanded(rig, group[0])}
+    for one in missing:
+        rig.kept.keep(one.key, (made[one.key],))
+    return [made[one.key] if states is None else states[0] for one, states in zip(asked, found, strict=True)]
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A stretch to be replayed with the settings that act: `sensed` from its wheel angle, `timed` at its speed."""
+
+    stretch: Stretch
+    settings: Settings
+    sensed: bool
+    timed: bool
+    key: Hashable
+
+
+def _asked(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool) -> list[_Asked]:
+    """What is asked for, with its key; settings that many stretches share are looked at once."""
+    ranges, known = tuple(rig.ranges.items()), dict[tuple[int, bool, bool], tuple[Settings, Effects]]()
+    asked = []
+    for stretch, settings in pairs:
+        sensed, timed = from_sensor and stretch.wheel is not None, from_speed or stretch.target is None
+        place = (id(settings), sensed, timed)
+        if place not in known:
+            # A sensor cuts the chain: what lies before it moves nothing; antenna and clocks move no tractor at all.
+            blocks = {PATH, *(() if sensed else (STEERS,)), *(() if timed else (SPEED,))}
+            acting = of_blocks(settings, frozenset(blocks))
+            known[place] = acting, key_of(acting)
+        acting, key = known[place]
+        asked.append(_Asked(stretch, acting, sensed, timed, (stretch, sensed, timed, ranges, key)))
+    return asked
+
+
+def _groups(asked: list[_Asked]) -> list[list[_Asked]]:
+    """What can be driven side by side, the longest first; what drives at commanded speeds is driven alone."""
+    timed = sorted((one for one in asked if one.timed), key=lambda one: -len(one.stretch.grids["speed"]))
+    groups = [timed[first : first + ABREAST] for first in range(0, len(timed), ABREAST)]
+    return groups + [[one] for one in asked if not one.timed]
+
+
+def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
+    """States of stretches driven side by side at their measured speed."""
+    laid = rig.abreast(tuple(one.stretch for one in group))
+    out, (bend, ahead, slide) = np.empty((len(laid.speed), 5)), np.zeros((3, len(laid.speed)))
+    out[:, FORWARD] = laid.speed
+    for one, begin, end in zip(group, laid.begins, laid.ends, strict=True):
+        grids, mine = one.stretch.grids, slice(int(begin), int(end))
+        settings, slope = _on_slope(one.stretch, one.settings)
+        if slope is not None:
+            slide[mine] = slope
+        model, (before, wheel, steady) = rig.effective(settings), _wheels(rig, one)
+        out[mine, STEERING], turned = before, np.empty(len(wheel))
+        play_steps(wheel, steady, steady[0] if one.sensed else before[0], one.sensed, model, turned)
+        foretell(
+            grids["speed"], grids["working"], grids["east"], grids["north"], *one.stretch.direction, turned,
+            one.stretch.start_s, DT_S, rig.table, model, bend[mine], ahead[mine], slide[mine],
+        )  # fmt: skip
+    drive_abreast(*laid, bend, ahead, slide, DT_S, rig.model[0], rig.ground[0], out)
+    return {one.key: out[begin:end] for one, begin, end in zip(group, laid.begins, laid.ends, strict=True)}
+
+
+def _wheels(rig: Rig, asked: _Asked) -> tuple[Array, Array, Array]:
+    """Wheel angles (n,) on the grid before each step, then those it is driven with, and these without noise."""
+    stretch = asked.stretch
+    if asked.sensed:
+        wheel = stretch.grids["wheel"]
+        return np.concatenate([wheel[:1], wheel[:-1]]), wheel, stretch.steady_wheel
+    steered = _steered(rig, stretch, asked.settings)
+    return steered[:-1], steered[1:], steered[1:]
+
+
+def _commanded(rig: Rig, asked: _Asked) -> Array:
+    """States of a stretch driven at the speeds commanded."""
+    stretch, grids = asked.stretch, asked.stretch.grids
     command, wheel = _steering(stretch)
-    steady = stretch.steady_wheel if sensed else wheel
+    steady = stretch.steady_wheel if asked.sensed else wheel
     out = np.empty((len(command), 5))
-    settings, downhill = _on_slope(stretch, settings)
+    settings, slope = _on_slope(stretch, asked.settings)
     replay_steps(
-        command, wheel, steady, grids["speed"], grids.get("target", grids["speed"]), grids["working"],
-        grids["east"], grids["north"], grids["heading"], *stretch.direction, downhill, stretch.start_s, DT_S,
-        sensed, timed, _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
+        command, wheel, steady, grids["speed"], grids["target"], grids["working"], grids["east"], grids["north"],
+        grids["heading"], *stretch.direction, np.zeros(len(command)) if slope is None else slope, stretch.start_s, DT_S,
+        asked.sensed, _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
 
 
-def _on_slope(stretch: Stretch, settings: Settings) -> tuple[Settings, Array]:
+def _on_slope(stretch: Stretch, settings: Settings) -> tuple[Settings, Array | None]:
     """Settings without the drift on a plane, and the drift (m/m, n) on the slope measured; as they are without one."""
     share, across = settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE), stretch.grids.get("across")
     if share is None or across is None:
-        return settings, np.zeros(len(stretch.grids["speed"]))
+        return settings, None
     return {name: values for name, values in settings.items() if name != SLOPE_DRIFT}, share * across
 
 
 def wheel_angles(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
     """Wheel angle (n,) on the grid of a stretch that its commands come to: that of replay, without the drive."""
+    return _steered(rig, stretch, settings)[:-1]
+
+
+def _steered(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
+    """Wheel angle (n + 1,) that the commands of a stretch come to before each step and after the last."""
     acting = of_blocks(settings, frozenset({STEERS}))
 
     def steered() -> tuple[Array]:
         command, wheel = _steering(stretch)
-        out = np.empty(len(command))
+        out = np.empty(len(command) + 1)
         steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.effective(acting), out)
         return (out,)
 

@@ -19,11 +19,12 @@ from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import FORWARD, Rig, antenna_lever, replay, wheel_angles
+from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, wheel_angles
+from vehicle.measured.replay.states import FORWARD
 from vehicle.measured.replay.windows import half_of
 from vehicle.measured.surprise.noise import first_noise
 from vehicle.measured.surprise.weights import Channel, Filter, channels, filters, huber
-from vehicle.measured.surprise.whitening import Increments, Noise, innovations, simulated_increments
+from vehicle.measured.surprise.whitening import Increments, Noise, all_increments, innovations
 
 BLOCK_S = 10.0  # half a window: soil forgets within it, a slow cause does not
 Parts = dict[str, Array]
@@ -53,8 +54,7 @@ class Bench:
 
     def path(self, settings: Settings) -> list[Increments]:
         """Simulated increments of the centre of mass per stretch, with latency applied."""
-        settings = self._with_fixed(settings)
-        return [simulated_increments(self.rig, stretch, settings) for stretch in self.course.stretches]
+        return all_increments(self.rig, self.course.stretches, self._with_fixed(settings))
 
     def path_surprise(self, moves: list[Increments], settings: Settings) -> Array:
         """Whitened innovations of all stretches (3 rows each), flat."""

@@ -10,7 +10,8 @@ from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import ANGLE, FORWARD, Rig, X, Y, seen
+from vehicle.measured.replay.replaying import Rig, seen
+from vehicle.measured.replay.states import ANGLE, FORWARD, X, Y
 from vehicle.measured.surprise.whitening import DRIFT_MEMORY_S, SOIL_MEMORY_S, Noise
 
 

@@ -16,7 +16,8 @@ import numpy as np
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Course, Stretch
-from vehicle.measured.replay.replaying import FORWARD, Rig, antenna_seen, replay
+from vehicle.measured.replay.replaying import Rig, antenna_seen, replay
+from vehicle.measured.replay.states import FORWARD
 from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise, step_times
 from vehicle.measured.thresholds import LEAST_ALONG, LEAST_SOIL, MOST_SOIL
 

@@ -13,6 +13,7 @@ and north.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,7 @@ from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.keeping import key_of, of_blocks
-from vehicle.measured.replay.replaying import Rig, replay, shown_poses
+from vehicle.measured.replay.replaying import Rig, replays, shown_poses
 
 SIZE, SEEN = 7, 3  # numbers of the state and of a measurement
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # a rut or a clod at walking pace; what satellites and fixing let wander
@@ -277,15 +278,27 @@ def step_times(steps: int) -> Array:
 def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Increments:
     """Increments between the rows of a stretch, replayed from measured wheel angle and speed and seen as late as the
     settings say."""
+    return all_increments(rig, [stretch], settings)[0]
+
+
+def all_increments(rig: Rig, stretches: Sequence[Stretch], settings: Settings) -> list[Increments]:
+    """The increments of simulated_increments for many stretches."""
     fields = effect_fields(settings)
     latency = fields["latency"]
+    acting = key_of(of_blocks(settings, frozenset({PATH, STEERING, SPEED})))
+    ranges = tuple(rig.ranges.items())
+    keys = [(stretch, "increments", ranges, latency, acting) for stretch in stretches]
+    found = [rig.kept.find(key) for key in keys]
+    missing = [stretch for stretch, kept in zip(stretches, found, strict=True) if kept is None]
+    states = iter(replays(rig, [(one, settings) for one in missing], from_sensor=True, from_speed=True))
 
-    def moved() -> tuple[Array, Array, Array]:
-        states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
-        rows = shown_poses(rig, stretch, states, fields, step_times(len(states)), latency / STEP_HZ)
+    def moved(stretch: Stretch) -> tuple[Array, Array, Array]:
+        driven = next(states)
+        rows = shown_poses(rig, stretch, driven, fields, step_times(len(driven)), latency / STEP_HZ)
         move = increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
         return move.ahead, move.aside, move.turned
 
-    acting = of_blocks(settings, frozenset({PATH, STEERING, SPEED}))
-    key = (stretch, "increments", tuple(rig.ranges.items()), latency, key_of(acting))
-    return Increments(*rig.kept.get(key, moved))
+    return [
+        Increments(*(rig.kept.keep(key, moved(stretch)) if kept is None else kept))
+        for key, stretch, kept in zip(keys, stretches, found, strict=True)
+    ]

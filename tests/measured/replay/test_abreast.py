@@ -1,0 +1,116 @@
+"""Stretches driven side by side against each of them alone, and what is told beforehand against one step after another.
+
+Equal to the last bit: a stretch must not notice what drives beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.measured.benches import eg105, rig
+from vehicle.learnt import Settings
+from vehicle.measured.replay.course import Stretch
+from vehicle.measured.replay.drives import DRILLS, driven
+from vehicle.measured.replay.foretelling import foretell
+from vehicle.measured.replay.keeping import Kept
+from vehicle.measured.replay.replaying import Rig, own_rig, replay, replays
+from vehicle.measured.replay.states import ANGLE, FORWARD, X
+from vehicle.terms import affected_tangent, ground_drift
+
+BENT: Settings = {
+    "steering_offset": {"angle_deg": 1.2},
+    "understeer": {"deg_per_mps2": 0.7},
+    "grip_drift": {"per_minute": 0.04},
+    "steering_asymmetry": {"ratio": 1.1},
+    "steering_backlash": {"angle_deg": 1.0},
+    "side_slip": {"limit_g": 0.25},
+    "implement_side_draft": {"curvature_per_m": 0.003},
+}
+REST: Settings = {"rest": {"grip_by_angle": 0.3, "push_to_east": 0.05, "angle_by_speed": 0.01}}
+ALL = (BENT, REST, {**BENT, **REST}, {}, {"grip_patch": {"ratio": 0.7, "east_m": 3.0, "north_m": 2.0, "radius_m": 9.0}})
+
+
+@lru_cache(maxsize=1)
+def stretches() -> tuple[Stretch, ...]:
+    """Drives of many lengths, more than are driven at once."""
+    drives = [one for drill in DRILLS for one in driven(rig(), drill, 0.3, 1.4, {}).stretches]
+    whole = [replace(one, run=number) for number, one in enumerate(3 * drives)]
+    assert len(whole) > 16
+    return tuple(whole)
+
+
+def fresh(ground: str = "soil") -> Rig:
+    """The tractor of the tests, which has replayed nothing yet."""
+    return replace(rig(), kept=Kept()) if ground == "soil" else own_rig(eg105(), ground, (0.0, 0.0))[0]
+
+
+@pytest.mark.parametrize("settings", ALL)
+@pytest.mark.parametrize("from_sensor", [False, True])
+def test_a_stretch_does_not_notice_what_drives_beside_it(settings: Settings, from_sensor: bool) -> None:
+    together = replays(fresh(), [(one, settings) for one in stretches()], from_sensor, True)
+    for one, states in zip(stretches(), together, strict=True):
+        assert np.array_equal(states, replay(fresh(), one, settings, from_sensor, True))
+
+
+def test_each_stretch_is_driven_with_its_own_settings() -> None:
+    pairs = [(one, ALL[number % len(ALL)]) for number, one in enumerate(stretches())]
+    for (one, settings), states in zip(pairs, replays(fresh(), pairs, False, True), strict=True):
+        assert np.array_equal(states, replay(fresh(), one, settings, False, True))
+
+
+def test_what_slides_far_is_driven_alike() -> None:
+    """Wheels beyond the small angles of the series and beyond the limit of their side force."""
+    wild = []
+    for one in stretches()[:12]:
+        wheel = np.sign(np.sin(np.arange(len(one.grids["wheel"])) / 40.0)) * 0.6
+        wild.append(replace(one, grids=one.grids | {"wheel": wheel, "command": wheel, "speed": one.grids["speed"] * 6}))
+    together = replays(fresh(), [(one, {}) for one in wild], False, True)
+    spins = np.concatenate([np.diff(states[:, ANGLE]) * 60.0 for states in together])
+    assert np.abs(spins).max() > 1.0
+    for one, states in zip(wild, together, strict=True):
+        assert np.array_equal(states, replay(fresh(), one, {}, False, True))
+
+
+def test_what_was_kept_is_neither_driven_nor_changed() -> None:
+    tractor, pairs = fresh(), [(one, BENT) for one in stretches()]
+    first = replays(tractor, pairs[:5], False, True)
+    again = replays(tractor, pairs[3:9], False, True)
+    assert again[0] is first[3] and again[1] is first[4]
+    assert all(not one.flags.writeable for one in again)
+    twice = replays(fresh(), [pairs[0], pairs[0]], False, True)
+    assert twice[0] is twice[1]
+
+
+def test_speeds_are_the_measured_ones() -> None:
+    for one, states in zip(stretches(), replays(fresh(), [(one, {}) for one in stretches()], True, True), strict=True):
+        assert np.array_equal(states[:, FORWARD], one.grids["speed"])
+        assert states[0, X] == one.grids["east"][0]
+
+
+@pytest.mark.parametrize("settings", ALL)
+@pytest.mark.parametrize("most", [0.0, 0.05, 0.7, 1.4])
+def test_what_is_told_beforehand_is_what_steps_are_told(settings: Settings, most: float) -> None:
+    """The formulas of planning, step by step; wheels that stand straight as well, and beyond full lock."""
+    rng, steps, tractor = np.random.default_rng(8), 333, rig()
+    turned, speed = most * rng.uniform(-1.0, 1.0, steps), rng.uniform(-1.0, 4.0, steps)
+    turned[:5] = 0.0
+    east, north, heading = rng.uniform(-20.0, 20.0, (3, steps))
+    cosines, sines, working = np.cos(heading), np.sin(heading), np.round(rng.uniform(size=steps))
+    downhill = rng.normal(0.0, 0.02, steps)
+    model, table = tractor.effective(settings), tractor.table
+    bend, ahead, slide = np.empty(steps), np.empty(steps), downhill.copy()
+    foretell(
+        speed, working, east, north, cosines, sines, turned, 30.0, 0.1, table, model, bend, ahead, slide
+    )  # fmt: skip
+    for k in range(steps):
+        here = (cosines[k], sines[k])
+        asked = affected_tangent(
+            turned[k], speed[k], east[k], north[k], *here, 30.0 + k * 0.1, working[k], table, model
+        )  # fmt: skip
+        along, across = ground_drift(turned[k], speed[k], *here, model)
+        assert (bend[k], ahead[k]) == (asked, along)
+        assert slide[k] == pytest.approx(across + abs(speed[k]) * downhill[k], abs=1e-15)
