@@ -26,7 +26,7 @@ class Asked(threading.Event):
 
 def told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], misses: int, times: int) -> str:
     """What is said on standard error while a loop loads that was not found on disk so often."""
-    loop = SimpleNamespace(stats=SimpleNamespace(cache_misses={n: 1 for n in range(misses)}))
+    loop = SimpleNamespace(stats=SimpleNamespace(cache_misses=dict.fromkeys(range(misses), 1)))
     monkeypatch.setattr(show, "LOOPS", (("a_module", "a_loop"),))
     monkeypatch.setitem(cast(dict[str, object], show.sys.modules), "a_module", SimpleNamespace(a_loop=loop))
     show._tell_of_compiling(Asked(times))
