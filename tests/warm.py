@@ -40,11 +40,14 @@ from planner.main import main
 from planner.service.links.warming import warm
 from strategies.refilling.loads import Task
 from strategies.refilling.search import in_loads
+from tests.truth.drives import three_speeds_programme
 from tests.truth.model import make_logs
+from tests.truth.second import second_logs
 warm()
 seconds = np.ones((12, 12))
 in_loads(Task(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
 routes.connect(begin, end)
+second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
 here = Path.cwd()
 for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, seed=3)[:8]):
     log.to_csv(here / f"{{number}}.csv", index=False)
