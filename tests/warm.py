@@ -18,7 +18,8 @@ import numpy as np
 import shapely
 from strategies.ways.connect import Connector, TurnCosts
 free = shapely.box(0, 0, 90, 60) - shapely.box(40, 10, 50, 50)
-routes = Connector(free, 4.3, TurnCosts(1.5, 1.0, 4.0))
+costs = TurnCosts(1.5, 1.0, 4.0)
+routes, onward = Connector(free, 4.3, costs), Connector(free, 4.3, costs, ("u", "omega"))
 begin, end = (10.0, 30.0, 0.0), (80.0, 30.0, 0.0)
 """
 PLANS = f"""{ROUTES}
@@ -47,6 +48,7 @@ warm()
 seconds = np.ones((12, 12))
 in_loads(Task(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
 routes.connect(begin, end)
+onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
 second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
 here = Path.cwd()
 for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, seed=3)[:8]):
