@@ -26,10 +26,18 @@ PLANS = f"""{ROUTES}
 import sys
 from planner.main import main
 from planner.warmup import run_once
+from strategies.orders.bounds import bound_by_ends
+from vehicle.missions import Leg, Mission
+from vehicle.tractor import Implement, load_tractor
 from vehicle.trials.sheets.catalogue import validate
+from vehicle.twin.stepper import Stepper
 routes.direct_costs(np.array([begin]), np.array([end]), np.array([[0, 0]]))
 run_once()
+mission = Mission((Leg(np.array([[0.0, 0.0], [9.0, 0.0]]), 1.4),))
+Stepper(mission, load_tractor("eg105"), Implement()).advance(1.0)
 validate(("fixed", "zigzag"))
+seconds = np.ones((12, 12))
+bound_by_ends(seconds, seconds[0], seconds[0], 1e9)
 words = "plan netherlands --width 6 --tractors 1-2 --all --processes 1 --json"
 sys.argv = ["headland", *words.split()]
 main()
