@@ -10,10 +10,13 @@ where the package is installed beside them, so that one compiled simulator serve
 starts on several workers it is compiled once.
 """
 
+import gc
 import os
 import signal
 import threading
+from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -23,13 +26,15 @@ from tests.warm import warm
 ROOT = Path(__file__).parents[1]
 
 LONG = (
-    "test_readme", "test_plan", "test_invariance", "test_determinism", "test_naming", "test_damaged",
-    "test_trials", "test_whole_field", "test_jit", "test_pool", "test_slope", "test_second_reference", "test_mending",
-    "test_commands", "test_jobs", "test_conventions", "test_logs", "test_refusals", "test_replanned_refills",
-    "test_contract", "test_golden_maps", "test_day", "test_refills", "test_pages", "test_restarts", "test_replanning",
-    "test_study", "test_formations", "test_headland", "test_solve", "test_learning", "test_many",
+    "test_readme", "test_determinism", "test_commands", "test_jobs", "test_invariance", "test_damaged", "test_plan",
+    "test_conventions", "test_whole_field", "test_slope", "test_naming", "test_restarts", "test_replanning",
+    "test_logs", "test_pool", "test_pages", "test_golden_maps", "test_second_reference", "test_many", "test_jit",
+    "test_replanned_refills", "test_contract", "test_trials", "test_day", "test_formations", "test_refusals",
+    "test_mending", "test_outputs", "test_headland", "test_refills", "test_files", "test_browser", "test_fuzz_logs",
+    "test_layout", "test_learning", "test_solve", "test_fences", "test_patches", "test_access", "test_study",
+    "test_long_logs", "test_pages_live", "test_page", "test_reverse", "test_asking", "test_field", "test_entrance",
 )  # fmt: skip
-"""Names of the files that take longest, the longest first."""
+"""Names of the files that take longest, the longest first; those that wait for much beside it sooner."""
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -53,6 +58,17 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
     if whole and config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
         warm()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, Any, Any]:
+    """Collect without looking for garbage, of which there is little: what is imported stays."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

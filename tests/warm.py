@@ -1,7 +1,9 @@
 """The simulator compiled once, before tests start that would each compile it at the same time.
 
-Two processes share the work: one plans a field with every strategy, one has twins and trials and diagnoses logs.
-Neither starts others, which would compile the same again. Where all is compiled already they take some seconds.
+Two processes share the work, about half of it each: one the world, trials, and what plans of a field with every
+strategy need; one twins, diagnosis, and what searches for routes and for loads. Neither starts others, which would
+compile the same again, and what both need one of them compiles before the other comes to it. Where all is compiled
+already they take some seconds.
 """
 
 from __future__ import annotations
@@ -11,25 +13,54 @@ import sys
 import tempfile
 
 LONGEST_S = 600.0
-PLANS = """
+ROUTES = """
+import numpy as np
+import shapely
+from strategies.ways.connect import Connector, TurnCosts
+free = shapely.box(0, 0, 90, 60) - shapely.box(40, 10, 50, 50)
+costs = TurnCosts(1.5, 1.0, 4.0)
+routes, onward = Connector(free, 4.3, costs), Connector(free, 4.3, costs, ("u", "omega"))
+begin, end = (10.0, 30.0, 0.0), (80.0, 30.0, 0.0)
+"""
+PLANS = f"""{ROUTES}
 import sys
 from planner.main import main
+from planner.warmup import run_once
+from strategies.orders.bounds import bound_by_ends
+from vehicle.missions import Leg, Mission
+from vehicle.tractor import Implement, load_tractor
+from vehicle.trials.sheets.catalogue import validate
+from vehicle.twin.stepper import Stepper
+routes.direct_costs(np.array([begin]), np.array([end]), np.array([[0, 0]]))
+run_once()
+mission = Mission((Leg(np.array([[0.0, 0.0], [9.0, 0.0]]), 1.4),))
+Stepper(mission, load_tractor("eg105"), Implement()).advance(1.0)
+validate(("fixed", "zigzag"))
+seconds = np.ones((12, 12))
+bound_by_ends(seconds, seconds[0], seconds[0], 1e9)
 words = "plan netherlands --width 6 --tractors 1-2 --all --processes 1 --json"
 sys.argv = ["headland", *words.split()]
 main()
 """
-DRIVES = """
+DRIVES = f"""{ROUTES}
 import sys
 from pathlib import Path
 from planner.main import main
-from tests.truth.model import make_logs
-here = Path.cwd()
-for number, log in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:8]):
-    log.to_csv(here / f"{number}.csv", index=False)
 from planner.service.links.warming import warm
-from vehicle.trials.sheets.catalogue import validate
+from strategies.refilling.loads import Task
+from strategies.refilling.search import in_loads
+from tests.truth.drives import three_speeds_programme
+from tests.truth.model import make_logs
+from tests.truth.second import second_logs
 warm()
-validate(("fixed", "zigzag"))
+seconds = np.ones((12, 12))
+in_loads(Task(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
+routes.connect(begin, end)
+onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
+second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
+here = Path.cwd()
+for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, seed=3)[:8]):
+    log.to_csv(here / f"{{number}}.csv", index=False)
 sys.argv = ["headland", "diagnose", *map(str, sorted(here.glob("*.csv"))), "--json"]
 main()
 """

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 PATIENCE_S = 1.5
 NARROWEST, USUAL_WIDTH, WIDEST = 20, 80, 160
 LOOPS = (("vehicle.loop", "run_fixed"), ("vehicle.loop", "run_loop"))  # what takes long to compile
-COMPILING = "Compiling the simulator for this machine: first run only, up to half a minute."
+COMPILING = "Compiling the simulator for this machine: first run only, about a minute."
 
 
 @contextmanager

@@ -75,7 +75,7 @@ class Trips:
     def task(self, need: Floats) -> Task:
         """What the search is given."""
         turns = self.table.seconds[np.ix_(self.rows, self.rows)]
-        first, last = self.table.ends()[:, self.rows]
+        first, last = np.ascontiguousarray(self.table.ends()[:, self.rows])
         detours = turns if not self.berths else (self.to[:, :, None] + self.on[:, None, :]).min(axis=0)
         tracks = np.arange(len(self.rows)) // 2
         detours = np.where(tracks[:, None] == tracks[None, :], FAR_S, detours + self.supply.refill_s)

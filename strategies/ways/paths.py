@@ -58,7 +58,7 @@ class Path:
     def rows(self) -> Points:
         """Its segments as rows of length, curvature and gear (n, 3), as the compiled search has them."""
         pieces = [(segment.length_m, segment.curvature, float(segment.gear)) for segment in self.segments]
-        return np.array(pieces).reshape(-1, 3)
+        return np.array(pieces, float).reshape(-1, 3)
 
     @property
     def length_m(self) -> float:
@@ -237,5 +237,5 @@ def _words(family: Callable[..., int], a: Pose, b: Pose, radius_m: float) -> lis
     """A family of words as paths."""
     require_radius(radius_m)
     rows, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
-    count = family(np.array(a), np.array(b), radius_m, rows, kinds, 0)
+    count = family(np.array(a, float), np.array(b, float), float(radius_m), rows, kinds, 0)
     return [path_of(a, rows[index], int(kinds[index])) for index in range(count)]

@@ -1,4 +1,4 @@
-"""Every command and every example of the README runs as written."""
+"""Every command and every example of the README runs as written; experiments where they are driven anyhow."""
 
 from __future__ import annotations
 
@@ -10,16 +10,9 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.cli.examples import EXPERIMENTS, README, commands, run_as_written
+
 SERVING = ("headland serve", "headland demo", "headland robot")  # go on until ended; tests of the service start them
-
-
-def commands() -> list[str]:
-    """Lines of the README's shell blocks that begin with the command, without their comments."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL)
-    lines = [line.split("  #")[0].strip() for block in blocks for line in block.splitlines()]
-    return [line for line in lines if line.startswith("headland ")]
 
 
 def test_the_readme_shows_every_command() -> None:
@@ -49,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """All blocks as one script, as a reader would go through them; what is printed is what the comments say."""
     monkeypatch.chdir(folder)
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    blocks = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
     assert len(blocks) >= 5
     names: dict[str, object] = {"__name__": "__main__"}
     for block in blocks:
@@ -59,15 +52,7 @@ def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert said and all(line in printed.splitlines() for line in said)
 
 
-@pytest.mark.parametrize("line", [line for line in commands() if not line.startswith(SERVING)])
+@pytest.mark.parametrize("line", [line for line in commands() if not line.startswith((*SERVING, EXPERIMENTS))])
 def test_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    words: list[str] = []
-    for word in line.split()[1:]:
-        words += sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
-    done = headland(*words)
-    assert done.status == 0, done.err
-    assert done.out.strip()
-    for option in ("--html", "--png", "--save"):
-        if option in words:
-            assert (folder / words[words.index(option) + 1]).stat().st_size > 1000
+    run_as_written(line, folder, headland)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.cli.examples import EXPERIMENTS, commands, run_as_written
 from vehicle.trials.sheets import catalogue
 
 Run = Callable[..., Any]
@@ -52,6 +53,13 @@ def test_every_experiment_reports_numbers_as_promised(headland: Run) -> None:
             assert row["difference_pct"] == pytest.approx(100.0 * (row["ours"] / row["thesis"] - 1.0))
     row = next(row for row in rows if row["experiment"] == "4.1 linear 25 deg")
     assert (row["thesis"], row["unit"]) == (5.89, "m") and row["ours"] == pytest.approx(5.89, rel=0.03)
+
+
+@pytest.mark.usefixtures("driven")
+@pytest.mark.parametrize("line", [line for line in commands() if line.startswith(EXPERIMENTS)])
+def test_a_command_of_the_readme(line: str, headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_as_written(line, tmp_path, headland)
 
 
 @pytest.mark.usefixtures("driven")

@@ -57,7 +57,8 @@ def commanded(drill: str, settings: Settings) -> Bench:
         pace = replay(bench.rig, turned, {}, from_sensor=True, from_speed=False)[:, FORWARD]
         log = replace(turned, speed=np.interp(plain.time, steps, pace), grids=turned.grids | {"speed": pace})
         antenna, heading, _, _ = chain(bench.rig, log, settings, by_speed=True)
-        stretches.append(replace(log, east=antenna[:, 0], north=antenna[:, 1], heading=heading))
+        east, north, heading = (np.ascontiguousarray(one) for one in (*antenna.T, heading))
+        stretches.append(replace(log, east=east, north=north, heading=heading))
     return prepare(replace(bench.course, stretches=tuple(stretches)), rig(), {}, NOISE)
 
 

@@ -92,9 +92,17 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def watched(pages: tuple[str, Made], browser: Browser) -> Watched:
-    """A page with a token that may control; tests open what they need in it."""
+def window(pages: tuple[str, Made], browser: Browser) -> Watched:
+    """The page of `watched`."""
     return Watched(browser, pages[0], CONTROL)
+
+
+@pytest.fixture
+def watched(window: Watched) -> Watched:
+    """A page with a token that may control, of which nothing was said yet; tests open what they need in it."""
+    window.said.clear()
+    window.asked.clear()
+    return window
 
 
 def bearer(app: FastAPI, scope: str) -> dict[str, str]:

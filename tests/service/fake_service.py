@@ -41,8 +41,8 @@ class Made:
             "logs": ["run-1"],
         }
         self.options: dict[str, dict[str, Any]] = {}
-        self.polls = 0
-        self.diagnosed = self.deaf = self.looked = False
+        self.polls = self.knocks = self.left = 0
+        self.diagnosed = self.deaf = self.looked = self.shut = False
         self.finding = NOTHING
         self.holder: str | None = None
         self.acknowledged: str | None = None
@@ -65,9 +65,15 @@ def fake_app() -> FastAPI:
 
     @app.websocket("/api/v1/fleets/{fleet}/link")
     async def link(socket: WebSocket, fleet: str) -> None:
-        await socket.accept()
-        with suppress(WebSocketDisconnect, RuntimeError):
-            await _served(socket, made, lanes)
+        made.knocks += 1
+        while made.shut:
+            await asyncio.sleep(0.01)
+        try:
+            await socket.accept()
+            with suppress(WebSocketDisconnect, RuntimeError):
+                await _served(socket, made, lanes)
+        finally:
+            made.left += 1
 
     mount(app)
     return app

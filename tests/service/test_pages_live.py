@@ -152,6 +152,25 @@ def test_stop_all_goes_another_way_where_the_link_does_not_answer(watched: Watch
     watched.well()
 
 
+def test_a_page_left_while_its_link_connects_complains_of_nothing(watched: Watched, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/access"), pages[1]
+    until(page, lambda: made.left == made.knocks)
+    made.shut, knocks = True, made.knocks
+    try:
+        watched.open("/fleet/f1")
+        until(page, lambda: made.knocks > knocks)
+        watched.open("/access")
+        page.wait_for_selector("text=needed to control")
+        page.wait_for_timeout(200)
+        watched.well()
+    finally:
+        made.shut = False
+    until(page, lambda: made.left == made.knocks)
+    page.wait_for_timeout(200)
+    assert made.knocks == knocks + 1, "a link that was left does not come back"
+    watched.well()
+
+
 def test_fields_far_apart_stand_beside_each_other_on_one_map(watched: Watched) -> None:
     page = watched.open("/access")
     fields = """[{ grid: "a", box: [0, 0, 200, 100] }, { grid: "b", box: [9000, 0, 9300, 100] },

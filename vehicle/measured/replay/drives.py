@@ -81,7 +81,7 @@ def driven(rig: Rig, drill: Drill, heading: float, pace: float, settings: Settin
 def _logged(rig: Rig, empty: Stretch, settings: Settings) -> Stretch:
     """A blank drive with what the instruments show of it."""
     states = replay(rig, empty, settings, from_sensor=False, from_speed=True)
-    antenna, angle, wheel, speed = seen(rig, empty, states, settings)
+    antenna, angle, wheel, speed = (np.ascontiguousarray(part) for part in seen(rig, empty, states, settings))
     grid = np.arange(len(states)) * DT_S
     grids = dict(empty.grids)
     for name, values in (("east", antenna[:, 0]), ("north", antenna[:, 1]), ("heading", angle), ("wheel", wheel)):

@@ -15,7 +15,7 @@ export class Link {
     if (this.closed) return;
     this.tell("connecting");
     const socket = (this.socket = new WebSocket(socketUrl(`fleets/${part(this.fleet)}/link`)));
-    socket.addEventListener("open", () => this.hello());
+    socket.addEventListener("open", () => (this.closed ? socket.close(1000) : this.hello()));
     socket.addEventListener("message", (event) => this.take(event.data));
     socket.addEventListener("close", (event) => this.lost(socket, event));
   }
@@ -69,10 +69,11 @@ export class Link {
     return true;
   }
 
+  /** No frame any more. One that still connects is closed as it opens: before that, browsers complain of it. */
   close() {
     this.closed = true;
     clearInterval(this.watch);
     clearTimeout(this.timer);
-    this.socket?.close(1000);
+    if (this.socket?.readyState !== WebSocket.CONNECTING) this.socket?.close(1000);
   }
 }
