@@ -90,13 +90,14 @@ def _in_place(
     Those that promise far less than the gain that is `worth` something are only begun, and by their `traces` left out.
     """
     project, blocks, tractor = Projector(rest.slope), beside(bench, block), bench.rig.tractor
+    left = project(rest.surprise)
     every = [
         with_more_starts(knobs_for(tractor, entry.id, bench.course.places))
         for entry in CATALOGUE
         if entry.block in blocks and entry.id not in skip and not entry.kind.searched
     ]
-    some = every if traces is None else [one for one in every if not traces.hopeless(rest, project, one, worth)]
-    return sorted((tried(bench.change, rest, one, project, worth) for one in some), key=lambda one: -one.gain)
+    some = every if traces is None else [one for one in every if not traces.hopeless(left, project, one, worth)]
+    return sorted((tried(bench.change, rest, one, project, worth, left) for one in some), key=lambda one: -one.gain)
 
 
 def with_more_starts(knobs: Knobs) -> Knobs:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from vehicle.effects import PATH, POSITION, SPEED, STEERING, effect
 from vehicle.measured.causes.dependence import Score
-from vehicle.measured.causes.trial import Tried
+from vehicle.measured.causes.trial import Projector, Tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.products import squared
 from vehicle.measured.logs.record import Array
@@ -21,9 +21,13 @@ from vehicle.measured.thresholds import UNCHANGED
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A scan: its fit, what no column of that explains (n,), the candidates, and the scores of the unnamed terms."""
+    """A scan: its fit, what no column of that explains (n,), the candidates, and the scores of the unnamed terms.
+
+    `project` takes out the columns of the fit.
+    """
 
     fit: Fit
+    project: Projector
     left: Array
     candidates: Sequence[Tried]
     scores: Sequence[Score]

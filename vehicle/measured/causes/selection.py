@@ -19,7 +19,7 @@ from vehicle.measured.causes.evidence import helps, promised_costs
 from vehicle.measured.causes.known import Known
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
-from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
+from vehicle.measured.causes.trial import Projector, Tried, gone_on, strengths, tried
 from vehicle.measured.fit.fitting import Fit, Part, refined
 from vehicle.measured.fit.knobs import knobs_for
 from vehicle.measured.surprise.bench import Bench
@@ -87,17 +87,18 @@ def scan(
                 continue
             knobs = knobs_for(tractor, entry.id, {entry.id: patch})
         worth = max((-_rank(one) for one in candidates), default=0.0)
-        candidates.append(tried(bench.change, fit, knobs, project, worth))
+        candidates.append(tried(bench.change, fit, knobs, project, worth, left))
         if progress:
             progress(entry.id)
     ranked = known.scores if known and known.same_path(bench, fit) else scores(bench, fit)
-    return Known(fit, left, sorted(candidates, key=_rank), ranked)
+    return Known(fit, project, left, sorted(candidates, key=_rank), ranked)
 
 
-def ended(bench: Bench, fit: Fit, candidates: Sequence[Tried]) -> list[Tried]:
-    """The candidates with those that were only begun tried to their end, the best first."""
-    project = Projector(fit.slope)
-    whole = [one if one.ended else tried(bench.change, fit, one.knobs, project) for one in candidates]
+def ended(bench: Bench, known: Known, candidates: Sequence[Tried]) -> list[Tried]:
+    """Candidates of a scan with those that were only begun tried to their end, the best first."""
+    whole = [
+        one if one.ended else gone_on(bench.change, known.fit, one, known.project, known.left) for one in candidates
+    ]
     return sorted(whole, key=_rank)
 
 
@@ -142,14 +143,14 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
     candidates: list[Tried] | None = None
     rival: Score | None = None
     while len(fit.parts) < MOST_PARTS:
-        if candidates is None:
+        if known is None or candidates is None:
             known = scan(bench, fit, tractor, refused, progress, known)
             candidates, rival = list(known.candidates), _rival(known.scores, unnamed)
-        best, threshold = _clear(bench, fit, candidates)
+        best, threshold = _clear(bench, known, candidates)
         if candidates and best is not candidates[0]:  # where the best of all is not clear any other may be the one
-            candidates = ended(bench, fit, candidates)
-            known = known and replace(known, candidates=candidates)
-            best, threshold = _clear(bench, fit, candidates)
+            candidates = ended(bench, known, candidates)
+            known = replace(known, candidates=candidates)
+            best, threshold = _clear(bench, known, candidates)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
             unnamed, candidates = (*unnamed, rival.terms), None
             fit = with_unnamed(bench, fit, unnamed)
@@ -159,18 +160,16 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
         larger = refined(bench, enlarged(bench, fit, best), 2)
         if not helps(bench, fit, larger, threshold):
             refused.add(best.knobs.id)
-            candidates = ended(bench, fit, [one for one in candidates if one.knobs.id != best.knobs.id])
+            candidates = ended(bench, known, [one for one in candidates if one.knobs.id != best.knobs.id])
             continue
         bench, candidates = retuned(bench, larger), None
         fit = restarted(bench, larger.parts, unnamed)
     return replace(chosen, bench=bench, fit=fit, unnamed=unnamed, threshold=threshold)
 
 
-def _clear(bench: Bench, fit: Fit, candidates: list[Tried]) -> tuple[Tried | None, float]:
+def _clear(bench: Bench, known: Known, candidates: list[Tried]) -> tuple[Tried | None, float]:
     """The best candidate that is clearly above chance, if any, and the strength that took."""
-    # Without what the columns of the fit could still take.
-    left = Projector(fit.slope)(fit.surprise) if candidates else fit.surprise
-    strength, chance = strengths(bench, candidates, left)
+    strength, chance = strengths(bench, candidates, known.left)
     threshold = max(LEAST_STRENGTH, ABOVE_CHANCE * chance)
     told = (one for one, s in zip(candidates, strength, strict=True) if one.gain > LEAST_GAIN and s > threshold)
     return next(told, None), threshold

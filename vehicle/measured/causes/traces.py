@@ -31,15 +31,15 @@ class Traces:
     bare: Array
     _known: dict[str, Array] = field(init=False, default_factory=dict)
 
-    def hopeless(self, rest: Fit, project: Projector, knobs: Knobs, worth: float) -> bool:
+    def hopeless(self, left: Array, project: Projector, knobs: Knobs, worth: float) -> bool:
         """Whether an effect promises far less than a gain that is `worth` something, in the place of a part.
 
-        `rest` is the fit without the part, `project` takes its columns out.
+        `left` (n,) is what the fit without the part leaves, its columns, which `project` takes out, free.
         """
         if knobs.id not in self._known:
             self._known[knobs.id] = self._trace(knobs)
         trace = self._known[knobs.id]
-        square, side = project.products(trace), crossed(trace, project(rest.surprise))
+        square, side = project.products(trace), crossed(trace, left)
         each = [slice(0, knobs.count), *[slice(k, k + 1) for k in range(knobs.count, len(side))]]
         best = max(promised(square[one, one], side[one]) for one in each)
         return best < max(HOPELESS, FAR_LESS * worth)

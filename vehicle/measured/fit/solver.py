@@ -80,7 +80,8 @@ class Rule:
     """When to stop: after the steps of `iterations` slopes, or when a step takes at most `least_gain` off the loss.
 
     `settled` sees the points before and after a step and says whether that was the last; `worthwhile` sees a point with
-    its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes.
+    its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes; `slopes` is how
+    many of them a start has behind it that others were led to, and is stepped from on.
     """
 
     iterations: int
@@ -88,6 +89,7 @@ class Rule:
     least_gain: float = 0.0
     first_step: float = FIRST_STEP
     worthwhile: Callable[[Point], bool] = lambda _: True
+    slopes: int = 0
 
 
 def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
@@ -145,7 +147,7 @@ def descend(problem: Problem, start: Point, rule: Rule) -> Point:
 
     Points that are near where a slope was taken are stepped from with that one, also the start.
     """
-    point, holds, slopes = start, True, 0
+    point, holds, slopes = start, True, rule.slopes
     for _ in range(STEPS_A_SLOPE * rule.iterations):
         if not holds or not is_near(problem, point):
             if slopes == rule.iterations:
