@@ -16,10 +16,11 @@ from vehicle.effects import CATALOGUE, STEERING, effect
 from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
 from vehicle.measured.causes.evidence import helps, promised_costs
+from vehicle.measured.causes.foreseen import Foresight
 from vehicle.measured.causes.known import Known
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
-from vehicle.measured.causes.trial import Projector, Tried, gone_on, strengths, tried
+from vehicle.measured.causes.trial import Projector, Tried, gone_on, needed, strengths, tried
 from vehicle.measured.fit.fitting import Fit, Part, refined
 from vehicle.measured.fit.knobs import knobs_for
 from vehicle.measured.surprise.bench import Bench
@@ -27,6 +28,7 @@ from vehicle.measured.thresholds import (
     ABOVE_CHANCE,
     CHANCE_SIGMAS,
     CLEARLY,
+    FORESEEN,
     LEAST_GAIN,
     LEAST_STRENGTH,
     MATERIAL,
@@ -65,19 +67,22 @@ def scan(
 ) -> Known:  # fmt: skip
     """Every effect of the catalogue that is not in the fit, the best first; those that promise far less are only begun.
 
-    The best of the scan before are tried before others: an early best spares most of the time. What that scan tells as
-    well of this fit is not tried again.
+    What is foreseen to promise most, and the best of the scan before, are tried before others: an early best spares
+    most of the time. What that scan tells as well of this fit is not tried again.
     """
     project = Projector(fit.slope)
     left = project(fit.surprise)
     still = known.still(bench, fit, left) if known else frozenset[str]()
-    first = [one.knobs.id for one in known.candidates[:LEADING]] if known else []
+    ahead, seen = Foresight(bench, fit, project, left), known.seen if known else {}
+    first = {one.knobs.id: one.gain for one in known.candidates[:LEADING]} if known else {}
     candidates = list((known.found(still) if known else {}).values())
     candidates = [one for one in candidates if one.knobs.id not in skip and one.knobs.id not in fit.settings]
-    told = {one.knobs.id for one in candidates}
-    for entry in sorted(CATALOGUE, key=lambda one: one.id not in first):
-        if entry.id in skip or entry.id in fit.settings or entry.id in told:
-            continue
+    told = {one.knobs.id for one in candidates} | set(skip) | set(fit.settings)
+    asked = [one for one in CATALOGUE if one.id not in told]
+    promises = ahead.promises(seen, [one.id for one in asked])
+    first |= {name: one.whole for name, one in promises.items()}
+    fresh: dict[str, Tried] = {}
+    for entry in sorted(asked, key=lambda one: -first.get(one.id, 0.0)):
         knobs = knobs_for(tractor, entry.id, bench.course.places)
         if not bench.has_wheel:
             knobs = knobs.with_fewer_starts()
@@ -87,19 +92,29 @@ def scan(
                 continue
             knobs = knobs_for(tractor, entry.id, {entry.id: patch})
         worth = max((-_rank(one) for one in candidates), default=0.0)
-        candidates.append(tried(bench.change, fit, knobs, project, worth, left))
+        foreseen = ahead.hopeless(promises[entry.id], worth) if entry.id in promises else None
+        if foreseen is None:
+            foreseen = fresh[entry.id] = tried(bench.change, fit, knobs, project, worth, left)
+        candidates.append(foreseen)
         if progress:
             progress(entry.id)
     ranked = known.scores if known and known.same_path(bench, fit) else scores(bench, fit)
-    return Known(fit, project, left, sorted(candidates, key=_rank), ranked)
+    return Known(fit, project, left, sorted(candidates, key=_rank), ranked, ahead.after(seen, fresh))
 
 
-def ended(bench: Bench, known: Known, candidates: Sequence[Tried]) -> list[Tried]:
-    """Candidates of a scan with those that were only begun tried to their end, the best first."""
-    whole = [
-        one if one.ended else gone_on(bench.change, known.fit, one, known.project, known.left) for one in candidates
-    ]
-    return sorted(whole, key=_rank)
+def ended(bench: Bench, known: Known, candidates: Sequence[Tried], than: Tried | None = None) -> list[Tried]:
+    """Candidates of a scan with those that were only begun tried to their end, the best first.
+
+    Not those that promise, or are foreseen to promise, far less than another one.
+    """
+    worth = 0.0 if than is None else max(-_rank(than), 0.0)
+
+    def whole(one: Tried) -> Tried:
+        if one.ended or (than and one.foreseen is not None and one.foreseen < FORESEEN * needed(worth)):
+            return one
+        return gone_on(bench.change, known.fit, one, known.project, known.left, worth)
+
+    return sorted(map(whole, candidates), key=_rank)
 
 
 def _rank(one: Tried) -> float:
@@ -147,8 +162,9 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
             known = scan(bench, fit, tractor, refused, progress, known)
             candidates, rival = list(known.candidates), _rival(known.scores, unnamed)
         best, threshold = _clear(bench, known, candidates)
-        if candidates and best is not candidates[0]:  # where the best of all is not clear any other may be the one
-            candidates = ended(bench, known, candidates)
+        # Where the best of all is not clear any other may be the one, unless an unnamed term goes before each of them.
+        if candidates and best is not candidates[0] and not _before_all(bench, rival, unnamed, candidates, threshold):
+            candidates = ended(bench, known, candidates, best)
             known = replace(known, candidates=candidates)
             best, threshold = _clear(bench, known, candidates)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
@@ -182,6 +198,14 @@ def _rival(ranked: Sequence[Score], unnamed: tuple[Dependence, ...]) -> Score | 
         if (score.terms.on if not score.terms.per_run else "time", score.terms.changes) not in taken:
             return score
     return None
+
+
+def _before_all(
+    bench: Bench, rival: Score | None, unnamed: tuple[Dependence, ...], candidates: Sequence[Tried], threshold: float
+) -> bool:
+    """Whether an unnamed term enters whichever candidate is clear: those only begun promise less than the best."""
+    most = max(candidates, key=lambda one: one.gain)
+    return rival is not None and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, most, threshold)
 
 
 def _is_unnamed(bench: Bench, rival: Score, best: Tried | None, threshold: float) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from vehicle.measured.fit.fitting import Fit, linear_extra
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
 from vehicle.measured.fit.products import crossed, squared, without
-from vehicle.measured.fit.solver import Point, Rule, descend
+from vehicle.measured.fit.solver import FIRST_STEP, Point, Rule, aside, descend
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import FAR_LESS, HOPELESS, NULL_DRAWS, NULL_QUANTILE
@@ -27,7 +27,7 @@ class Tried:
     """A candidate at its best: coordinates, loss taken away beyond the fit, columns with the fit taken out.
 
     One that is not `ended` was left because it promised far less than others. `begun` (m,) is where its first slope was
-    taken; it may be gone on with from `left`, where that is known.
+    taken; it may be gone on with from `left`, where that is known. One with a promise `foreseen` was not tried at all.
     """
 
     knobs: Knobs
@@ -37,6 +37,7 @@ class Tried:
     ended: bool = True
     begun: Array | None = None
     left: Point | None = None
+    foreseen: float | None = None
 
 
 class Projector:
@@ -124,11 +125,11 @@ def tried(
     return _descended(problem, best, without.loss, worth)
 
 
-def gone_on(change_of: Change, fit: Fit, one: Tried, project: Projector, left: Array) -> Tried:
-    """A candidate of the same fit tried to its end, from where it was left when it was: as tried finds it at once."""
+def gone_on(change_of: Change, fit: Fit, one: Tried, project: Projector, left: Array, worth: float = 0.0) -> Tried:
+    """A candidate of the same fit from where it was left, when it was: what tried finds at once with that `worth`."""
     if one.left is None:
-        return tried(change_of, fit, one.knobs, project, left=left)
-    return _descended(_OneMore(change_of, fit, one.knobs, project), one.left, squared(left), 0.0)
+        return tried(change_of, fit, one.knobs, project, worth, left)
+    return _descended(_OneMore(change_of, fit, one.knobs, project), one.left, squared(left), worth)
 
 
 def _descended(problem: _OneMore, best: Point, loss: float, worth: float) -> Tried:
@@ -141,12 +142,22 @@ def _descended(problem: _OneMore, best: Point, loss: float, worth: float) -> Tri
 
     def worthwhile(point: Point) -> bool:
         promises.append(loss - point.loss + _promise(point))
-        return not promises[-1] < max(HOPELESS, FAR_LESS * worth)
+        return not promises[-1] < needed(worth)
 
     end = descend(problem, best, Rule(ITERATIONS, settled, worthwhile=worthwhile, slopes=int(best.taken is not None)))
     ended = not HOPELESS <= promises[-1] < FAR_LESS * worth
     left = end if not ended and len(promises) == 1 else None
     return Tried(problem.knobs, end.at, loss - end.loss, end.slope, ended, best.at, left)
+
+
+def needed(worth: float) -> float:
+    """What a candidate must promise to be simulated further, beside a gain that is `worth` something."""
+    return max(HOPELESS, FAR_LESS * worth)
+
+
+def sides_of(knobs: Knobs, at: Array) -> list[Array]:
+    """Where the first slope at coordinates is taken, one place per axis."""
+    return [aside(knobs.typical, knobs.high, at, axis, FIRST_STEP) for axis in range(knobs.count)]
 
 
 def _promise(point: Point) -> float:

@@ -8,7 +8,7 @@ most: further the slope does not hold, and the next one will not either.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -23,6 +23,7 @@ SHORTENED = (1.0, 0.4, 0.15)  # shares of a step that are tried: chosen, nearly 
 NEAR = 0.03  # of a typical size: chosen, little beside what a slope is taken over, so that it holds as well there
 STEPS_A_SLOPE = 3  # chosen: bounds the steps with one slope, which cost little beside it
 KEPT_PROMISE = 0.7  # chosen, of what a slope promised: a step that gains less says that it does not hold
+Sizes = Array | Sequence[float]
 RIDGE = 1e-6  # of every diagonal entry: chosen, keeps columns that look alike from running apart
 
 
@@ -99,17 +100,17 @@ def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Ar
 
 
 def _column(problem: Problem, start: Point, axis: int, share: float) -> Array:
-    moved = aside(problem, start.at, axis, share)
+    moved = aside(problem.typical, problem.high, start.at, axis, share)
     column: Array = problem.change(moved, axis, start) / (moved[axis] - start.at[axis])
     return column
 
 
-def aside(problem: Problem, at: Array, axis: int, share: float) -> Array:
+def aside(typical: Sizes, high: Sizes, at: Array, axis: int, share: float) -> Array:
     """Coordinates with one of them a share of its typical size larger, or smaller where the box ends before."""
     moved = at.copy()
-    moved[axis] += share * problem.typical[axis]
-    if moved[axis] > problem.high[axis]:
-        moved[axis] = at[axis] - share * problem.typical[axis]
+    moved[axis] += share * typical[axis]
+    if moved[axis] > high[axis]:
+        moved[axis] = at[axis] - share * typical[axis]
     return moved
 
 
