@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.measured.causes.trial import Projector, promised
+from vehicle.measured.causes.trial import Projector, needed, promised
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
 from vehicle.measured.fit.products import crossed, side_by_side
 from vehicle.measured.fit.solver import FIRST_STEP
 from vehicle.measured.logs.record import Array
-from vehicle.measured.thresholds import FAR_LESS, HOPELESS
 
 Change = Callable[[Mapping[str, dict[str, float]], Array, frozenset[str]], Array]
 
@@ -36,13 +35,16 @@ class Traces:
 
         `left` (n,) is what the fit without the part leaves, its columns, which `project` takes out, free.
         """
+        return self.promise(left, project, knobs) < needed(worth)
+
+    def promise(self, left: Array, project: Projector, knobs: Knobs) -> float:
+        """Loss that an effect takes away of what is left, by a straight line."""
         if knobs.id not in self._known:
             self._known[knobs.id] = self._trace(knobs)
         trace = self._known[knobs.id]
         square, side = project.products(trace), crossed(trace, left)
         each = [slice(0, knobs.count), *[slice(k, k + 1) for k in range(knobs.count, len(side))]]
-        best = max(promised(square[one, one], side[one]) for one in each)
-        return best < max(HOPELESS, FAR_LESS * worth)
+        return max(promised(square[one, one], side[one]) for one in each)
 
     def _trace(self, knobs: Knobs) -> Array:
         """Changes of the surprises (n, m + s) by an effect: per coordinate from neutral, and at its other starts."""
