@@ -63,12 +63,13 @@ class Selection:
 
 def scan(
     bench: Bench, fit: Fit, tractor: Tractor, skip: Collection[str], progress: Progress | None = None,
-    known: Known | None = None,
+    known: Known | None = None, unnamed: bool = True,
 ) -> Known:  # fmt: skip
     """Every effect of the catalogue that is not in the fit, the best first; those that promise far less are only begun.
 
     What is foreseen to promise most, and the best of the scan before, are tried before others: an early best spares
-    most of the time. What that scan tells as well of this fit is not tried again.
+    most of the time. What that scan tells as well of this fit is not tried again. Terms without a name are scored where
+    one more may enter, being `unnamed`.
     """
     project = Projector(fit.slope)
     left = project(fit.surprise)
@@ -98,7 +99,8 @@ def scan(
         candidates.append(foreseen)
         if progress:
             progress(entry.id)
-    ranked = known.scores if known and known.same_path(bench, fit) else scores(bench, fit)
+    same = known is not None and known.same_path(bench, fit)
+    ranked = () if not unnamed else known.scores if known and same else scores(bench, fit)
     return Known(fit, project, left, sorted(candidates, key=_rank), ranked, ahead.after(seen, fresh))
 
 
@@ -159,7 +161,7 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
     rival: Score | None = None
     while len(fit.parts) < MOST_PARTS:
         if known is None or candidates is None:
-            known = scan(bench, fit, tractor, refused, progress, known)
+            known = scan(bench, fit, tractor, refused, progress, known, len(unnamed) < MOST_UNNAMED)
             candidates, rival = list(known.candidates), _rival(known.scores, unnamed)
         best, threshold = _clear(bench, known, candidates)
         # Where the best of all is not clear any other may be the one, unless an unnamed term goes before each of them.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from vehicle.measured.fit.openloop import Model, OpenLoop, fitted
+from collections.abc import Callable, Sequence
+
+from vehicle.measured.fit.openloop import Model, OpenLoop, Terms, fitted
 from vehicle.measured.mend.mending import Mended, beyond_tolerance
-from vehicle.measured.mend.proposals import Step, proposals, simulated
+from vehicle.measured.mend.proposals import Proposal, Step, proposals, simulated
 from vehicle.measured.thresholds import CLEARLY_LARGE, DRIVEN, LEAST_LEFT, MARKED, RIVALS_LEAVE, TRIED
 from vehicle.rest import BY_NAME
 from vehicle.tractor import Tractor
@@ -31,14 +33,23 @@ def irreplaceable(mended: Mended, tractor: Tractor, noise: float, step: Step) ->
         if left(model.loss) > (1.0 - MARKED) * left(smaller.loss):
             continue
         others = proposals(loop, smaller, tractor, step, frozenset({name}))
-        rivals = simulated(loop, smaller, sorted(others, key=lambda one: one.loss)[:DRIVEN])[:TRIED]
-        # A fit leaves no more than what it starts from, so where that is little enough none is asked for.
-        most = RIVALS_LEAVE * left(model.loss)
-        if all(left(loss) > most for _, loss in rivals) and all(
-            left(fitted(loop, terms, 2).loss) > most for terms, _ in rivals
-        ):
+        if not _rivalled(loop, smaller, others, lambda loss: left(loss) <= RIVALS_LEAVE * left(model.loss)):
             names.append(name)
     return names
+
+
+def _rivalled(loop: OpenLoop, smaller: Model, others: Sequence[Proposal], near: Callable[[float], bool]) -> bool:
+    """Whether the best of other proposals come near with what they leave, one of them at least.
+
+    A fit leaves no more than what it starts from: where that is near already none is made.
+    """
+    driven: list[tuple[Terms, float]] = []
+    for one in sorted(others, key=lambda one: one.loss)[:DRIVEN]:
+        driven += simulated(loop, smaller, [one])
+        if near(driven[-1][1]):
+            return True
+    best = sorted(driven, key=lambda each: each[1])[:TRIED]
+    return any(near(fitted(loop, terms, 2).loss) for terms, _ in best)
 
 
 def _clearly_large(loop: OpenLoop, model: Model, name: str) -> bool:
