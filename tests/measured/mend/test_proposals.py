@@ -142,6 +142,21 @@ def test_a_rival_that_comes_near_before_it_is_fitted_is_not_fitted(monkeypatch: 
     assert made.model.ids and irreplaceable(made, eg105(), 0.0, nothing) == []
 
 
+def test_nothing_is_sought_for_what_others_come_near_without_or_what_does_not_hold(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loop = LinearLoop({"steering_offset": 1.0})
+    made, asked = mended(loop, ()), []
+    monkeypatch.setattr("vehicle.measured.mend.irreplaceable.proposals", lambda *given: asked.append(given) or [])
+    assert irreplaceable(made, eg105(), 0.0, nothing) == ["steering_offset"] and len(asked) == 1
+    assert irreplaceable(made, eg105(), 0.0, nothing, lambda _: False) == []
+    # Without the effect the others leave half as much again: clearly more than with it, yet any rival would be near.
+    model = replace(made.model, errors=np.sqrt(0.2 / made.model.loss) * made.model.errors)
+    half = replace(model, errors=np.sqrt(1.5) * model.errors)
+    assert irreplaceable(replace(made, model=model, smaller={"steering_offset": half}), eg105(), 0.0, nothing) == []
+    assert len(asked) == 1
+
+
 def test_the_tolerance_of_the_file_and_times_of_it() -> None:
     loop = LinearLoop({})
     small = Term(knobs("steering_offset"), np.array([0.2]))  # its tolerance is 0.12

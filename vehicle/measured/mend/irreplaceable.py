@@ -12,17 +12,23 @@ from vehicle.rest import BY_NAME
 from vehicle.tractor import Tractor
 
 
-def irreplaceable(mended: Mended, tractor: Tractor, noise: float, step: Step) -> list[str]:
+def irreplaceable(
+    mended: Mended, tractor: Tractor, noise: float, step: Step, holds: Callable[[str], bool] = lambda _: True
+) -> list[str]:
     """Effects that may carry a name though parts of the error have none.
 
     Without such an effect the others, fitted again, leave clearly more, and so does the best other effect or term of
     the rest in its place (of those that may enter here). Losses count from what `noise` alone leaves, a share of the
-    loss without terms, and are never less than LEAST_LEFT of what can be taken away.
+    loss without terms, and are never less than LEAST_LEFT of what can be taken away. Nothing is asked of what does not
+    hold (`holds`).
     """
     loop, model = mended.loop, mended.model
 
     def left(loss: float) -> float:
         return max(loss - noise, LEAST_LEFT * (1.0 - noise))
+
+    def near(loss: float) -> bool:
+        return left(loss) <= RIVALS_LEAVE * left(model.loss)
 
     names = []
     for name in sorted(model.ids - frozenset(BY_NAME)):
@@ -30,10 +36,10 @@ def irreplaceable(mended: Mended, tractor: Tractor, noise: float, step: Step) ->
         if not _clearly_large(loop, model, name):
             continue
         smaller = mended.without(name)
-        if left(model.loss) > (1.0 - MARKED) * left(smaller.loss):
-            continue
+        if left(model.loss) > (1.0 - MARKED) * left(smaller.loss) or near(smaller.loss) or not holds(name):
+            continue  # beside what is near without it, any rival is
         others = proposals(loop, smaller, tractor, step, frozenset({name}))
-        if not _rivalled(loop, smaller, others, lambda loss: left(loss) <= RIVALS_LEAVE * left(model.loss)):
+        if not _rivalled(loop, smaller, others, near):
             names.append(name)
     return names
 
