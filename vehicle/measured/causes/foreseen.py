@@ -19,7 +19,7 @@ from vehicle.effects import PATH, POSITION, STEERING, effect
 from vehicle.measured.causes.trial import Projector, Tried, needed, promised, sides_of
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
-from vehicle.measured.fit.products import crossed, side_by_side
+from vehicle.measured.fit.products import crossed, side_by_side, without
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.whitening import Increments
@@ -30,7 +30,7 @@ Motion = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """What an effect added to the motion of a fit at the places of a trial (p, m): its starts, then a side per axis.
+    """What an effect added to the motion of a fit at the p places of a trial: its starts, then a side per axis.
 
     `added` are (3, r) each: ahead, aside and turned between rows, of all stretches one after another. The sides lie
     beside the place `begun`, None for neutral; `scans` is how many scans ago they were simulated.
@@ -42,15 +42,19 @@ class Motions:
     begun: int | None
     scans: int = 0
 
+    @property
+    def at(self) -> Array:
+        """Where the trial began (m,)."""
+        return np.array(self.knobs.neutral) if self.begun is None else self.places[self.begun]
+
     @cached_property
     def slope_of(self) -> Array:
         """Amounts (p, m) of what the places add, of which the slope where the trial began is made."""
         count = self.knobs.count
         first = len(self.places) - count
-        at = np.array(self.knobs.neutral) if self.begun is None else self.places[self.begun]
         out = np.zeros((len(self.places), count))
         for axis in range(count):
-            step = self.places[first + axis][axis] - at[axis]
+            step = self.places[first + axis][axis] - self.at[axis]
             out[first + axis, axis] = 1.0 / step
             if self.begun is not None:
                 out[self.begun, axis] = -1.0 / step
@@ -62,10 +66,14 @@ Seen = Mapping[str, Motions]
 
 @dataclass(frozen=True, eq=False)
 class Promise:
-    """What a trial would begin with: the gain where it began before and with a straight line from there or a start."""
+    """What a trial would begin with at coordinates `at`: its slope (n, m), the gain there, and with a straight line.
 
-    motions: Motions
-    columns: Array
+    `whole` is the most of what straight lines promise from there and from other starts.
+    """
+
+    knobs: Knobs
+    at: Array
+    slope: Array
     gain: float
     whole: float
 
@@ -87,12 +95,8 @@ class Foresight:
         """The cause as a trial would leave it that began with far less than is asked; None where it may begin so."""
         if promise.whole >= FORESEEN * needed(worth):
             return None
-        motions = promise.motions
-        knobs, amounts = motions.knobs, motions.slope_of
-        at = np.array(knobs.neutral) if motions.begun is None else motions.places[motions.begun]
-        columns = promise.columns @ amounts
-        slope = side_by_side([self.project(one) for one in columns.T], len(self.left))
-        return Tried(knobs, at, promise.gain, slope, False, at, foreseen=promise.whole)
+        slope = side_by_side([self.project(one) for one in promise.slope.T], len(self.left))
+        return Tried(promise.knobs, promise.at, promise.gain, slope, False, promise.at, foreseen=promise.whole)
 
     def after(self, seen: Seen, fresh: Mapping[str, Tried]) -> Seen:
         """The motions for the next scan: of fresh trials, and of others that are not too old by then."""
@@ -144,7 +148,8 @@ class Foresight:
         whole = gain + promised(amounts.T @ square @ amounts, amounts.T @ there)
         starts = range(len(motions.places) - motions.knobs.count)
         each = [promised(square[k : k + 1, k : k + 1], side[k : k + 1]) for k in starts]
-        return Promise(motions, columns, max(gain, 0.0), max([whole, *each]))
+        slope = side_by_side([without(np.zeros(len(self.left)), columns, -one) for one in amounts.T], len(self.left))
+        return Promise(motions.knobs, motions.at, slope, max(gain, 0.0), max([whole, *each]))
 
     def _column(self, knobs: Knobs, at: Array, added: Motion) -> Array:
         """What motions that are added to those of the fit change of the surprises (n,)."""
