@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.measured.benches import LinearBench, bench_of, eg105, knobs, linear_bench
-from vehicle.measured.causes.foreseen import Foresight, Seen
+from vehicle.measured.causes.foreseen import Foresight, Motions, Seen, older
 from vehicle.measured.causes.refit import restarted
 from vehicle.measured.causes.selection import ended, scan
 from vehicle.measured.causes.trial import Projector, Tried, needed, tried
@@ -64,9 +64,13 @@ def trials(bench: Any, ahead: Foresight, *names: str) -> dict[str, Tried]:
     return {name: tried(bench.change, ahead.fit, knobs(name), ahead.project) for name in names}
 
 
+def moved(ahead: Foresight, some: dict[str, Tried]) -> dict[str, Motions]:
+    return {name: motions for one in some.values() for name, motions in ahead.motions(one).items()}
+
+
 def test_what_is_foreseen_beside_another_fit_with_other_weights_is_what_a_trial_gains_there(bench: Any) -> None:
     first = foresight(bench, bench.fit())
-    seen = first.after({}, trials(bench, first, "heading_bias", "grip_drift"))
+    seen = moved(first, trials(bench, first, "heading_bias", "grip_drift"))
     weights = np.random.default_rng(3).uniform(0.3, 3.0, 120)
     other: Any = LinearPath(bench.base, bench.columns, weights=weights)
     ahead = foresight(other, refined(other, Fit(other.fit("steering_offset").parts, other.surprise({}), np.zeros(0))))
@@ -84,11 +88,11 @@ def test_what_is_foreseen_beside_another_fit_with_other_weights_is_what_a_trial_
 
 def test_motions_are_forgotten_after_some_scans_and_those_of_a_fresh_trial_are_new(bench: Any) -> None:
     ahead = foresight(bench, bench.fit())
-    seen: Seen = ahead.after({}, trials(bench, ahead, "heading_bias", "grip_drift"))
+    seen: Seen = moved(ahead, trials(bench, ahead, "heading_bias", "grip_drift"))
     for _ in range(OLDEST - 1):
-        seen = ahead.after(seen, trials(bench, ahead, "grip_drift"))
+        seen = older(seen) | moved(ahead, trials(bench, ahead, "grip_drift"))
         assert set(seen) == {"heading_bias", "grip_drift"}
-    assert set(ahead.after(seen, {})) == {"grip_drift"}
+    assert set(older(seen)) == {"grip_drift"}
 
 
 @pytest.fixture(scope="module")

@@ -78,6 +78,11 @@ class Promise:
     whole: float
 
 
+def older(seen: Seen) -> dict[str, Motions]:
+    """Motions for the next scan, without those that are too old by then."""
+    return {name: replace(one, scans=one.scans + 1) for name, one in seen.items() if one.scans + 1 < OLDEST}
+
+
 @dataclass(frozen=True, eq=False)
 class Foresight:
     """What is foreseen beside a fit; `project` takes out its columns, and `left` (n,) is what that leaves."""
@@ -98,10 +103,9 @@ class Foresight:
         slope = side_by_side([self.project(one) for one in promise.slope.T], len(self.left))
         return Tried(promise.knobs, promise.at, promise.gain, slope, False, promise.at, foreseen=promise.whole)
 
-    def after(self, seen: Seen, fresh: Mapping[str, Tried]) -> Seen:
-        """The motions for the next scan: of fresh trials, and of others that are not too old by then."""
-        kept = {name: replace(one, scans=one.scans + 1) for name, one in seen.items() if one.scans + 1 < OLDEST}
-        return kept | {name: self._motions(one) for name, one in fresh.items() if self._moves_path(one.knobs)}
+    def motions(self, one: Tried) -> dict[str, Motions]:
+        """The motions of a trial by its name, to be asked for right after it; none where it shows beside the path."""
+        return {one.knobs.id: self._motions(one)} if self._moves_path(one.knobs) else {}
 
     def _moves_path(self, knobs: Knobs) -> bool:
         """Whether an effect that was not searched for shows in the path alone."""

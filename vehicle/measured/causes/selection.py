@@ -16,7 +16,7 @@ from vehicle.effects import CATALOGUE, STEERING, effect
 from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
 from vehicle.measured.causes.evidence import helps, promised_costs
-from vehicle.measured.causes.foreseen import Foresight
+from vehicle.measured.causes.foreseen import Foresight, older
 from vehicle.measured.causes.known import Known
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
@@ -82,7 +82,7 @@ def scan(
     asked = [one for one in CATALOGUE if one.id not in told]
     promises = ahead.promises(seen, [one.id for one in asked])
     first |= {name: one.whole for name, one in promises.items()}
-    fresh: dict[str, Tried] = {}
+    moved = older(seen)
     for entry in sorted(asked, key=lambda one: -first.get(one.id, 0.0)):
         knobs = knobs_for(tractor, entry.id, bench.course.places)
         if not bench.has_wheel:
@@ -95,13 +95,14 @@ def scan(
         worth = max((-_rank(one) for one in candidates), default=0.0)
         foreseen = ahead.hopeless(promises[entry.id], worth) if entry.id in promises else None
         if foreseen is None:
-            foreseen = fresh[entry.id] = tried(bench.change, fit, knobs, project, worth, left)
+            foreseen = tried(bench.change, fit, knobs, project, worth, left)
+            moved |= ahead.motions(foreseen)
         candidates.append(foreseen)
         if progress:
             progress(entry.id)
     same = known is not None and known.same_path(bench, fit)
     ranked = () if not unnamed else known.scores if known and same else scores(bench, fit)
-    return Known(fit, project, left, sorted(candidates, key=_rank), ranked, ahead.after(seen, fresh))
+    return Known(fit, project, left, sorted(candidates, key=_rank), ranked, moved)
 
 
 def ended(bench: Bench, known: Known, candidates: Sequence[Tried], than: Tried | None = None) -> list[Tried]:
