@@ -35,7 +35,7 @@ fit: explaining
 
 causes: choosing
     trial, patches         one more effect and how far above chance it is; where in the field
-    known                  what one scan of them tells for the next
+    known, foreseen        what one scan of them tells for the next; what trials promise beside another fit
     dependence             what an error without a name depends on
     evidence, refit        what runs held out say, how sure a coordinate is; a fit with a part more or less
     challenge              every cause against its rivals once the model is settled

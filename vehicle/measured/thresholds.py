@@ -48,6 +48,9 @@ ABOVE_CHANCE = 1.5
 HOPELESS = 9.0
 # Chosen, of the gain that a candidate must have to count: one that promises less is not simulated further either.
 FAR_LESS = 0.36
+# Chosen, of what a candidate must promise to be simulated further: one of which earlier motions promise less is not
+# tried again, for motions at most so many scans old. Saves time, decides nothing while no promise is too low by half.
+FORESEEN, OLDEST = 0.5, 2
 # Chosen: how much of what a fit leaves of a channel may differ (a sum of squares) for its candidates not to be tried
 # again: none comes to stand for more than 0.2 standard deviations more or less.
 UNCHANGED = 0.04

@@ -1,5 +1,6 @@
 """Challenges: a cause that stands in for another gives way, one that does not stays."""
 
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,14 +8,22 @@ import numpy as np
 import pytest
 
 from tests.measured.benches import LinearBench, bench_of, eg105, knobs
-from vehicle.effects import PATH, POSITION, SPEED, STEERING
-from vehicle.measured.causes.challenge import beside, challenged, shows_within_runs, with_more_starts
-from vehicle.measured.causes.refit import restarted
+from vehicle.effects import PATH, POSITION, SPEED, STEERING, effect
+from vehicle.measured.causes.challenge import (
+    _in_place,
+    _may_give_way,
+    beside,
+    challenged,
+    shows_within_runs,
+    with_more_starts,
+)
+from vehicle.measured.causes.refit import restarted, without
 from vehicle.measured.causes.selection import _by_chance, select
+from vehicle.measured.causes.traces import Traces
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import knobs_for
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import CHANCE_SIGMAS
+from vehicle.measured.thresholds import CHANCE_SIGMAS, LEAST_GAIN
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +62,29 @@ def test_the_true_cause_stands(bench: Bench) -> None:
     outcome = challenged(bench, true, (), eg105())
     assert outcome.better is None and outcome.alike == {"steering_offset": {}}
     assert select(bench, eg105()).alike == outcome.alike
+
+
+@pytest.mark.parametrize(
+    ("hidden", "spared"),
+    [("steering_offset", False), ("grip_drift", False), ("heading_bias", True), ("antenna_right", True)],
+)
+def test_what_is_not_fitted_again_has_no_rival_there(hidden: str, spared: bool) -> None:
+    """A cause in its own place, and one in that of another: straight lines tell of both before a fit is made again."""
+    usual = np.array(knobs(hidden).neutral) + np.array(knobs(hidden).typical)
+    bench = bench_of("circles", {hidden: knobs(hidden).values(usual)})
+    for name, at in ((hidden, usual), ("steering_asymmetry", np.array([0.9]))):
+        fit = restarted(bench, ((knobs(name), at),), None)
+        worth_of = partial(worth_beside, fit)
+        may = _may_give_way(bench, fit, name, worth_of, Traces(bench.change, fit, bench.surprise(fit.settings)))
+        assert not fit.smaller, "nothing was fitted"
+        assert may == (name != hidden or not spared)
+        rest = without(bench, fit, name)
+        best = _in_place(bench, rest, fit.settings, effect(name).block, 0.0)[0]
+        assert may or best.gain < worth_of(rest.loss)
+
+
+def worth_beside(fit: Fit, loss: float) -> float:
+    return loss - fit.loss - LEAST_GAIN
 
 
 @pytest.mark.parametrize(("part_of_each", "shows"), [(True, True), (False, False)])

@@ -11,7 +11,7 @@ from vehicle.measured.causes.evidence import promised_costs
 from vehicle.measured.causes.known import Known
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, without
 from vehicle.measured.causes.selection import _rank, ended, pruned, scan, select
-from vehicle.measured.causes.trial import Tried
+from vehicle.measured.causes.trial import Projector, Tried, tried
 from vehicle.measured.fit.fitting import empty_fit, refined
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.surprise.noise import first_noise
@@ -47,15 +47,20 @@ def test_the_hidden_effect_is_first_and_alone(bench: Bench) -> None:
 def test_candidates_that_were_only_begun_are_tried_to_their_end_when_asked(bench: Bench) -> None:
     fit = empty_fit(bench)
     # The scan before told that the offset is the best, but of a path that was otherwise.
-    before = Known(fit, fit.surprise + 1.0, [gained("steering_offset", 100.0)], [])
-    found = scan(bench, fit, eg105(), set(), known=before).candidates
+    before = Known(fit, Projector(fit.slope), fit.surprise + 1.0, [gained("steering_offset", 100.0)], [])
+    known = scan(bench, fit, eg105(), set(), known=before)
+    found = known.candidates
     assert found[0].knobs.id == "steering_offset" and found[0].ended
     assert {one.knobs.id for one in found if not one.ended}, "others promise something, far less than the offset gains"
-    whole = ended(bench, fit, found)
+    whole = ended(bench, known, found)
     assert all(one.ended for one in whole) and whole[0].knobs.id == "steering_offset"
     gains = {one.knobs.id: one.gain for one in found}
     assert all(one.gain >= gains[one.knobs.id] - 1e-9 for one in whole)
     assert any(one.gain > gains[one.knobs.id] + LEAST_GAIN for one in whole)
+    for one in whole:  # what was begun is gone on with, to where a trial of its own comes
+        alone = tried(bench.change, fit, one.knobs, known.project)
+        assert one.gain == alone.gain and np.array_equal(one.at, alone.at)
+        assert np.array_equal(one.columns, alone.columns)
 
 
 def test_a_plain_cause_is_not_fitted_away(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,9 +22,9 @@ def test_a_rival_is_hopeless_where_a_trial_would_gain_far_less() -> None:
     assert without(bench, fit, "heading_bias") is rest, "asked again it is not fitted again"
     project, traces = Projector(rest.slope), Traces(bench.change, fit, bench.surprise(fit.settings))
     gain = tried(bench.change, rest, rival, project).gain
-    asked = len(bench.asked)
-    assert not traces.hopeless(rest, project, rival, 0.99 * gain / FAR_LESS)
-    assert traces.hopeless(rest, project, rival, 1.01 * gain / FAR_LESS)
+    asked, left = len(bench.asked), project(rest.surprise)
+    assert not traces.hopeless(left, project, rival, 0.99 * gain / FAR_LESS)
+    assert traces.hopeless(left, project, rival, 1.01 * gain / FAR_LESS)
     assert len(bench.asked) <= asked + len(rival.starts), "simulated once, however often it is asked for"
 
 

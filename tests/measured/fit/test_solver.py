@@ -78,8 +78,8 @@ def test_slopes_are_taken_upwards_and_at_the_upper_end_downwards() -> None:
     assert slope_of(kinked, kinked.start(0.0), LATER_STEP).tolist() == [[pytest.approx(1.0)]]
     capped = Stand(lambda at: np.maximum(at, 0.0), 1, low=-1.0, high=0.0)
     assert slope_of(capped, capped.start(0.0), LATER_STEP).tolist() == [[0.0]]
-    assert aside(capped, np.array([0.0]), 0, 0.3).tolist() == [-0.3]
-    assert aside(kinked, np.array([0.0]), 0, 0.3).tolist() == [0.3]
+    assert aside(capped.typical, capped.high, np.array([0.0]), 0, 0.3).tolist() == [-0.3]
+    assert aside(kinked.typical, kinked.high, np.array([0.0]), 0, 0.3).tolist() == [0.3]
 
 
 def test_slopes_of_later_axes_alone_and_of_linear_columns() -> None:

@@ -1,6 +1,7 @@
 """What could lower the error further, on an open-loop error that is linear in two effects and curved in none."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from types import SimpleNamespace
 
@@ -119,6 +120,41 @@ def test_a_name_where_nothing_else_comes_near() -> None:
     assert irreplaceable(Mended(twin, fitted(twin, model.terms)), eg105(), 0.0, nothing) == []
     # So does noise that leaves as much as there is.
     assert irreplaceable(Mended(loop, model), eg105(), 1.0, nothing) == []
+
+
+def test_what_mending_left_out_for_a_look_is_what_a_fit_without_it_leaves() -> None:
+    loop = LinearLoop({"steering_offset": 1.0, "implement_side_draft": 0.01})
+    made = mended(loop, ())
+    assert len(made.model.ids) > 1 and set(made.smaller) == made.model.ids
+    for name in made.model.ids:
+        others = tuple(term for term in made.model.terms if term.knobs.id != name)
+        alone, fresh = fitted(loop, others, 2), replace(made, smaller={}).without(name)
+        assert made.without(name) is made.smaller[name]
+        assert np.array_equal(made.without(name).errors, alone.errors) and np.array_equal(alone.errors, fresh.errors)
+        assert np.array_equal(made.without(name).slope, alone.slope)
+
+
+def test_a_rival_that_comes_near_before_it_is_fitted_is_not_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = LinearLoop({"steering_offset": 1.0})
+    loop.columns["heading_bias"] = loop.columns["steering_offset"]
+    made = mended(loop, ())
+    monkeypatch.setattr("vehicle.measured.mend.irreplaceable.fitted", None)
+    assert made.model.ids and irreplaceable(made, eg105(), 0.0, nothing) == []
+
+
+def test_nothing_is_sought_for_what_others_come_near_without_or_what_does_not_hold(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loop = LinearLoop({"steering_offset": 1.0})
+    made, asked = mended(loop, ()), []
+    monkeypatch.setattr("vehicle.measured.mend.irreplaceable.proposals", lambda *given: asked.append(given) or [])
+    assert irreplaceable(made, eg105(), 0.0, nothing) == ["steering_offset"] and len(asked) == 1
+    assert irreplaceable(made, eg105(), 0.0, nothing, lambda _: False) == []
+    # Without the effect the others leave half as much again: clearly more than with it, yet any rival would be near.
+    model = replace(made.model, errors=np.sqrt(0.2 / made.model.loss) * made.model.errors)
+    half = replace(model, errors=np.sqrt(1.5) * model.errors)
+    assert irreplaceable(replace(made, model=model, smaller={"steering_offset": half}), eg105(), 0.0, nothing) == []
+    assert len(asked) == 1
 
 
 def test_the_tolerance_of_the_file_and_times_of_it() -> None:

@@ -93,11 +93,9 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
     if within_noise(case, case.final):
         return Explained(case, names, None)
     names, mended, case = _mended_with(selection, case, names, tractor, step)
-    names += [
-        name
-        for name in irreplaceable(mended, tractor, noise_share(case), step)
-        if name not in names and holds(case, name)
-    ]
+    names += irreplaceable(
+        mended, tractor, noise_share(case), step, lambda name: name not in names and holds(case, name)
+    )
     return _without_doubtful(selection, Explained(case, names, mended))
 
 

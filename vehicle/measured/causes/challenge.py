@@ -7,7 +7,7 @@ more, in all runs and in runs held out, takes the place; one that explains as mu
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,12 +17,20 @@ from vehicle.measured.causes.dependence import Dependence
 from vehicle.measured.causes.evidence import held_out_losses, is_nameable
 from vehicle.measured.causes.refit import enlarged, with_unnamed, without
 from vehicle.measured.causes.traces import Traces
-from vehicle.measured.causes.trial import Projector, Tried, tried
+from vehicle.measured.causes.trial import Projector, Tried, needed, tried
 from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for
+from vehicle.measured.fit.products import squared
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
-from vehicle.measured.thresholds import LEAST_GAIN, LEAST_WITHIN_RUNS, LOOK_ALIKE, LOOK_ALIKE_SHARE, REFITTED
+from vehicle.measured.thresholds import (
+    FORESEEN,
+    LEAST_GAIN,
+    LEAST_WITHIN_RUNS,
+    LOOK_ALIKE,
+    LOOK_ALIKE_SHARE,
+    REFITTED,
+)
 from vehicle.tractor import Tractor
 
 Alike = Mapping[str, dict[str, float]]
@@ -89,14 +97,20 @@ def _in_place(
 
     Those that promise far less than the gain that is `worth` something are only begun, and by their `traces` left out.
     """
-    project, blocks, tractor = Projector(rest.slope), beside(bench, block), bench.rig.tractor
-    every = [
-        with_more_starts(knobs_for(tractor, entry.id, bench.course.places))
+    project = Projector(rest.slope)
+    left, every = project(rest.surprise), _rivals_beside(bench, skip, block)
+    some = every if traces is None else [one for one in every if not traces.hopeless(left, project, one, worth)]
+    return sorted((tried(bench.change, rest, one, project, worth, left) for one in some), key=lambda one: -one.gain)
+
+
+def _rivals_beside(bench: Bench, skip: Iterable[str], block: str) -> list[Knobs]:
+    """Every effect beside a block that was not searched for, each with several starts."""
+    blocks, taken = beside(bench, block), frozenset(skip)
+    return [
+        with_more_starts(knobs_for(bench.rig.tractor, entry.id, bench.course.places))
         for entry in CATALOGUE
-        if entry.block in blocks and entry.id not in skip and not entry.kind.searched
+        if entry.block in blocks and entry.id not in taken and not entry.kind.searched
     ]
-    some = every if traces is None else [one for one in every if not traces.hopeless(rest, project, one, worth)]
-    return sorted((tried(bench.change, rest, one, project, worth) for one in some), key=lambda one: -one.gain)
 
 
 def with_more_starts(knobs: Knobs) -> Knobs:
@@ -117,18 +131,39 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
     names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, plain, tractor, knobs.id)]
     traces = Traces(bench.change, plain, bench.surprise(plain.settings)) if names else None
     best: Fit | None = None
+    def worth_of(loss: float) -> float:
+        return (1.0 - LOOK_ALIKE_SHARE) * (loss - fit.loss) - LEAST_GAIN
+
     for name in (None, *names):
+        if traces and name and not _may_give_way(bench, plain, name, worth_of, traces):
+            continue
         rest = plain if name is None else without(bench, plain, name)
-        blocks = {PATH} if name is None else {effect(name).block}
-        for block in blocks:
-            worth = (1.0 - LOOK_ALIKE_SHARE) * (rest.loss - fit.loss) - LEAST_GAIN
-            for other in _in_place(bench, rest, (*plain.settings,), block, worth, traces)[:2]:
-                if other.gain < worth:
-                    continue
-                full = refined(bench, enlarged(bench, rest, other))
-                if full.loss < fit.loss + LEAST_GAIN and (best is None or full.loss < best.loss):
-                    best = full
+        worth = worth_of(rest.loss)
+        block = PATH if name is None else effect(name).block
+        for other in _in_place(bench, rest, (*plain.settings,), block, worth, traces)[:2]:
+            if other.gain < worth:
+                continue
+            full = refined(bench, enlarged(bench, rest, other))
+            if full.loss < fit.loss + LEAST_GAIN and (best is None or full.loss < best.loss):
+                best = full
     return best
+
+
+def _may_give_way(
+    bench: Bench, fit: Fit, name: str, worth_of: Callable[[float], float], traces: Traces
+) -> bool:  # fmt: skip
+    """Whether a rival may promise enough in the place of a part for the others to be fitted again without it.
+
+    Told by straight lines where the others stand; `worth_of` is what a gain must be for the loss that is left.
+    """
+    if (bench, name) in fit.smaller:
+        return True
+    project = Projector(np.delete(fit.slope, fit.columns(name), axis=1))
+    alone = {other: values for other, values in fit.settings.items() if other != name}
+    left = project(bench.surprise(alone))  # which takes out what is linear as well
+    least = FORESEEN * needed(worth_of(squared(left)))
+    rivals = _rivals_beside(bench, fit.settings, effect(name).block)
+    return any(traces.promise(left, project, one) >= least for one in rivals)
 
 
 def stands_alone(bench: Bench, fit: Fit, name: str) -> bool:

@@ -7,11 +7,12 @@ left by the fit as it was left before would be found at the same place again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from vehicle.effects import PATH, POSITION, SPEED, STEERING, effect
 from vehicle.measured.causes.dependence import Score
-from vehicle.measured.causes.trial import Tried
+from vehicle.measured.causes.foreseen import Seen
+from vehicle.measured.causes.trial import Projector, Tried
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.products import squared
 from vehicle.measured.logs.record import Array
@@ -21,12 +22,17 @@ from vehicle.measured.thresholds import UNCHANGED
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A scan: its fit, what no column of that explains (n,), the candidates, and the scores of the unnamed terms."""
+    """A scan: its fit, what no column of that explains (n,), the candidates, and the scores of the unnamed terms.
+
+    `project` takes out the columns of the fit; `seen` are the motions of trials, for the next scan.
+    """
 
     fit: Fit
+    project: Projector
     left: Array
     candidates: Sequence[Tried]
     scores: Sequence[Score]
+    seen: Seen = field(default_factory=dict)
 
     def still(self, bench: Bench, fit: Fit, left: Array) -> frozenset[str]:
         """Blocks whose channels another fit on the same course leaves as this one did."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -34,8 +35,13 @@ def with_part(bench: Bench, fit: Fit, part: Part) -> Fit:
 
 
 def with_unnamed(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...]) -> Fit:
-    """The fit with unnamed terms at their best amounts, beside what is unknown of any tractor."""
-    return restarted(bench, fit.parts, unnamed)
+    """The fit with unnamed terms at their best amounts, beside what is unknown of any tractor.
+
+    That without any is found once: see without.
+    """
+    if unnamed:
+        return restarted(bench, fit.parts, unnamed)
+    return _kept(bench, fit, "", lambda: restarted(bench, fit.parts, ()))
 
 
 def restarted(bench: Bench, parts: tuple[Part, ...], unnamed: tuple[Dependence, ...] | None) -> Fit:
@@ -70,11 +76,20 @@ def weighed(course: Course, rig: Rig, settings: Settings) -> Bench:
 
 def without(bench: Bench, fit: Fit, name: str) -> Fit:
     """The fit refitted without one of its parts, found once where all such fits take no more than KEPT_BYTES."""
+    parts = tuple(part for part in fit.parts if part[0].id != name)
+
+    def refitted() -> Fit:
+        surprise = linear_extra(bench.surprise(settings_of(list(parts))), fit.extra)
+        return refined(bench, Fit(parts, surprise, np.zeros((len(surprise), 0)), fit.extra))
+
+    return _kept(bench, fit, name, refitted)
+
+
+def _kept(bench: Bench, fit: Fit, name: str, make: Callable[[], Fit]) -> Fit:
+    """A fit without a part, or without the unnamed terms, where there is room made once."""
     if (bench, name) in fit.smaller:
         return fit.smaller[bench, name]
-    parts = tuple(part for part in fit.parts if part[0].id != name)
-    surprise = linear_extra(bench.surprise(settings_of(list(parts))), fit.extra)
-    smaller = refined(bench, Fit(parts, surprise, np.zeros((len(surprise), 0)), fit.extra))
+    smaller = make()
     if len(fit.parts) * fit.slope.nbytes <= KEPT_BYTES:
         fit.smaller[bench, name] = smaller
     return smaller

@@ -16,10 +16,11 @@ from vehicle.effects import CATALOGUE, STEERING, effect
 from vehicle.measured.causes.challenge import Alike, challenged
 from vehicle.measured.causes.dependence import Dependence, Score, scores
 from vehicle.measured.causes.evidence import helps, promised_costs
+from vehicle.measured.causes.foreseen import Foresight, older
 from vehicle.measured.causes.known import Known
 from vehicle.measured.causes.patches import best_patch
 from vehicle.measured.causes.refit import enlarged, restarted, retuned, with_part, with_unnamed, without
-from vehicle.measured.causes.trial import Projector, Tried, strengths, tried
+from vehicle.measured.causes.trial import Projector, Tried, gone_on, needed, strengths, tried
 from vehicle.measured.fit.fitting import Fit, Part, refined
 from vehicle.measured.fit.knobs import knobs_for
 from vehicle.measured.surprise.bench import Bench
@@ -27,6 +28,7 @@ from vehicle.measured.thresholds import (
     ABOVE_CHANCE,
     CHANCE_SIGMAS,
     CLEARLY,
+    FORESEEN,
     LEAST_GAIN,
     LEAST_STRENGTH,
     MATERIAL,
@@ -61,23 +63,27 @@ class Selection:
 
 def scan(
     bench: Bench, fit: Fit, tractor: Tractor, skip: Collection[str], progress: Progress | None = None,
-    known: Known | None = None,
+    known: Known | None = None, unnamed: bool = True,
 ) -> Known:  # fmt: skip
     """Every effect of the catalogue that is not in the fit, the best first; those that promise far less are only begun.
 
-    The best of the scan before are tried before others: an early best spares most of the time. What that scan tells as
-    well of this fit is not tried again.
+    What is foreseen to promise most, and the best of the scan before, are tried before others: an early best spares
+    most of the time. What that scan tells as well of this fit is not tried again. Terms without a name are scored where
+    one more may enter, being `unnamed`.
     """
     project = Projector(fit.slope)
     left = project(fit.surprise)
     still = known.still(bench, fit, left) if known else frozenset[str]()
-    first = [one.knobs.id for one in known.candidates[:LEADING]] if known else []
+    ahead, seen = Foresight(bench, fit, project, left), known.seen if known else {}
+    first = {one.knobs.id: one.gain for one in known.candidates[:LEADING]} if known else {}
     candidates = list((known.found(still) if known else {}).values())
     candidates = [one for one in candidates if one.knobs.id not in skip and one.knobs.id not in fit.settings]
-    told = {one.knobs.id for one in candidates}
-    for entry in sorted(CATALOGUE, key=lambda one: one.id not in first):
-        if entry.id in skip or entry.id in fit.settings or entry.id in told:
-            continue
+    told = {one.knobs.id for one in candidates} | set(skip) | set(fit.settings)
+    asked = [one for one in CATALOGUE if one.id not in told]
+    promises = ahead.promises(seen, [one.id for one in asked])
+    first |= {name: one.whole for name, one in promises.items()}
+    moved = older(seen)
+    for entry in sorted(asked, key=lambda one: -first.get(one.id, 0.0)):
         knobs = knobs_for(tractor, entry.id, bench.course.places)
         if not bench.has_wheel:
             knobs = knobs.with_fewer_starts()
@@ -87,18 +93,31 @@ def scan(
                 continue
             knobs = knobs_for(tractor, entry.id, {entry.id: patch})
         worth = max((-_rank(one) for one in candidates), default=0.0)
-        candidates.append(tried(bench.change, fit, knobs, project, worth))
+        foreseen = ahead.hopeless(promises[entry.id], worth) if entry.id in promises else None
+        if foreseen is None:
+            foreseen = tried(bench.change, fit, knobs, project, worth, left)
+            moved |= ahead.motions(foreseen)
+        candidates.append(foreseen)
         if progress:
             progress(entry.id)
-    ranked = known.scores if known and known.same_path(bench, fit) else scores(bench, fit)
-    return Known(fit, left, sorted(candidates, key=_rank), ranked)
+    same = known is not None and known.same_path(bench, fit)
+    ranked = () if not unnamed else known.scores if known and same else scores(bench, fit)
+    return Known(fit, project, left, sorted(candidates, key=_rank), ranked, moved)
 
 
-def ended(bench: Bench, fit: Fit, candidates: Sequence[Tried]) -> list[Tried]:
-    """The candidates with those that were only begun tried to their end, the best first."""
-    project = Projector(fit.slope)
-    whole = [one if one.ended else tried(bench.change, fit, one.knobs, project) for one in candidates]
-    return sorted(whole, key=_rank)
+def ended(bench: Bench, known: Known, candidates: Sequence[Tried], than: Tried | None = None) -> list[Tried]:
+    """Candidates of a scan with those that were only begun tried to their end, the best first.
+
+    Not those that promise, or are foreseen to promise, far less than another one.
+    """
+    worth = 0.0 if than is None else max(-_rank(than), 0.0)
+
+    def whole(one: Tried) -> Tried:
+        if one.ended or (than and one.foreseen is not None and one.foreseen < FORESEEN * needed(worth)):
+            return one
+        return gone_on(bench.change, known.fit, one, known.project, known.left, worth)
+
+    return sorted(map(whole, candidates), key=_rank)
 
 
 def _rank(one: Tried) -> float:
@@ -142,14 +161,15 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
     candidates: list[Tried] | None = None
     rival: Score | None = None
     while len(fit.parts) < MOST_PARTS:
-        if candidates is None:
-            known = scan(bench, fit, tractor, refused, progress, known)
+        if known is None or candidates is None:
+            known = scan(bench, fit, tractor, refused, progress, known, len(unnamed) < MOST_UNNAMED)
             candidates, rival = list(known.candidates), _rival(known.scores, unnamed)
-        best, threshold = _clear(bench, fit, candidates)
-        if candidates and best is not candidates[0]:  # where the best of all is not clear any other may be the one
-            candidates = ended(bench, fit, candidates)
-            known = known and replace(known, candidates=candidates)
-            best, threshold = _clear(bench, fit, candidates)
+        best, threshold = _clear(bench, known, candidates)
+        # Where the best of all is not clear any other may be the one, unless an unnamed term goes before each of them.
+        if candidates and best is not candidates[0] and not _before_all(bench, rival, unnamed, candidates, threshold):
+            candidates = ended(bench, known, candidates, best)
+            known = replace(known, candidates=candidates)
+            best, threshold = _clear(bench, known, candidates)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
             unnamed, candidates = (*unnamed, rival.terms), None
             fit = with_unnamed(bench, fit, unnamed)
@@ -159,18 +179,16 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
         larger = refined(bench, enlarged(bench, fit, best), 2)
         if not helps(bench, fit, larger, threshold):
             refused.add(best.knobs.id)
-            candidates = ended(bench, fit, [one for one in candidates if one.knobs.id != best.knobs.id])
+            candidates = ended(bench, known, [one for one in candidates if one.knobs.id != best.knobs.id])
             continue
         bench, candidates = retuned(bench, larger), None
         fit = restarted(bench, larger.parts, unnamed)
     return replace(chosen, bench=bench, fit=fit, unnamed=unnamed, threshold=threshold)
 
 
-def _clear(bench: Bench, fit: Fit, candidates: list[Tried]) -> tuple[Tried | None, float]:
+def _clear(bench: Bench, known: Known, candidates: list[Tried]) -> tuple[Tried | None, float]:
     """The best candidate that is clearly above chance, if any, and the strength that took."""
-    # Without what the columns of the fit could still take.
-    left = Projector(fit.slope)(fit.surprise) if candidates else fit.surprise
-    strength, chance = strengths(bench, candidates, left)
+    strength, chance = strengths(bench, candidates, known.left)
     threshold = max(LEAST_STRENGTH, ABOVE_CHANCE * chance)
     told = (one for one, s in zip(candidates, strength, strict=True) if one.gain > LEAST_GAIN and s > threshold)
     return next(told, None), threshold
@@ -183,6 +201,14 @@ def _rival(ranked: Sequence[Score], unnamed: tuple[Dependence, ...]) -> Score | 
         if (score.terms.on if not score.terms.per_run else "time", score.terms.changes) not in taken:
             return score
     return None
+
+
+def _before_all(
+    bench: Bench, rival: Score | None, unnamed: tuple[Dependence, ...], candidates: Sequence[Tried], threshold: float
+) -> bool:
+    """Whether an unnamed term enters whichever candidate is clear: those only begun promise less than the best."""
+    most = max(candidates, key=lambda one: one.gain)
+    return rival is not None and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, most, threshold)
 
 
 def _is_unnamed(bench: Bench, rival: Score, best: Tried | None, threshold: float) -> bool:

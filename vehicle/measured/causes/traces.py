@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.measured.causes.trial import Projector, promised
+from vehicle.measured.causes.trial import Projector, needed, promised
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
 from vehicle.measured.fit.products import crossed, side_by_side
 from vehicle.measured.fit.solver import FIRST_STEP
 from vehicle.measured.logs.record import Array
-from vehicle.measured.thresholds import FAR_LESS, HOPELESS
 
 Change = Callable[[Mapping[str, dict[str, float]], Array, frozenset[str]], Array]
 
@@ -31,18 +30,21 @@ class Traces:
     bare: Array
     _known: dict[str, Array] = field(init=False, default_factory=dict)
 
-    def hopeless(self, rest: Fit, project: Projector, knobs: Knobs, worth: float) -> bool:
+    def hopeless(self, left: Array, project: Projector, knobs: Knobs, worth: float) -> bool:
         """Whether an effect promises far less than a gain that is `worth` something, in the place of a part.
 
-        `rest` is the fit without the part, `project` takes its columns out.
+        `left` (n,) is what the fit without the part leaves, its columns, which `project` takes out, free.
         """
+        return self.promise(left, project, knobs) < needed(worth)
+
+    def promise(self, left: Array, project: Projector, knobs: Knobs) -> float:
+        """Loss that an effect takes away of what is left, by a straight line."""
         if knobs.id not in self._known:
             self._known[knobs.id] = self._trace(knobs)
         trace = self._known[knobs.id]
-        square, side = project.products(trace), crossed(trace, project(rest.surprise))
+        square, side = project.products(trace), crossed(trace, left)
         each = [slice(0, knobs.count), *[slice(k, k + 1) for k in range(knobs.count, len(side))]]
-        best = max(promised(square[one, one], side[one]) for one in each)
-        return best < max(HOPELESS, FAR_LESS * worth)
+        return max(promised(square[one, one], side[one]) for one in each)
 
     def _trace(self, knobs: Knobs) -> Array:
         """Changes of the surprises (n, m + s) by an effect: per coordinate from neutral, and at its other starts."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from vehicle.measured.fit.fitting import Fit, linear_extra
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
-from vehicle.measured.fit.products import Tall, crossed, without
-from vehicle.measured.fit.solver import Point, Rule, descend
+from vehicle.measured.fit.products import Tall, crossed, squared, without
+from vehicle.measured.fit.solver import FIRST_STEP, Point, Rule, aside, descend
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import FAR_LESS, HOPELESS, NULL_DRAWS, NULL_QUANTILE
@@ -26,7 +26,8 @@ Change = Callable[[Mapping[str, dict[str, float]], Array, frozenset[str]], Array
 class Tried:
     """A candidate at its best: coordinates, loss taken away beyond the fit, columns with the fit taken out.
 
-    One that is not `ended` was left where it began, because it promised far less than others.
+    One that is not `ended` was left because it promised far less than others. `begun` (m,) is where its first slope was
+    taken; it may be gone on with from `left`, where that is known. One with a promise `foreseen` was not tried at all.
     """
 
     knobs: Knobs
@@ -34,6 +35,9 @@ class Tried:
     gain: float
     columns: Array
     ended: bool = True
+    begun: Array | None = None
+    left: Point | None = None
+    foreseen: float | None = None
 
 
 class Projector:
@@ -103,18 +107,33 @@ class _OneMore:
         return self.at(at).left - start.left
 
 
-def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, worth: float = 0.0) -> Tried:
+def tried(
+    change_of: Change, fit: Fit, knobs: Knobs, project: Projector, worth: float = 0.0, left: Array | None = None
+) -> Tried:
     """Fit one more effect while the coordinates of the others follow linearly.
 
-    `change_of` is Bench.change, `project` takes out the columns of the fit. A candidate that promises far less than the
-    gain that is `worth` something is not simulated further.
+    `change_of` is Bench.change, `project` takes out the columns of the fit, and `left` (n,) is what it leaves of the
+    surprises, where that is known. A candidate that promises far less than the gain that is `worth` something is not
+    simulated further.
     """
     problem = _OneMore(change_of, fit, knobs, project)
-    best = without = Point(np.array(knobs.neutral), project(fit.surprise))
+    best = without = Point(np.array(knobs.neutral), project(fit.surprise) if left is None else left)
     for start in knobs.starts:
         if start != knobs.neutral:
             other = problem.at(np.array(start))
             best = other if other.loss < best.loss else best
+    return _descended(problem, best, without.loss, worth)
+
+
+def gone_on(change_of: Change, fit: Fit, one: Tried, project: Projector, left: Array, worth: float = 0.0) -> Tried:
+    """A candidate of the same fit from where it was left, when it was: what tried finds at once with that `worth`."""
+    if one.left is None:
+        return tried(change_of, fit, one.knobs, project, worth, left)
+    return _descended(_OneMore(change_of, fit, one.knobs, project), one.left, squared(left), worth)
+
+
+def _descended(problem: _OneMore, best: Point, loss: float, worth: float) -> Tried:
+    """The candidate from its best start on, or from where its first slope was taken, beside a `loss` without it."""
 
     def settled(before: Point, after: Point) -> bool:
         return bool(np.all(np.abs(after.at - before.at) < SETTLED * problem.typical))
@@ -122,12 +141,23 @@ def tried(change_of: Change, fit: Fit, knobs: Knobs, project: Projector, worth: 
     promises: list[float] = []
 
     def worthwhile(point: Point) -> bool:
-        promises.append(without.loss - point.loss + _promise(point))
-        return not promises[-1] < max(HOPELESS, FAR_LESS * worth)
+        promises.append(loss - point.loss + _promise(point))
+        return not promises[-1] < needed(worth)
 
-    end = descend(problem, best, Rule(ITERATIONS, settled, worthwhile=worthwhile))
+    end = descend(problem, best, Rule(ITERATIONS, settled, worthwhile=worthwhile, slopes=int(best.taken is not None)))
     ended = not HOPELESS <= promises[-1] < FAR_LESS * worth
-    return Tried(knobs, end.at, without.loss - end.loss, end.slope, ended)
+    left = end if not ended and len(promises) == 1 else None
+    return Tried(problem.knobs, end.at, loss - end.loss, end.slope, ended, best.at, left)
+
+
+def needed(worth: float) -> float:
+    """What a candidate must promise to be simulated further, beside a gain that is `worth` something."""
+    return max(HOPELESS, FAR_LESS * worth)
+
+
+def sides_of(knobs: Knobs, at: Array) -> list[Array]:
+    """Where the first slope at coordinates is taken, one place per axis."""
+    return [aside(knobs.typical, knobs.high, at, axis, FIRST_STEP) for axis in range(knobs.count)]
 
 
 def _promise(point: Point) -> float:

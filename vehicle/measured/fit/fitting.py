@@ -67,7 +67,7 @@ class Fit:
     surprise: Array
     slope: Array
     extra: Extra | None = None
-    # Fits on a bench without one of the parts: several questions need the same ones.
+    # Fits on a bench without one of the parts, or without unnamed terms (""): several questions need the same ones.
     smaller: dict[tuple[Bench, str], Fit] = field(init=False, default_factory=dict)
 
     @property

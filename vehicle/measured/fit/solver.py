@@ -8,7 +8,7 @@ most: further the slope does not hold, and the next one will not either.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -23,6 +23,7 @@ SHORTENED = (1.0, 0.4, 0.15)  # shares of a step that are tried: chosen, nearly 
 NEAR = 0.03  # of a typical size: chosen, little beside what a slope is taken over, so that it holds as well there
 STEPS_A_SLOPE = 3  # chosen: bounds the steps with one slope, which cost little beside it
 KEPT_PROMISE = 0.7  # chosen, of what a slope promised: a step that gains less says that it does not hold
+Sizes = Array | Sequence[float]
 RIDGE = 1e-6  # of every diagonal entry: chosen, keeps columns that look alike from running apart
 
 
@@ -80,7 +81,8 @@ class Rule:
     """When to stop: after the steps of `iterations` slopes, or when a step takes at most `least_gain` off the loss.
 
     `settled` sees the points before and after a step and says whether that was the last; `worthwhile` sees a point with
-    its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes.
+    its slope before a step is tried. The first slope is taken over `first_step` of the typical sizes; `slopes` is how
+    many of them a start has behind it that others were led to, and is stepped from on.
     """
 
     iterations: int
@@ -88,6 +90,7 @@ class Rule:
     least_gain: float = 0.0
     first_step: float = FIRST_STEP
     worthwhile: Callable[[Point], bool] = lambda _: True
+    slopes: int = 0
 
 
 def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
@@ -97,17 +100,17 @@ def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Ar
 
 
 def _column(problem: Problem, start: Point, axis: int, share: float) -> Array:
-    moved = aside(problem, start.at, axis, share)
+    moved = aside(problem.typical, problem.high, start.at, axis, share)
     column: Array = problem.change(moved, axis, start) / (moved[axis] - start.at[axis])
     return column
 
 
-def aside(problem: Problem, at: Array, axis: int, share: float) -> Array:
+def aside(typical: Sizes, high: Sizes, at: Array, axis: int, share: float) -> Array:
     """Coordinates with one of them a share of its typical size larger, or smaller where the box ends before."""
     moved = at.copy()
-    moved[axis] += share * problem.typical[axis]
-    if moved[axis] > problem.high[axis]:
-        moved[axis] = at[axis] - share * problem.typical[axis]
+    moved[axis] += share * typical[axis]
+    if moved[axis] > high[axis]:
+        moved[axis] = at[axis] - share * typical[axis]
     return moved
 
 
@@ -145,7 +148,7 @@ def descend(problem: Problem, start: Point, rule: Rule) -> Point:
 
     Points that are near where a slope was taken are stepped from with that one, also the start.
     """
-    point, holds, slopes = start, True, 0
+    point, holds, slopes = start, True, rule.slopes
     for _ in range(STEPS_A_SLOPE * rule.iterations):
         if not holds or not is_near(problem, point):
             if slopes == rule.iterations:

@@ -7,11 +7,13 @@ had no part in its fit are simulated clearly better.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from vehicle.learnt import Settings
+from vehicle.measured.causes.refit import KEPT_BYTES
 from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Model, OpenLoop, Term, Terms, fitted, held_out_loss
 from vehicle.measured.mend.proposals import Step, best_pair, entry_of, proposals, simulated
@@ -23,10 +25,18 @@ from vehicle.tractor import Tractor
 
 @dataclass(frozen=True, eq=False)
 class Mended:
-    """The model that was found, and the open-loop error it lowers."""
+    """The model that was found, and the open-loop error it lowers.
+
+    `smaller` are the fits without what enters and leaves as one, by its name, where they were kept.
+    """
 
     loop: OpenLoop
     model: Model
+    smaller: Mapping[str, Model] = field(default_factory=dict)
+
+    def without(self, name: str) -> Model:
+        """The other terms, fitted again."""
+        return self.smaller[name] if name in self.smaller else _without(self.loop, self.model, name)
 
 
 def mend(bench: Bench, tractor: Tractor, settled: Terms, step: Step, tolerated: Settings | None = None) -> Mended:
@@ -43,7 +53,7 @@ def mend(bench: Bench, tractor: Tractor, settled: Terms, step: Step, tolerated: 
         if larger is None:
             break
         model, best = larger
-    return Mended(loop, _pruned(loop, model, best))
+    return _pruned(loop, model, best)
 
 
 def _enlarged(loop: OpenLoop, model: Model, best: float, tractor: Tractor, step: Step) -> tuple[Model, float] | None:
@@ -95,11 +105,18 @@ def at_a_limit(terms: Terms) -> bool:
     )
 
 
-def _pruned(loop: OpenLoop, model: Model, best: float) -> Model:
+def _pruned(loop: OpenLoop, model: Model, best: float) -> Mended:
     """Leave out, one by one, what later terms have made superfluous."""
+    kept: dict[str, Model] = {}
     for name in sorted({entry_of(name) for name in model.ids}):
-        smaller = fitted(loop, tuple(term for term in model.terms if entry_of(term.knobs.id) != name), 2)
+        smaller = _without(loop, model, name)
         loss = held_out_loss(loop, smaller)
         if loss < best / (1.0 - WORTH):
             return _pruned(loop, smaller, loss)
-    return model
+        if len(model.terms) * model.slope.nbytes <= KEPT_BYTES:
+            kept[name] = smaller
+    return Mended(loop, model, kept)
+
+
+def _without(loop: OpenLoop, model: Model, name: str) -> Model:
+    return fitted(loop, tuple(term for term in model.terms if entry_of(term.knobs.id) != name), 2)
