@@ -104,8 +104,9 @@ def circles() -> Bench:
 
 
 def test_what_is_foreseen_as_hopeless_is_tried_before_it_is_said_that_nothing_is_left(circles: Bench) -> None:
-    before = scan(circles, restarted(circles, (), None), eg105(), set())
-    fit = restarted(circles, ((knobs("steering_offset"), np.array([0.99])),), None)
+    beside = (knobs("heading_bias"), np.array([0.0]))
+    before = scan(circles, restarted(circles, (beside,), None), eg105(), set())
+    fit = restarted(circles, (beside, (knobs("steering_offset"), np.array([0.99]))), None)
     after = scan(circles, fit, eg105(), set(), known=before)
     untried = [one for one in after.candidates if one.foreseen is not None]
     assert untried and not any(one.ended for one in untried)
@@ -117,7 +118,7 @@ def test_what_is_foreseen_as_hopeless_is_tried_before_it_is_said_that_nothing_is
 
 
 def test_beside_a_clear_one_only_what_may_go_before_it_is_tried(circles: Bench) -> None:
-    fit = restarted(circles, (), None)
+    fit = restarted(circles, ((knobs("antenna_right"), np.array([0.0])),), None)
     after = scan(circles, fit, eg105(), set(), known=scan(circles, fit, eg105(), set()))
     begun = [one for one in after.candidates if not one.ended]
     clear = after.candidates[0]

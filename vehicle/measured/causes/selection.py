@@ -96,7 +96,8 @@ def scan(
         foreseen = ahead.hopeless(promises[entry.id], worth) if entry.id in promises else None
         if foreseen is None:
             foreseen = tried(bench.change, fit, knobs, project, worth, left)
-            moved |= ahead.motions(foreseen)
+            if fit.parts:  # with one cause the second scan is the last, and nobody would ask
+                moved |= ahead.motions(foreseen)
         candidates.append(foreseen)
         if progress:
             progress(entry.id)
