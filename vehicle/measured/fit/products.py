@@ -104,12 +104,16 @@ def _crossed(one, two, same, begin, end, out) -> None:  # type: ignore[no-untype
         many = _packed(one, first, rows, mine, places)
         width = many if same else _packed(two, first, rows, others, theirs)
         for i in range(many):
-            for j in range(width):
+            for j in range(i if same else 0, width):
                 sums[i, j] = out[places[i], theirs[j]]
-        _summed(mine, others, rows, many, width, sums)
+        _summed(mine, others, same, rows, many, width, sums)
         for i in range(many):
-            for j in range(width):
+            for j in range(i if same else 0, width):
                 out[places[i], theirs[j]] = sums[i, j]
+    if same:
+        for i in range(len(one)):
+            for j in range(i):
+                out[i, j] = out[j, i]
 
 
 @compiled
@@ -131,19 +135,22 @@ def _packed(columns, first, rows, packed, places) -> int:  # type: ignore[no-unt
 
 
 @compiled
-def _summed(one, two, rows, many, width, sums) -> None:  # type: ignore[no-untyped-def]
-    """Add the products of packed columns to sums: four rows at once, for a sum is read and written once for them."""
+def _summed(one, two, same, rows, many, width, sums) -> None:  # type: ignore[no-untyped-def]
+    """Add the products of packed columns to sums: four rows at once, for a sum is read and written once for them.
+
+    Of the `same` columns only those above the diagonal, which those below it are.
+    """
     whole = rows - rows % 4
     for row in range(0, whole, 4):
         for i in range(many):
             a, b, c, d = one[row, i], one[row + 1, i], one[row + 2, i], one[row + 3, i]
-            for j in range(width):
+            for j in range(i if same else 0, width):
                 sums[i, j] = (
                     sums[i, j] + a * two[row, j] + b * two[row + 1, j] + c * two[row + 2, j] + d * two[row + 3, j]
                 )
     for row in range(whole, rows):
         for i in range(many):
-            for j in range(width):
+            for j in range(i if same else 0, width):
                 sums[i, j] += one[row, i] * two[row, j]
 
 
