@@ -111,3 +111,22 @@ def test_a_part_is_not_left_out_because_the_others_had_not_come_to_their_best() 
     fit = replace(bench.fit("steering_offset", "heading_bias"), parts=parts,
                   surprise=bench.surprise({one.id: one.values(at) for one, at in parts}))  # fmt: skip
     assert set(pruned(bench, fit).settings) == {"steering_offset", "heading_bias"}
+
+
+def test_nothing_is_settled_while_a_candidate_was_only_begun(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One is clear that no longer is when others are looked at: all are tried before it is said that none is."""
+    looked, known = list[list[Tried]](), scan(bench, restarted(bench, (), None), eg105(), set())
+    first, clear, *others = known.candidates
+    foreseen = [replace(one, ended=False, foreseen=0.0) for one in others]
+    begun = replace(known, candidates=[first, replace(clear, gain=2.0 * LEAST_GAIN), *foreseen])
+
+    def strengths(_: Bench, candidates: list[Tried], left: object) -> tuple[list[float], float]:
+        looked.append(candidates)
+        return [0.0, *(1e6 for _ in candidates[1:])], 0.0 if len(looked) == 1 else 1e9
+
+    monkeypatch.setattr(selection, "strengths", strengths)
+    monkeypatch.setattr(selection, "scan", lambda *_: begun)
+    monkeypatch.setattr(selection, "_rival", lambda *_: None)
+    chosen = selection._forward(selection.Selection(bench, known.fit, (), 0.0), eg105(), set(), None)
+    assert not chosen.fit.parts and len(looked) == 3
+    assert all(one.ended for one in looked[-1]) and not all(one.ended for one in looked[0])

@@ -11,13 +11,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from tests.measured.benches import eg105, rig
+from tests.measured.benches import rig
 from vehicle.learnt import Settings
+from vehicle.measured.replay.abreast import ABREAST
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.foretelling import foretell
-from vehicle.measured.replay.keeping import Kept
-from vehicle.measured.replay.replaying import Rig, own_rig, replay, replays
+from vehicle.measured.replay.keeping import MOST_BYTES, Kept
+from vehicle.measured.replay.replaying import Rig, replay, replays
 from vehicle.measured.replay.states import ANGLE, FORWARD, X
 from vehicle.terms import affected_tangent, ground_drift
 
@@ -31,7 +32,8 @@ BENT: Settings = {
     "implement_side_draft": {"curvature_per_m": 0.003},
 }
 REST: Settings = {"rest": {"grip_by_angle": 0.3, "push_to_east": 0.05, "angle_by_speed": 0.01}}
-ALL = (BENT, REST, {**BENT, **REST}, {}, {"grip_patch": {"ratio": 0.7, "east_m": 3.0, "north_m": 2.0, "radius_m": 9.0}})
+PATCH: Settings = {"grip_patch": {"ratio": 0.7, "east_m": 3.0, "north_m": 2.0, "radius_m": 9.0}}
+ALL = (BENT, REST, {"understeer": {"deg_per_mps2": 0.7}}, {**BENT, **REST}, {}, PATCH)
 
 
 @lru_cache(maxsize=1)
@@ -39,13 +41,13 @@ def stretches() -> tuple[Stretch, ...]:
     """Drives of many lengths, more than are driven at once."""
     drives = [one for drill in DRILLS for one in driven(rig(), drill, 0.3, 1.4, {}).stretches]
     whole = [replace(one, run=number) for number, one in enumerate(3 * drives)]
-    assert len(whole) > 16
+    assert len(whole) > ABREAST
     return tuple(whole)
 
 
-def fresh(ground: str = "soil") -> Rig:
+def fresh(most_bytes: int = MOST_BYTES) -> Rig:
     """The tractor of the tests, which has replayed nothing yet."""
-    return replace(rig(), kept=Kept()) if ground == "soil" else own_rig(eg105(), ground, (0.0, 0.0))[0]
+    return replace(rig(), kept=Kept(most_bytes))
 
 
 @pytest.mark.parametrize("settings", ALL)
@@ -75,6 +77,43 @@ def test_what_slides_far_is_driven_alike() -> None:
         assert np.array_equal(states, replay(fresh(), one, {}, False, True))
 
 
+@pytest.mark.parametrize("shaped", [False, True])
+def test_other_grounds_are_driven_alike(shaped: bool) -> None:
+    """A friction curve is asked of one stretch after another."""
+    tractor = replace(fresh(), ground=rig().ground.copy())
+    tractor.ground["front_slope"] *= 0.4
+    tractor.ground["shaped"], tractor.ground["grip"] = float(shaped), 0.6
+    together = replays(tractor, [(one, BENT) for one in stretches()], False, True)
+    assert not np.array_equal(together[0], replay(fresh(), stretches()[0], BENT, False, True))
+    for one, states in zip(stretches(), together, strict=True):
+        assert np.array_equal(states, replay(replace(tractor, kept=Kept()), one, BENT, False, True))
+
+
+def test_reverse_a_measured_slope_and_a_single_step_are_driven_alike_and_what_is_no_number_stays_where_it_is() -> None:
+    back, sloped, short, broken = (replace(one, run=90 + number) for number, one in enumerate(stretches()[:4]))
+    rows = {name: values[:1] for name, values in short.grids.items()}
+    lost = broken.grids["speed"].copy()
+    lost[40:] = np.nan
+    some = [
+        replace(back, gear=-1.0, grids=back.grids | {"speed": -back.grids["speed"]}),
+        replace(sloped, grids=sloped.grids | {"across": np.sin(np.arange(len(sloped.grids["speed"])) / 30.0)}),
+        replace(short, grids=rows), replace(broken, grids=broken.grids | {"speed": lost}), *stretches()[4:7],
+    ]  # fmt: skip
+    drift: Settings = {"cross_slope_drift": {"ratio": 0.1, "bearing_deg": 40.0, "per_slope": 0.5}}
+    together = replays(fresh(), [(one, drift) for one in some], False, True)
+    for one, states in zip(some, together, strict=True):
+        assert np.array_equal(states, replay(fresh(), one, drift, False, True), equal_nan=True)
+    assert len(together[2]) == 1 and np.isfinite(together[-1]).all() and np.isnan(together[3][-1]).any()
+
+
+def test_what_is_kept_of_one_stretch_keeps_nothing_of_those_beside_it() -> None:
+    tractor = fresh(most_bytes=3 * max(one.grids["speed"].nbytes for one in stretches()) * 5)
+    for number in range(4):
+        offset = {"steering_offset": {"angle_deg": 0.1 * number}}
+        states = replays(tractor, [(one, offset) for one in stretches()], False, True)
+        assert all(one.base is None for one in states)
+
+
 def test_what_was_kept_is_neither_driven_nor_changed() -> None:
     tractor, pairs = fresh(), [(one, BENT) for one in stretches()]
     first = replays(tractor, pairs[:5], False, True)
@@ -92,25 +131,23 @@ def test_speeds_are_the_measured_ones() -> None:
 
 
 @pytest.mark.parametrize("settings", ALL)
-@pytest.mark.parametrize("most", [0.0, 0.05, 0.7, 1.4])
-def test_what_is_told_beforehand_is_what_steps_are_told(settings: Settings, most: float) -> None:
-    """The formulas of planning, step by step; wheels that stand straight as well, and beyond full lock."""
+@pytest.mark.parametrize(("most", "wider"), [(0.0, 1.0), (0.05, 1.0), (0.7, 1.0), (1.4, 1.0), (0.9, 1.6)])
+def test_what_is_told_beforehand_is_what_steps_are_told(settings: Settings, most: float, wider: float) -> None:
+    """The formulas of planning, step by step: straight wheels too, beyond full lock, and wheels that turn very far."""
     rng, steps, tractor = np.random.default_rng(8), 333, rig()
     turned, speed = most * rng.uniform(-1.0, 1.0, steps), rng.uniform(-1.0, 4.0, steps)
     turned[:5] = 0.0
     east, north, heading = rng.uniform(-20.0, 20.0, (3, steps))
     cosines, sines, working = np.cos(heading), np.sin(heading), np.round(rng.uniform(size=steps))
     downhill = rng.normal(0.0, 0.02, steps)
-    model, table = tractor.effective(settings), tractor.table
+    model, table = tractor.effective(settings), wider * tractor.table
     bend, ahead, slide = np.empty(steps), np.empty(steps), downhill.copy()
-    foretell(
-        speed, working, east, north, cosines, sines, turned, 30.0, 0.1, table, model, bend, ahead, slide
-    )  # fmt: skip
+    foretell(speed, working, east, north, cosines, sines, turned, 30.0, 0.1, table, model, bend, ahead, slide)
     for k in range(steps):
         here = (cosines[k], sines[k])
         asked = affected_tangent(
             turned[k], speed[k], east[k], north[k], *here, 30.0 + k * 0.1, working[k], table, model
-        )  # fmt: skip
+        )
         along, across = ground_drift(turned[k], speed[k], *here, model)
         assert (bend[k], ahead[k]) == (asked, along)
         assert slide[k] == pytest.approx(across + abs(speed[k]) * downhill[k], abs=1e-15)

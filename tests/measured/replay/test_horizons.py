@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.measured.drawn import circle, course, rig
+from vehicle.measured.replay import horizons
 from vehicle.measured.replay.horizons import (
     HORIZONS_S,
     anchored,
@@ -73,6 +74,15 @@ def test_settings_may_differ_from_run_to_run_and_between_halves() -> None:
     assert plain[0][5.0][0] < 1e-6 < plain[1][5.0][0]
     halves = both[0][5.0], both[1][5.0]
     assert halves[0][3] == halves[1][3] and halves[0][0] == pytest.approx(0.5 * halves[1][0], rel=0.05)
+
+
+def test_sums_are_the_same_however_much_is_driven_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = course(circle(0.0, 40.1), circle(0.02, 40.1), circle(-0.03, 30.1))
+    settings = {0: {}, 1: ({}, {"steering_offset": {"angle_deg": 4.0}}), 2: {}}
+    whole = run_squares(runs, rig(), settings)
+    monkeypatch.setattr(horizons, "MOST_STEPS", 1)
+    for one, two in zip(whole, run_squares(runs, rig(), settings), strict=True):
+        assert all(np.array_equal(one[horizon], two[horizon]) for horizon in HORIZONS_S)
 
 
 def test_totals_count_in_units_of_the_floor() -> None:

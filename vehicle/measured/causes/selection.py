@@ -168,9 +168,12 @@ def _forward(chosen: Selection, tractor: Tractor, refused: set[str], progress: P
         best, threshold = _clear(bench, known, candidates)
         # Where the best of all is not clear any other may be the one, unless an unnamed term goes before each of them.
         if candidates and best is not candidates[0] and not _before_all(bench, rival, unnamed, candidates, threshold):
-            candidates = ended(bench, known, candidates, best)
+            for than in (best, None) if best else (None,):  # nothing is left out as long as nothing is clear
+                candidates = ended(bench, known, candidates, than)
+                best, threshold = _clear(bench, known, candidates)
+                if best is not None:
+                    break
             known = replace(known, candidates=candidates)
-            best, threshold = _clear(bench, known, candidates)
         if rival and len(unnamed) < MOST_UNNAMED and _is_unnamed(bench, rival, best, threshold):
             unnamed, candidates = (*unnamed, rival.terms), None
             fit = with_unnamed(bench, fit, unnamed)

@@ -112,10 +112,16 @@ def _bends(angle, bend, table, wide, some) -> None:  # type: ignore[no-untyped-d
 def _unstrain(angle, left, bend, speed, table, wide, some) -> None:  # type: ignore[no-untyped-def]
     """unstrained_angle of many angles (n,), in their place."""
     for k in range(len(angle)):
-        left[k] = angle[k] if abs(angle[k]) >= STRAIGHT_RAD else STRAIGHT_RAD  # nothing is divided by 0
+        left[k] = _bent(angle[k])
     for _ in range(SECANTS):
         _bends(left, bend, table, wide, some)
         for k in range(len(angle)):
-            left[k] = secant_step(angle[k], left[k], bend[k], speed[k], some)
+            left[k] = secant_step(_bent(angle[k]), left[k], bend[k], speed[k], some)
     for k in range(len(angle)):
         angle[k] = angle[k] if abs(angle[k]) < STRAIGHT_RAD else left[k]
+
+
+@inlined
+def _bent(angle: float) -> float:
+    """The angle, or one that stands in for those that are as good as straight: nothing is divided by 0."""
+    return angle if abs(angle) >= STRAIGHT_RAD else STRAIGHT_RAD

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,8 @@ Seen = tuple[Array, Array, Array, Array]
 Squares = dict[float, Array]
 Halves = tuple[Settings, Settings]
 Cuts = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+Half = tuple[Stretch, Settings, int | None]  # a stretch, its settings, and the half of it they are for, if not all
+MOST_STEPS = 200_000  # chosen, of stretches driven at a time: about an hour, of which states and poses take 15 MB
 EDGE_S = 0.5  # a piece begins at a row, up to half a second (at 1 Hz) off its time
 
 
@@ -113,17 +115,29 @@ def run_squares(
 
     `by_speed` is that of chain.
     """
-    totals, each, halves = no_squares(len(course.names)), list[Pair](), list[int | None]()
+    totals, each = no_squares(len(course.names)), list[Half]()
     for stretch in course.stretches:
         mine = settings[stretch.run]
-        for half, one in enumerate(mine) if isinstance(mine, tuple) else ((None, mine),):
-            each.append((stretch, one))
-            halves.append(half)
-    poses = driven_poses(rig, each, by_speed)
-    for (stretch, _), half, (antenna, heading) in zip(each, halves, poses, strict=True):
-        for horizon, part in squares(stretch, antenna, heading, half).items():
-            totals[stretch.run][horizon] += part
+        halves = enumerate(mine) if isinstance(mine, tuple) else ((None, mine),)
+        each += [(stretch, one, half) for half, one in halves]
+    for some in _batches(each):
+        poses = driven_poses(rig, [(stretch, one) for stretch, one, _ in some], by_speed)
+        for (stretch, _, half), (antenna, heading) in zip(some, poses, strict=True):
+            for horizon, part in squares(stretch, antenna, heading, half).items():
+                totals[stretch.run][horizon] += part
     return totals
+
+
+def _batches(each: Sequence[Half]) -> Iterator[list[Half]]:
+    """What is driven at a time, so that the poses of hours need not all be there at once."""
+    batch, steps = list[Half](), 0
+    for one in each:
+        batch.append(one)
+        steps += len(one[0].grids["speed"])
+        if steps >= MOST_STEPS:
+            yield batch
+            batch, steps = [], 0
+    yield batch
 
 
 def errors_of(totals: list[Squares]) -> dict[float, Error]:

@@ -250,7 +250,8 @@ def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
             one.stretch.start_s, DT_S, rig.table, model, bend[mine], ahead[mine], slide[mine],
         )  # fmt: skip
     drive_abreast(*laid, bend, ahead, slide, DT_S, rig.model[0], rig.ground[0], out)
-    return {one.key: out[begin:end] for one, begin, end in zip(group, laid.begins, laid.ends, strict=True)}
+    # Copies: what is kept of one stretch must not keep those beside it.
+    return {one.key: out[begin:end].copy() for one, begin, end in zip(group, laid.begins, laid.ends, strict=True)}
 
 
 def _wheels(rig: Rig, asked: _Asked) -> tuple[Array, Array, Array]:
