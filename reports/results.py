@@ -51,8 +51,7 @@ class PlanResult:
     `expected_cost` with ground that is late on top, with its standard error.
     `refills` counts the stops of all tractors at which a tank was filled or emptied, `refilling_s` their time; None
     where nothing is carried.
-    `bound_s` is the time that a plan takes at least which was not simulated, as another one is quicker than that, or
-    as others of the same candidate had no timetable.
+    `bound_s` is the time that a plan takes at least which was not simulated, as another one is quicker than that.
     """
 
     strategy: str

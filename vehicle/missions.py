@@ -112,7 +112,7 @@ class Leg:
 
     def linked(self, **changes: Any) -> Leg:
         """The same way with other values of anything but its points, so that it need not be measured again."""
-        leg = replace(self, **changes)
+        leg = replace(self, points=self.points, **changes)
         leg.__dict__.update((name, self.__dict__[name]) for name in ("length_m", "ends") if name in self.__dict__)
         return leg
 

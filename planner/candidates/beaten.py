@@ -32,15 +32,12 @@ class Rival:
 class Beaten:
     """A candidate whose every plan takes at least so many seconds, and more than the rival.
 
-    `driven` says that quicker ones were driven and were not feasible. `untimed` tells in words of others that were not
-    driven though they take only `untimed_s` at the least; None where there are none.
+    `driven` says that quicker ones were driven and were not feasible.
     """
 
     seconds: float
     rival: Rival
     driven: bool = False
-    untimed: str | None = None
-    untimed_s: float = math.inf
 
 
 def beaten(
@@ -99,7 +96,6 @@ def from_any_corner(found: Beaten) -> Beaten:
 
 def result_of(found: Beaten, site: Site, strategy: str, tractors: int) -> PlanResult:
     """What is told of a candidate that is not simulated."""
-    rival, least_s = found.rival, min(found.seconds, found.untimed_s)
-    beaten = f"at least {found.seconds:.0f} s, {rival.strategy} takes {rival.seconds:.0f} s"
-    reason = f"cannot win: {beaten}" if found.untimed is None else f"{found.untimed}; otherwise {beaten}"
-    return PlanResult(strategy, tractors, site.scenario.turn, False, reason, bound_s=round(least_s, 3))
+    rival = found.rival
+    reason = f"cannot win: at least {found.seconds:.0f} s, {rival.strategy} takes {rival.seconds:.0f} s"
+    return PlanResult(strategy, tractors, site.scenario.turn, False, reason, bound_s=round(found.seconds, 3))

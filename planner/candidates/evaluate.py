@@ -11,10 +11,10 @@ import numpy as np
 from fields.layout import Layout
 from planner.candidates.alone import Alone, patience_s
 from planner.candidates.beaten import Beaten, Rival, contenders, from_any_corner, quickest_of, result_of, surely
-from planner.candidates.bounds import least_s, pace_of
+from planner.candidates.bounds import pace_of
 from planner.candidates.choosing import Limits, best_first, untried
 from planner.candidates.headland import headland_s, with_headland
-from planner.candidates.other_orders import TOLD, Untimed, other_orders
+from planner.candidates.other_orders import TOLD, other_orders
 from planner.candidates.refills import check_leave, crowded, refilled
 from planner.candidates.slowing import Cured, cured_turns, cures, left_m, mended, with_cured
 from planner.candidates.steady import ASIDE_M, Slip, slips, worst_aside
@@ -120,7 +120,7 @@ def _from_some_corner(site: Site, strategy: Strategy, job: Job, rival: Rival | N
     refusal: StrategyError | None = None
     for corner in corners_of(job):
         try:
-            latest = _run_job(site, strategy, replace(job, corner=corner, used={}), rival, Untimed())
+            latest = _run_job(site, strategy, replace(job, corner=corner, used={}), rival)
         except StrategyError as error:
             refusal = refusal or error
             continue
@@ -137,15 +137,14 @@ def _in_some_order(site: Site, strategy: Strategy, job: Job, rival: Rival | None
     first: CandidateRun | None = None
     told: Beaten | None = None
     refusal: StrategyError | None = None
-    untimed = _untimed(site, rival)
     for number, other in enumerate((job, *other_orders(strategy, job))):
         try:
-            latest = _run_job(site, strategy, other, rival, untimed)
+            latest = _run_job(site, strategy, other, rival)
         except StrategyError as error:
             refusal = refusal or error
             continue
         if isinstance(latest, CandidateRun) and latest.reason is None:
-            return replace(latest, remark=_joined(latest.remark, TOLD, untimed.told)) if number else latest
+            return replace(latest, remark=_joined(latest.remark, TOLD)) if number else latest
         if isinstance(latest, CandidateRun):
             first = first or latest
         elif not number and not latest.driven:
@@ -153,19 +152,11 @@ def _in_some_order(site: Site, strategy: Strategy, job: Job, rival: Rival | None
         elif not number or (told and latest.seconds < told.seconds):
             told = latest
     if told is not None:
-        return replace(told, untimed=untimed.told, untimed_s=untimed.least_s)
+        return told
     if first is None:
         assert refusal is not None  # an order is driven, beaten or refused
         raise refusal
-    return replace(first, reason=_joined(first.reason, untimed.told))
-
-
-def _untimed(site: Site, rival: Rival | None) -> Untimed:
-    """What other orders leave out: nothing where these may be all that a field has, or more than time decides."""
-    if rival is None or (site.stakes is not None and site.stakes.decides):
-        return Untimed()
-    pace = pace_of(site.tractor, site.implement, site.manner.radius_m)
-    return Untimed(lambda plan: least_s(plan, pace))
+    return first
 
 
 def corners_of(job: Job) -> Iterator[Corner]:
@@ -175,10 +166,7 @@ def corners_of(job: Job) -> Iterator[Corner]:
     yield from (corner for corner in corners_by_promise(job) if corner != job.corner)
 
 
-def _run_job(
-    site: Site, strategy: Strategy, job: Job, rival: Rival | None, untimed: Untimed
-) -> CandidateRun | Beaten:  # fmt: skip
-    """The run of a job, or how a rival beats it; raises StrategyError where all is left out for what was `untimed`."""
+def _run_job(site: Site, strategy: Strategy, job: Job, rival: Rival | None) -> CandidateRun | Beaten:
     rehearsal = Rehearsal(
         site.tractor, site.implement, stop_clearance_m=site.scenario.clearance_m,
         beside_clearance_m=beside_clearance_m(site), position_errors=site.position_errors, seed=site.scenario.seed,
@@ -193,8 +181,7 @@ def _run_job(
 
     check_leave(job, strategy)
     alone = Alone(site, rehearsal)
-    refused: list[Plan] = []  # no timetable was found for them
-    give_way = _give_way(site, alone, refused)
+    give_way = _give_way(site, alone)
     limits = Limits(pace_of(site.tractor, site.implement, site.manner.radius_m), alone)
     refined, reached = built_within_reach(job, build)
     job, refined = reached.job, replace(refined, remark=_joined(refined.remark, reached.told))
@@ -211,7 +198,7 @@ def _run_job(
                 return one
         return _run_plan(site, strategy, job, choice, simulate, give_way, cured)
 
-    for passage, dry in enumerate(with_headland(site, job, refined)):
+    for dry in with_headland(site, job, refined):
         every = refilled(job, strategy, dry)
         choices = left = untried(every, tried)
         alone.expect(choice.plan for choice in choices)
@@ -226,26 +213,20 @@ def _run_job(
                 slower = quickest_of(slower, found)
             if slower is not None and lost:
                 return replace(slower, driven=first is not None)
-        tried += [each.plan for each in left]
-        without = untimed.left_out(job, passage, left)
-        left, choices = ([one for one in some if not any(one is each for each in without)] for some in (left, choices))
         runs = best_first(left, choices, drive, limits)
         driven = [each for each in runs if each.reason is None]
         if driven:
             return min(driven, key=lambda each: round(each.run.duration_s, 3))
         first = first or next(iter(runs), None)
-        untimed.note(passage, (each.plan for each in left if any(each.plan is plan for plan in refused)))
-    if slower is not None:
-        return replace(slower, driven=True)
-    if first is None:
-        raise StrategyError(untimed.told or "No plan of the rounds could be written.")
-    return first
+        tried += [each.plan for each in left]
+    assert first is not None  # a plan that cannot be written is refused
+    return first if slower is None else replace(slower, driven=True)
 
 
-def _give_way(site: Site, alone: Alone, refused: list[Plan]) -> GiveWay:
+def _give_way(site: Site, alone: Alone) -> GiveWay:
     """Schedules plans of this site."""
     rules = Rules(
-        site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven, refused
+        site.tractor, site.implement, site.scenario.clearance_m, beside_clearance_m(site), alone, site.driven
     )  # fmt: skip
 
     def give_way(plan: Plan, slack: float) -> Scheduled | None:

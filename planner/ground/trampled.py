@@ -63,7 +63,7 @@ def _marks(run: Run, site: Site, swept: Swept, spans: Rows) -> tuple[Areas, Rows
     lines, number = _wheel_lines(run, site.tractor, spans)
     finished = np.flatnonzero(~swept.on_round)
     across = np.unique(_met(swept.ground[finished], lines)[0])
-    tyres = shapely.buffer(lines[across], 0.5 * TYRE_M, cap_style="flat", join_style="bevel")
+    tyres = shapely.buffer(lines[across], 0.5 * TYRE_M, cap_style="flat", join_style="round", quad_segs=2)
     wheel, strip = _met(swept.ground[finished], tyres)
     return tyres[wheel], number[across[wheel]], finished[strip]
 

@@ -18,8 +18,7 @@ from vehicle.tractor import Implement, Tractor
 class Rules:
     """What tractors must keep: the machines, how near they may come, and how one is driven `alone`.
 
-    `known` is what has been worked out by the same rules before. `untimed` are plans all of whose tractors get home
-    alone, but for which no order of going was found with the usual time between two.
+    `known` is what has been worked out by the same rules before.
     """
 
     tractor: Tractor
@@ -28,7 +27,6 @@ class Rules:
     beside_m: float
     alone: Alone
     known: Known = field(default_factory=Known)
-    untimed: list[Plan] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -54,8 +52,6 @@ def giving_way(plan: Plan, rules: Rules, slack: float = 1.0) -> Scheduled | None
     rules_of_way = RightOfWay(plan, crossings, slack)
     table = rules_of_way.timetable()
     if table is None:
-        if slack == 1.0:
-            rules.untimed.append(plan)
         return None
     alone = RightOfWay(plan, unhindered(crossings.courses)).timetable()
     alone_s = table.duration_s if alone is None else alone.duration_s

@@ -24,7 +24,7 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> Any:
     def only(turned: tuple[int, ...] | None, *, refused: bool = False) -> Tried:
         orders: Tried = []
 
-        def run(site: Site, strategy: Any, job: Job, rival: Any, untimed: Any) -> CandidateRun:
+        def run(site: Site, strategy: Any, job: Job, rival: Any) -> CandidateRun:
             orders.append((job.turned, job.jump))
             if refused:
                 raise StrategyError(f"refused {len(orders)}")

@@ -52,6 +52,8 @@ def test_a_leg_that_is_linked_otherwise_is_as_long(build: Any) -> None:
     assert measured == (early.length_m, early.ends) == (late.length_m, late.ends)
     assert early.points is late.points is leg.points and early.may_wait and not leg.may_wait
     assert late.gates == (Gate(0, 0, 1.0), Gate(0, 1, 2.0)) and late.speed_mps == leg.speed_mps
+    with pytest.raises(TypeError):
+        leg.linked(points=2.0 * leg.points)
 
 
 @pytest.mark.parametrize(("gear", "heading_deg"), [(1, 45.0), (-1, -135.0)])
