@@ -49,19 +49,17 @@ def wheel_motion(
 
 
 @inlined
-def axle_damping(dt: float, model: object, ground: object) -> tuple[float, float]:
-    """Side slope of one front and one rear wheel under its load, times `dt` (N s)."""
-    front, rear = model.front, model.rear  # type: ignore[attr-defined]
-    load = 0.5 * (model.mass * GRAVITY) * (1.0 / (front + rear))  # type: ignore[attr-defined]
-    return dt * load * rear * ground.front_slope, dt * load * front * ground.rear_slope  # type: ignore[attr-defined]
+def half_load(model: object) -> float:
+    """Half the weight per wheelbase (N/m): a wheel carries so much per metre from the centre of mass to the other axle.
+    """
+    return 0.5 * (model.mass * GRAVITY) * (1.0 / (model.front + model.rear))  # type: ignore[attr-defined, no-any-return]
 
 
 @inlined
-def rear_load(model: object) -> float:
-    """Load on the rear axle (N)."""
-    per_base = 1.0 / (model.front + model.rear)  # type: ignore[attr-defined]
-    load = 0.5 * (model.mass * GRAVITY) * per_base  # type: ignore[attr-defined]
-    return 2.0 * load * model.front  # type: ignore[attr-defined, no-any-return]
+def axle_damping(dt: float, model: object, ground: object) -> tuple[float, float]:
+    """Side slope of one front and one rear wheel under its load, times `dt` (N s)."""
+    load = dt * half_load(model)
+    return load * model.rear * ground.front_slope, load * model.front * ground.rear_slope  # type: ignore[attr-defined]
 
 
 @inlined
@@ -125,7 +123,7 @@ def _make_step(shaped: bool) -> Step:
         d_3 = side_resistance(left, sliding, stiff, most)
         d_4 = side_resistance(right_side, sliding, stiff, most)
         if shaped:
-            grip = rear_load(model) * ground.grip  # type: ignore[attr-defined]
+            grip = 2.0 * half_load(model) * front * ground.grip  # type: ignore[attr-defined]
             drive = min(max(drive, -grip), grip)
             share = side_share(drive, grip)
             d_1 *= passed_share(rolling_1, sliding_1, ground)

@@ -14,7 +14,7 @@ from vehicle.tractor import Tractor
 
 TYRE_M = 0.4  # an assumption, for every wheel: tyres of tractors of some 75 kW are 0.34 m wide in front, 0.42 m behind
 EVERY = 5  # rows of the 10 Hz record between points of a wheel's path
-SIMPLIFY_M = 0.0005
+SIMPLIFY_M = 0.0005  # of a path: chosen, half a millimetre of a tyre that is as wide as assumed
 STILL_M = 1e-6
 LONG = 200  # rows: twenty seconds of driving are looked at together
 SHORT = 20  # rows: two seconds, where the ground is being worked meanwhile

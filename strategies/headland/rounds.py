@@ -24,7 +24,6 @@ FIRST, LAST = "first", "last"
 ORDERS = (FIRST, LAST)
 ORIGINS = 12  # places tried for the first border between sectors
 SAME_M = 20.0  # of rounds: what borders in an awkward place leave out beyond this is not given up for a short way
-NEARLY_M = 0.002  # pairs that are farther apart by more are so to the millimetre as well
 STOPS_M = 10.0  # a tractor may be kept waiting so often on its way between rounds and tracks
 
 
@@ -141,19 +140,16 @@ def _sharing(job: Job, outside_in: bool, origin: float) -> list[list[Stretch]]:
 
 
 def _dealt(places: Sequence[tuple[float, ...] | None], ends: list[Pose]) -> list[int]:
-    """Which share each tractor drives: the pairs that are nearest to each other first."""
-    some = [share for share, place in enumerate(places) if place is not None]
-    at = np.array([place for place in places if place is not None]).reshape(-1, 2)
-    apart = np.hypot(*(np.array([end[:2] for end in ends])[:, None] - at).transpose(2, 0, 1))
+    """Which share each tractor drives: the pairs that are nearest to each other first, to the millimetre."""
+    at = np.array([(math.inf, math.inf) if place is None else place for place in places])
+    east, north = (np.array([end[:2] for end in ends])[:, None] - at).transpose(2, 0, 1)
     own: dict[int, int] = {}
-    for _ in range(min(apart.shape)):
-        near = np.argwhere(apart <= apart.min() + NEARLY_M).tolist()
-        pairs = ((round(math.dist(at[n], ends[tractor][:2]), 3), tractor, some[n], n) for tractor, n in near)
-        _, tractor, share, n = min(pairs)
-        own[tractor] = share
-        apart[tractor], apart[:, n] = math.inf, math.inf
-    left = iter(sorted(set(range(len(places))) - set(own.values())))
-    return [own[tractor] if tractor in own else next(left) for tractor in range(len(ends))]
+    free = [True] * len(places)
+    for pair in np.argsort(np.rint(1000.0 * np.hypot(east, north)), axis=None, kind="stable").tolist():
+        tractor, share = divmod(pair, len(places))
+        if tractor not in own and free[share]:
+            own[tractor], free[share] = share, False
+    return [own[tractor] for tractor in range(len(ends))]
 
 
 def _joined(

@@ -152,13 +152,19 @@ def _chain_to(came, node):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def in_reach(x, y, near) -> bool:  # type: ignore[no-untyped-def]
+    """Whether something `x` and `y` away is within `near` metres."""
+    return max(abs(x), abs(y)) <= near + SPARE_M and math.hypot(x, y) <= near  # type: ignore[no-any-return]
+
+
+@compiled
 def close_by(pose, spots, near, behind, out) -> int:  # type: ignore[no-untyped-def]
     """Put the numbers of the spots (n, 2+) within `near` metres, not farther back than `behind`, into `out`."""
     count = 0
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     for k in range(len(spots)):
         x, y = spots[k, 0] - pose[0], spots[k, 1] - pose[1]
-        if max(abs(x), abs(y)) <= near + SPARE_M and math.hypot(x, y) <= near and x * cosine + y * sine > -behind:
+        if in_reach(x, y, near) and x * cosine + y * sine > -behind:
             out[count] = k
             count += 1
     return count
@@ -196,7 +202,7 @@ def _lead(poses, order, strips, near, behind, place, after) -> None:  # type: ig
         for at in range(strips[k, 0], strips[k, 1]):
             i = order[at]
             x, y = poses[k, 0] - poses[i, 0], poses[k, 1] - poses[i, 1]
-            if abs(y) <= near + SPARE_M and math.hypot(x, y) <= near and x * cosine[i] + y * sine[i] > -behind:
+            if in_reach(x, y, near) and x * cosine[i] + y * sine[i] > -behind:
                 if len(after):
                     after[place[i]] = k
                 place[i] += 1

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from strategies.ways.chains import SPARE_M, UNKNOWN, Floats, link_s
+from strategies.ways.chains import UNKNOWN, Floats, in_reach, link_s
 from strategies.ways.paths import Path, Pose
 from strategies.ways.words import MOST_PIECES
 from vehicle.jit import compiled
@@ -127,6 +127,4 @@ def rings_lead(  # type: ignore[no-untyped-def]
 def _leads(pose, spot, near, behind) -> bool:  # type: ignore[no-untyped-def]
     """Whether a spot is close by a pose, as chains.close_by has it."""
     x, y = spot[0] - pose[0], spot[1] - pose[1]
-    if max(abs(x), abs(y)) > near + SPARE_M or math.hypot(x, y) > near:
-        return False
-    return x * math.cos(pose[2]) + y * math.sin(pose[2]) > -behind  # type: ignore[no-any-return]
+    return in_reach(x, y, near) and x * math.cos(pose[2]) + y * math.sin(pose[2]) > -behind

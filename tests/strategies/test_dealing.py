@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,7 +15,7 @@ PLACE = st.tuples(*[st.integers(-20, 20).map(lambda n: 0.0005 * n + 3.0)] * 2)  
 def by_sorting(places: Places, ends: list[tuple[float, float, float]]) -> list[int]:
     """The same from all pairs in the order of their distances to the millimetre, tractors and shares."""
     pairs = sorted(
-        (math.inf if place is None else round(math.dist(place, end[:2]), 3), tractor, share)
+        (math.inf if place is None else round(1000.0 * float(np.hypot(*np.subtract(end[:2], place)))), tractor, share)
         for share, place in enumerate(places)
         for tractor, end in enumerate(ends)
     )

@@ -131,6 +131,7 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
     names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, plain, tractor, knobs.id)]
     traces = Traces(bench.change, plain, bench.surprise(plain.settings)) if names else None
     best: Fit | None = None
+
     def worth_of(loss: float) -> float:
         return (1.0 - LOOK_ALIKE_SHARE) * (loss - fit.loss) - LEAST_GAIN
 
@@ -151,7 +152,7 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
 
 def _may_give_way(
     bench: Bench, fit: Fit, name: str, worth_of: Callable[[float], float], traces: Traces
-) -> bool:  # fmt: skip
+) -> bool:
     """Whether a rival may promise enough in the place of a part for the others to be fitted again without it.
 
     Told by straight lines where the others stand; `worth_of` is what a gain must be for the loss that is left.

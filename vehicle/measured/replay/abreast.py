@@ -167,7 +167,7 @@ def _turn_abreast(steps, now, rows, lanes, dt, model, ground) -> None:  # type: 
     front, rear, half, mass, inertia = model.front, model.rear, 0.5 * model.track, model.mass, model.inertia
     for row in range(rows):
         at = row * PER_STEP * ABREAST
-        if lanes == ABREAST:
+        if lanes == ABREAST:  # each number is written out: loops of a length that varies are not made of vectors
             _slip(steps, now, at, ABREAST, front, rear, half)
         else:
             _slip(steps, now, at, ABREAST // 2, front, rear, half)

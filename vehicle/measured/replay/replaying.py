@@ -27,7 +27,7 @@ from vehicle.kinds import PER_SLOPE
 from vehicle.layout import DT_S, STATE
 from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.abreast import ABREAST, Abreast, abreast_of, drive_abreast
+from vehicle.measured.replay.abreast import ABREAST, abreast_of, drive_abreast
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.foretelling import foretell
 from vehicle.measured.replay.keeping import Effects, Kept, key_of, of_blocks
@@ -36,46 +36,33 @@ from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
 MOST_MODELS = 16  # chosen: the stretches of a course ask for one after another
-MOST_GROUPS, MOST_LAID = 4, 250_000  # chosen: groups of stretches that stay laid side by side, of so many steps each
 Pair = tuple[Stretch, Settings]
 
 
 @compiled
 def replay_steps(  # type: ignore[no-untyped-def]
-    command, wheel, steady, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt,
-    from_sensor, state, model, ground, table, out,
+    turned, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt, state, model, ground,
+    table, out,
 ) -> None:  # fmt: skip
-    """Drive at the speed commanded through inputs of one value per step; `out` (n, 5) gets x, y, angle, wheel angle and
-    speed before each.
+    """Drive at the speed commanded through inputs of one value per step; `out` (n, 5) gets x, y, angle and speed before
+    each.
 
-    `cosines` and `sines` are those of `heading`; `downhill` is the drift to the right (m/m) on a slope that was
-    measured, beside that of the model.
-
-    `from_sensor` puts the measured wheel angle in the place of what the commands give. Speeds are those on the ground:
-    where that is itself carried along, the tractor drives on top of it. Play behind the sensor follows `steady`, its
-    angle without noise: the extremes of noise would take up some of the play.
+    `turned` is the wheel angle behind the play, `cosines` and `sines` are those of `heading`; `downhill` is the drift
+    to the right (m/m) on a slope that was measured, beside that of the model. Speeds are those on the ground: where
+    that is itself carried along, the tractor drives on top of it.
     """
     x, y, angle, forward = east[0], north[0], heading[0], speed[0]
-    state.steering = state.commands[-1] = wheel[0]
-    state.play = steady[0]
     state.reference_speed = forward
     right = spin = 0.0
-    for i in range(len(command)):
-        state.command, state.working, state.target_speed = command[i], working[i], target[i]
-        out[i, X], out[i, Y], out[i, ANGLE], out[i, STEERING], out[i, FORWARD] = x, y, angle, state.steering, forward
-        if from_sensor:
-            state.steering = wheel[i]
-            state.play = played(state.play, steady[i], model)
-            turned = wheel[i] + (state.play - steady[i])
-        else:
-            turn_wheels(state, model, dt)
-            turned = state.play
+    for i in range(len(turned)):
+        state.working, state.target_speed = working[i], target[i]
+        out[i, X], out[i, Y], out[i, ANGLE], out[i, FORWARD] = x, y, angle, forward
         drive = propel(state, model, ground, forward, dt)
         there, across = cosines[i], sines[i]
         tangent = affected_tangent(
-            turned, forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
+            turned[i], forward, east[i], north[i], there, across, start_s + i * dt, working[i], table, model
         )
-        along, slide = ground_drift(turned, forward, there, across, model)
+        along, slide = ground_drift(turned[i], forward, there, across, model)
         slide += abs(forward) * downhill[i]
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = math.cos(angle), math.sin(angle)
@@ -83,7 +70,6 @@ def replay_steps(  # type: ignore[no-untyped-def]
         y += ((forward + along) * sine - right * cosine) * dt
         angle -= spin * dt
         forward, right, spin = new_forward, new_right + slide, new_spin
-        state.clock += 1
 
 
 @compiled
@@ -103,7 +89,8 @@ def steer_steps(command, first, dt, state, model, out) -> None:  # type: ignore[
 def play_steps(wheel, steady, first, noisy, model, out) -> None:  # type: ignore[no-untyped-def]
     """Wheel angles behind the play, `out` (n,), of those before it, (n,), and without noise, `steady` (n,).
 
-    The play begins at a `first` angle; angles that are not `noisy` are their own `steady` ones.
+    The play begins at a `first` angle and follows those without noise: the extremes of noise would take up some of it.
+    Angles that are not `noisy` are their own `steady` ones.
     """
     play = first
     for i in range(len(wheel)):
@@ -116,7 +103,7 @@ class Rig:
     """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
 
     `ranges` are the fields that keep a rest to where it was seen; a rest that is still sought has none. `kept` is what
-    was replayed already, `models` what it was replayed with, `groups` the stretches that were driven side by side.
+    was replayed already, `models` what it was replayed with.
     """
 
     tractor: Tractor
@@ -127,18 +114,6 @@ class Rig:
     ranges: Mapping[str, float] = field(default_factory=dict)
     kept: Kept = field(default_factory=Kept)
     models: dict[Hashable, Any] = field(default_factory=dict)
-    groups: dict[tuple[Stretch, ...], Abreast] = field(default_factory=dict)
-
-    def abreast(self, stretches: tuple[Stretch, ...]) -> Abreast:
-        """The stretches side by side, kept for the next time where they are short."""
-        laid = self.groups.get(stretches)
-        if laid is None:
-            laid = abreast_of(stretches)
-            if len(laid.speed) <= MOST_LAID:
-                if len(self.groups) >= MOST_GROUPS:
-                    self.groups.pop(next(iter(self.groups)))
-                self.groups[stretches] = laid
-        return laid
 
     def effective(self, settings: Settings) -> Any:
         """The record of with_effects, made once for the stretches of a course."""
@@ -234,7 +209,7 @@ def _groups(asked: list[_Asked]) -> list[list[_Asked]]:
 
 def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
     """States of stretches driven side by side at their measured speed."""
-    laid = rig.abreast(tuple(one.stretch for one in group))
+    laid = abreast_of([one.stretch for one in group])
     out, (bend, ahead, slide) = np.empty((len(laid.speed), 5)), np.zeros((3, len(laid.speed)))
     out[:, FORWARD] = laid.speed
     for one, begin, end in zip(group, laid.begins, laid.ends, strict=True):
@@ -242,9 +217,8 @@ def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
         settings, slope = _on_slope(one.stretch, one.settings)
         if slope is not None:
             slide[mine] = slope
-        model, (before, wheel, steady) = rig.effective(settings), _wheels(rig, one)
-        out[mine, STEERING], turned = before, np.empty(len(wheel))
-        play_steps(wheel, steady, steady[0] if one.sensed else before[0], one.sensed, model, turned)
+        model = rig.effective(settings)
+        out[mine, STEERING], turned = _wheels(rig, one, model)
         foretell(
             grids["speed"], grids["working"], grids["east"], grids["north"], *one.stretch.direction, turned,
             one.stretch.start_s, DT_S, rig.table, model, bend[mine], ahead[mine], slide[mine],
@@ -254,27 +228,31 @@ def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
     return {one.key: out[begin:end].copy() for one, begin, end in zip(group, laid.begins, laid.ends, strict=True)}
 
 
-def _wheels(rig: Rig, asked: _Asked) -> tuple[Array, Array, Array]:
-    """Wheel angles (n,) on the grid before each step, then those it is driven with, and these without noise."""
+def _wheels(rig: Rig, asked: _Asked, model: Any) -> tuple[Array, Array]:
+    """Wheel angles (n,) on the grid: before each step, and behind the play in it."""
     stretch = asked.stretch
     if asked.sensed:
-        wheel = stretch.grids["wheel"]
-        return np.concatenate([wheel[:1], wheel[:-1]]), wheel, stretch.steady_wheel
-    steered = _steered(rig, stretch, asked.settings)
-    return steered[:-1], steered[1:], steered[1:]
+        wheel, steady = stretch.grids["wheel"], stretch.steady_wheel
+        before, first = np.concatenate([wheel[:1], wheel[:-1]]), steady[0]
+    else:
+        steered = _steered(rig, stretch, asked.settings)
+        before, wheel, steady, first = steered[:-1], steered[1:], steered[1:], steered[0]
+    turned = np.empty(len(wheel))
+    play_steps(wheel, steady, first, asked.sensed, model, turned)
+    return before, turned
 
 
 def _commanded(rig: Rig, asked: _Asked) -> Array:
     """States of a stretch driven at the speeds commanded."""
     stretch, grids = asked.stretch, asked.stretch.grids
-    command, wheel = _steering(stretch)
-    steady = stretch.steady_wheel if asked.sensed else wheel
-    out = np.empty((len(command), 5))
     settings, slope = _on_slope(stretch, asked.settings)
+    model, count = rig.effective(settings), len(grids["speed"])
+    out = np.empty((count, 5))
+    out[:, STEERING], turned = _wheels(rig, asked, model)
     replay_steps(
-        command, wheel, steady, grids["speed"], grids["target"], grids["working"], grids["east"], grids["north"],
-        grids["heading"], *stretch.direction, np.zeros(len(command)) if slope is None else slope, stretch.start_s, DT_S,
-        asked.sensed, _fresh(command)[0], rig.effective(settings), rig.ground[0], rig.table, out,
+        turned, grids["speed"], grids["target"], grids["working"], grids["east"], grids["north"], grids["heading"],
+        *stretch.direction, np.zeros(count) if slope is None else slope, stretch.start_s, DT_S,
+        np.zeros(1, dtype=STATE)[0], model, rig.ground[0], rig.table, out,
     )  # fmt: skip
     return out
 
