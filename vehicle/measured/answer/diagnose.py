@@ -24,6 +24,7 @@ from vehicle.measured.answer.whole import whole_case
 from vehicle.measured.causes.refit import weighed
 from vehicle.measured.causes.selection import Selection, select
 from vehicle.measured.fit.openloop import settings_in
+from vehicle.measured.logs.coarse import without_coarse_together
 from vehicle.measured.logs.commanded import commands_set_right
 from vehicle.measured.logs.record import Array, Log
 from vehicle.measured.logs.sensors import set_right_together
@@ -51,7 +52,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     and VehicleError for an unknown ground.
     """
     count = _Counter(progress)
-    logs = commands_set_right(set_right_together(logs))
+    logs = commands_set_right(set_right_together(without_coarse_together(logs)))
     course = make_course(logs)
     rig = make_rig(tractor, ground, course.origin)
     part = balanced_part(course)

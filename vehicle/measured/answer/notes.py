@@ -8,7 +8,7 @@ import numpy as np
 
 from vehicle.measured.answer.verdict import Diagnosis
 from vehicle.measured.logs.record import Log
-from vehicle.measured.logs.remarks import remarks
+from vehicle.measured.logs.remarks import remarks_of
 from vehicle.measured.logs.sensors import CLOCKS_FROM_S
 from vehicle.measured.surprise.bench import Bench
 from vehicle.tractor import Tractor
@@ -28,7 +28,7 @@ def notes(logs: Sequence[Log], bench: Bench, tractor: Tractor, answer: Diagnosis
 
 def _of_logs(logs: Sequence[Log], bench: Bench) -> tuple[str, ...]:
     """What the reader should know about the rows and columns."""
-    told = [line for log in logs for line in remarks(log)] + list(bench.course.remarks)
+    told = remarks_of(logs) + list(bench.course.remarks)
     if not bench.has_wheel:
         told.append(
             "No wheel angle was logged: faults of the steering system and of the path cannot be told apart well."

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vehicle.measured.errors import LogError
+from vehicle.measured.logs.coarse import without_coarse
 from vehicle.measured.logs.constant import without_constant
 from vehicle.measured.logs.conventions import apply_fixes, conventions, first_place
 from vehicle.measured.logs.gating import RowRules, gate_rows, segments
+from vehicle.measured.logs.held import released
 from vehicle.measured.logs.record import Fix, Gated, Log, Suspicion
 from vehicle.measured.logs.remarks import remarks
 from vehicle.measured.logs.sensors import set_right
@@ -90,11 +92,12 @@ def log_from_frame(
     """One run from a table; as read_log. Without `check`, only constant columns and rows are judged."""
     given = fix_set(fixes)
     raw, others = columns_of(frame, name)
-    columns = apply_fixes(raw, given, reference)
+    columns, fresh, doubts = released(apply_fixes(raw, given, reference), name)
     rules = gate_rows(columns)
     columns = _without_negative_noise(columns)
     _refuse_unusable(columns, rules, name)
-    log = without_constant(_assemble(columns, rules, name, others))
+    log = replace(_assemble(columns, rules, name, others), fresh=fresh, doubts=doubts)
+    log = without_constant(without_coarse(log))
     if not check:
         return log
     _check(log, given, wheelbase_m)

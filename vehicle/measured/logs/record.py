@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -104,6 +105,8 @@ class Log:
     does not say; `implement` is then 0 throughout. `given_again` holds the further names under which the same file was
     given; `doubts` say what its instruments got wrong and what was set right. `speed_factor` is what the measured speed
     was divided by, `stray_deg` the standard deviation of a wheel angle that moved with nothing and was left out.
+    Positions and heading are measured in the rows that are `fresh`, between which they lie on a line (None: in all).
+    `coarse` are columns left out for the steps they came in, with the step.
     """
 
     name: str
@@ -127,6 +130,8 @@ class Log:
     doubts: tuple[str, ...] = ()
     speed_factor: float = 1.0
     stray_deg: float = 0.0
+    fresh: Mask | None = None
+    coarse: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def rows_used(self) -> int:

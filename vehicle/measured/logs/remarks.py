@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from vehicle.measured.logs.levelling import STEEPEST_DEG
 from vehicle.measured.logs.record import COLUMNS, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 
+_SHOWN = 3  # names of logs that say the same
 _NEAR = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 
 
@@ -22,6 +24,22 @@ def remarks(log: Log) -> list[str]:
     told = [*_given(log), *_columns(log), *log.doubts, *_tilt(log)]
     told += [f"{_rows(one.rows)} left out: {one.rule} (first in line {one.first_line})" for one in log.gated]
     return [f"{log.name}: {one}." for one in [*told, *_stretches(log)]]
+
+
+def remarks_of(logs: Sequence[Log]) -> list[str]:
+    """The remarks on many logs, those that are alike told once with the names of their logs."""
+    names: dict[str, list[str]] = {}
+    for log in logs:
+        for one in remarks(log):
+            names.setdefault(one.removeprefix(f"{log.name}: "), []).append(log.name)
+    return [f"{_listed(mine)}: {one}" for one, mine in names.items()]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names, the first of many."""
+    if len(names) <= _SHOWN + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:_SHOWN])} and {len(names) - _SHOWN} more"
 
 
 def _rows(count: int) -> str:

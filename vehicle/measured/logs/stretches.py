@@ -16,11 +16,20 @@ def driven_stretches(log: Log) -> tuple[list[Rows], list[Rows]]:
     rows = np.flatnonzero(log.used)
     # A few rows left out are no gap, unless the gear was changed in them.
     change = (np.diff(log.segment[rows]) != 0) | (np.diff(_gears(log)[rows]) != 0)
-    for part in np.split(rows, np.flatnonzero(change) + 1):
+    for whole in np.split(rows, np.flatnonzero(change) + 1):
+        part = _measured(log, whole)
         if len(part):
             enough = log.time_s[part[-1]] - log.time_s[part[0]] >= SHORTEST_S
             (long if enough else short).append(part)
     return long, short
+
+
+def _measured(log: Log, rows: Rows) -> Rows:
+    """Rows from the first to the last in which the position was measured."""
+    if log.fresh is None:
+        return rows
+    fresh = np.flatnonzero(log.fresh[rows])
+    return rows[fresh[0] : fresh[-1] + 1] if len(fresh) else rows[:0]
 
 
 def _gears(log: Log) -> Rows:

@@ -29,8 +29,8 @@ class Stretch:
     Per row (k,): `time`, `east`, `north` (from the origin of the set), `heading` (continuous), `heading_seen` (False
     where the log has none and the course stands in), `speed`, `wheel`, `command`, `target`, `working`; a column that
     the log lacks is None. Per step of 1/60 s (n,): the same inputs in `grids`, and `across`, the slope of the ground to
-    the right (m/m), where it was measured. `start_s` is the
-    time since the start of the run at the first row. `gear` is 1, or -1 in reverse, where `speed` and `target` are
+    the right (m/m), where it was measured; a log with a slower receiver has more rows behind the grids, whose times and
+    wheel angles are `logged_wheel`. `start_s` is the time since the start of the run at the first row. `gear` is 1, or -1 in reverse, where `speed` and `target` are
     negative and the heading points away from the way driven.
     """
 
@@ -49,6 +49,7 @@ class Stretch:
     working: Array
     grids: dict[str, Array]
     gear: float = 1.0
+    logged_wheel: tuple[Array, Array] | None = None
 
     @cached_property
     def direction(self) -> tuple[Array, Array]:
@@ -64,7 +65,8 @@ class Stretch:
         if self.wheel is None:
             raise AttributeError("A stretch without a measured wheel angle has none that is steadied either.")
         grid = np.arange(len(self.grids["wheel"])) * DT_S
-        steady: Array = np.interp(grid, self.time, steadied(self.time, self.wheel))
+        time, wheel = self.logged_wheel or (self.time, self.wheel)
+        steady: Array = np.interp(grid, time, steadied(time, wheel))
         return steady
 
     @property
@@ -171,10 +173,13 @@ def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float], across
     grids = on_grid(
         time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns}
     )
+    wheel, fresh = columns["wheel"], slice(None) if log.fresh is None else log.fresh[rows]
+    measured = {name: None if values is None else values[fresh] for name, values in columns.items()}
     return Stretch(
-        run, float(log.time_s[rows[0]] - log.time_s[log.used][0]), time, east, north, heading,
-        log.heading_deg is not None, speed, log.speed_mps is not None,
-        columns["wheel"], columns["command"], columns["target"], working, grids, gear,
+        run, float(log.time_s[rows[0]] - log.time_s[log.used][0]), time[fresh], east[fresh], north[fresh],
+        heading[fresh], log.heading_deg is not None, speed[fresh], log.speed_mps is not None,
+        measured["wheel"], measured["command"], measured["target"], working[fresh], grids, gear,
+        None if log.fresh is None or wheel is None else (time, wheel),
     )  # fmt: skip
 
 
