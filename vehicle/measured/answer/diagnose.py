@@ -53,7 +53,7 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     """
     count = _Counter(progress)
     logs = commands_set_right(set_right_together(without_coarse_together(logs)))
-    course = make_course(logs)
+    course = make_course(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
     rig = make_rig(tractor, ground, course.origin)
     part = balanced_part(course)
     bench = weighed(part.course, rig, {})

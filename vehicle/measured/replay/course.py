@@ -17,8 +17,10 @@ from vehicle.measured.logs.record import Array, Log, Rows
 from vehicle.measured.logs.stretches import SHORTEST_S, driven_stretches
 from vehicle.measured.logs.tilt import Tilt, tilt
 from vehicle.measured.replay.steadying import steadied
+from vehicle.measured.replay.towed import towed
 
 CHORD_S = 0.6  # a centimetre of antenna noise is a degree of course at walking pace
+Antenna = tuple[float, float]
 _SHOWN_LOGS = 3  # of a refusal: more are counted
 
 
@@ -114,8 +116,11 @@ class Course:
         return [one for one in self.stretches if one.run == run]
 
 
-def make_course(logs: Sequence[Log]) -> Course:
-    """Stretches of all logs. Raises LogError when nothing long enough is left."""
+def make_course(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> Course:
+    """Stretches of all logs; `antenna` (m) is how far it stands ahead of the rear axle and to the right.
+
+    Raises LogError when nothing long enough is left.
+    """
     used = [log.used for log in logs]
     east = np.concatenate([log.easting_m[rows] for log, rows in zip(logs, used, strict=True)])
     north = np.concatenate([log.northing_m[rows] for log, rows in zip(logs, used, strict=True)])
@@ -126,7 +131,7 @@ def make_course(logs: Sequence[Log]) -> Course:
             log = replace(log, speed_command_mps=log.speed_command_mps * climbs.share[run])
         across = slopes.across[run] if slopes.known else None
         for rows in driven_stretches(log)[0]:
-            stretches.append(_stretch(log, rows, run, origin, None if across is None else across[rows]))
+            stretches.append(_stretch(log, rows, run, origin, antenna, None if across is None else across[rows]))
     if not stretches:
         raise LogError(_nothing_long(logs))
     rows_read = sum(len(log.used) for log in logs)
@@ -153,7 +158,9 @@ def _nothing_long(logs: Sequence[Log]) -> str:
     )
 
 
-def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float], across: Array | None = None) -> Stretch:
+def _stretch(
+    log: Log, rows: Rows, run: int, origin: tuple[float, float], antenna: Antenna, across: Array | None = None
+) -> Stretch:
     """A stretch; `across` is the slope to the right per row, where it was measured."""
     time = log.time_s[rows] - log.time_s[rows[0]]
     east, north = log.easting_m[rows] - origin[0], log.northing_m[rows] - origin[1]
@@ -161,8 +168,14 @@ def _stretch(log: Log, rows: Rows, run: int, origin: tuple[float, float], across
     course, pace = _course(time, east, north)
     if gear < 0.0:
         course += math.pi
-    heading = course if log.heading_deg is None else np.unwrap(math.pi / 2 - np.radians(log.heading_deg[rows]))
-    speed = gear * (pace if log.speed_mps is None else log.speed_mps[rows])
+    if log.heading_deg is None:
+        heading = course - towed(time, course, pace, gear * antenna[0])
+    else:
+        heading = np.unwrap(math.pi / 2 - np.radians(log.heading_deg[rows]))
+    if log.speed_mps is None:
+        speed = gear * pace * np.cos(course - heading) - antenna[1] * np.gradient(heading, time)
+    else:
+        speed = gear * log.speed_mps[rows]
     columns = {
         "wheel": _angle(log.steering_deg, rows),
         "command": _angle(log.steering_command_deg, rows),
