@@ -46,7 +46,7 @@ def replay(
         machine = as_tractor(tractor)
     with about("log"):
         run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
-        course = make_course([run])
+        course = make_course([run], (machine.antenna_forward_m, machine.antenna_right_m))
     with about("ground"):
         rig, settings = own_rig(machine, ground, course.origin)
     errors = errors_of(run_squares(course, rig, {0: settings}))

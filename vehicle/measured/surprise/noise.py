@@ -62,15 +62,15 @@ def white_noise(time: Array, values: Array) -> float:
 def tuned(course: Course, rig: Rig, noise: Noise, settings: Settings) -> Noise:
     """Noise with soil and speed scatter as the second differences give them; as it was where nothing can be told.
 
-    The least of three spans counts: what comes and goes at the beat of one span drops out of another. Only, where the
+    Where no heading was measured the soil stays as it was. The least of three spans counts: what comes and goes at the beat of one span drops out of another. Only, where the
     instruments make up most of the spread, what they leave for the soil is the error of their own noise.
     """
     off = [_off(rig, stretch, settings) for stretch in course.stretches]
     told = [one for span in SPANS_S if (one := _at_span(course, off, noise, span)) is not None]
     if not told:
         return noise
-    soils, ways = zip(*told, strict=True)
-    return replace(noise, soil=_least(soils), along=_least(ways))
+    soils, ways = [[one for one in column if one is not None] for column in zip(*told, strict=True)]
+    return replace(noise, soil=_least(soils) if soils else noise.soil, along=_least(ways))
 
 
 def _least(told: Sequence[Told]) -> float:
@@ -98,20 +98,26 @@ def _off(rig: Rig, stretch: Stretch, settings: Settings) -> _Off:
     return _Off(stretch.heading - heading, _along(stretch, antenna, heading), pace, moving)
 
 
-def _at_span(course: Course, off: Sequence[_Off], noise: Noise, span: float) -> tuple[Told, Told] | None:
-    """Soil (rad per metre) and scatter of the way that one span tells; None with too few second differences."""
+def _at_span(course: Course, off: Sequence[_Off], noise: Noise, span: float) -> tuple[Told | None, Told] | None:
+    """Soil (rad per metre) and scatter of the way that one span tells; None with too few second differences.
+
+    What was not measured tells no soil: a heading made of positions has their noise.
+    """
     turns, ways, speeds = [], [], []
     for stretch, one in zip(course.stretches, off, strict=True):
         if stretch.time[-1] < 4.0 * span:
             continue
-        turn, keep = _second(stretch, one.turn, one.moving, span)
-        turns.append(turn[keep])
-        speeds.append(np.interp(np.arange(len(turn)) * 0.25 * span + span, stretch.time, one.pace)[keep])
-        ways.append(_second(stretch, one.way, one.moving, span)[0][keep])
-    if not turns or sum(map(len, turns)) < SAMPLES:
+        way, keep = _second(stretch, one.way, one.moving, span)
+        ways.append(way[keep])
+        if stretch.heading_seen:
+            turns.append(_second(stretch, one.turn, one.moving, span)[0][keep])
+            speeds.append(np.interp(np.arange(len(way)) * 0.25 * span + span, stretch.time, one.pace)[keep])
+    if sum(map(len, ways)) < SAMPLES:
         return None
-    soil = _soil(np.concatenate(turns), np.concatenate(speeds), noise.heading, span)
-    return soil, _way(np.concatenate(ways), noise.position, span)
+    way_told = _way(np.concatenate(ways), noise.position, span)
+    if sum(map(len, turns)) < SAMPLES:
+        return None, way_told
+    return _soil(np.concatenate(turns), np.concatenate(speeds), noise.heading, span), way_told
 
 
 def _second(stretch: Stretch, values: Array, moving: Mask, span: float) -> tuple[Array, Mask]:
