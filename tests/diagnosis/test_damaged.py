@@ -13,6 +13,7 @@ from tests.truth.second import second_logs
 from vehicle.measured.answer.diagnose import diagnose
 from vehicle.measured.errors import LogError
 from vehicle.measured.logs.reading import log_from_frame
+from vehicle.tractor import load_tractor
 
 RNG = np.random.default_rng(5)
 RUNS = ("straight_090", "straight_270", "circles_right", "steps")
@@ -49,6 +50,10 @@ NAMELESS: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
     "every row twice": lambda frame: pd.concat([frame, frame]),
     "a heading that is noise": lambda frame: frame.assign(heading_deg=RNG.uniform(0.0, 360.0, len(frame))),
     "a speed that is noise": lambda frame: frame.assign(speed_mps=RNG.uniform(0.0, 3.0, len(frame))),
+    "positions of a receiver of 2 Hz": lambda frame: frame.assign(
+        **{name: frame[name].to_numpy()[np.arange(len(frame)) // 5 * 5] for name in ("easting_m", "northing_m")}
+    ),
+    "a compass in steps of 5 degrees": lambda frame: frame.assign(heading_deg=(frame.heading_deg / 5.0).round() * 5.0),
     "a wheel angle that is noise": lambda frame: frame.assign(steering_deg=RNG.normal(0.0, 8.0, len(frame))),
 }
 
@@ -75,6 +80,17 @@ def test_what_is_no_log_is_refused_in_a_sentence(damage: str, frames: list[pd.Da
 @pytest.mark.parametrize("damage", NAMELESS)
 def test_a_damaged_log_earns_no_name(damage: str, frames: list[pd.DataFrame]) -> None:
     assert named([NAMELESS[damage](one) for one in frames]) == ()
+
+
+@pytest.mark.parametrize("tractor, seed", [("eg105", 905), ("mr1000a", 906)])
+def test_positions_and_commands_alone_earn_no_name(tractor: str, seed: int) -> None:
+    logs = [
+        log_from_frame(frame[["time_s", "easting_m", "northing_m", "steering_command_deg"]], frame.attrs["name"])
+        for frame in second_logs({}, seed, three_speeds_programme(), tractor)
+    ]
+    found = diagnose(logs, load_tractor(tractor), "soil")
+    assert found.named == () and found.unexplained_share == 0.0
+    assert not [one.id for one in found.findings if one.value is not None]
 
 
 def test_logs_of_two_tractors_with_the_file_of_one_earn_no_name(frames: list[pd.DataFrame]) -> None:

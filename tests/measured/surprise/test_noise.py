@@ -86,6 +86,15 @@ def test_noisy_headings_do_not_pass_for_smooth_soil() -> None:
         assert tuned(runs, rig(), first_noise(runs), {}).soil == pytest.approx(0.0025, rel=0.25)
 
 
+def test_headings_made_of_positions_tell_no_soil() -> None:
+    noise = replace(QUIET, soil=0.004, heading=1e-4, position=1e-3)
+    seen = [measured(LONG, noise, seed=run, run=run) for run in range(4)]
+    some = course_of(*seen[:2], *(replace(one, heading_seen=False) for one in seen[2:]))
+    none = course_of(*(replace(one, heading_seen=False) for one in seen))
+    assert tuned(none, rig(), first_noise(none), {}).soil == first_noise(none).soil == 0.0025
+    assert tuned(some, rig(), first_noise(some), {}).soil == pytest.approx(0.004, rel=0.2)
+
+
 def test_a_drive_too_short_leaves_the_noise_as_it_was() -> None:
     runs = course_of(measured(((6.0, 0.0, 1.0, 0.0),)))
     noise = replace(QUIET, soil=0.123)

@@ -14,7 +14,7 @@ from vehicle.measured.logs.record import Array, Log
 POSITION_M = 0.25  # chosen: beyond it no bend within 5 s is seen, the piece that errors are compared over
 HEADING_DEG = (1.5, 45.0)  # chosen: good positions tell the course over 5 s to less; beyond are directions of a field
 SPEED_SHARE = 0.1  # chosen, of the median speed: the positions tell the speed over some seconds to less
-_FEWEST = 3  # different values: fewer may be all that there was
+_UNEVEN = 20  # chosen, times that a column goes on by other steps than before: a tractor starts and stops less often
 _DIGITS = 9  # decimals kept: below them is what computing adds
 _OFF = 0.02  # of a step, that values may lie beside it
 _UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
@@ -57,8 +57,8 @@ def without_coarse_together(logs: Sequence[Log]) -> list[Log]:
 
 def _values(log: Log, name: str) -> Array:
     """The values measured of a column."""
-    held = name != "speed_mps" and log.fresh is not None
-    values: Array = getattr(log, name)[log.used & log.fresh if held else log.used]
+    rows = log.used if log.fresh is None or name == "speed_mps" else log.used & log.fresh
+    values: Array = getattr(log, name)[rows]
     return values
 
 
@@ -70,12 +70,19 @@ def _without(log: Log, name: str, step: float, where: str = "") -> Log:
 
 
 def step_of(values: Array) -> float:
-    """The step of which values (k,) are multiples but for one shift; 0 where there is none."""
+    """The step that values (k,), row by row, are rounded to; 0 where there is none.
+
+    All are multiples of it but for one shift, and they go on by different numbers of steps: those that always go on by
+    one are of an even motion, whose step is no instrument's.
+    """
     apart = np.diff(np.unique(np.round(values, _DIGITS)))
-    if len(apart) < _FEWEST - 1:
+    if not len(apart):
         return 0.0
     step = float(apart.min())
-    return step if _in_steps(values, step) else 0.0
+    if not _in_steps(values, step):
+        return 0.0
+    uneven = np.count_nonzero(np.diff(np.round(np.diff(values) / step)))
+    return step if uneven >= _UNEVEN else 0.0
 
 
 def _in_steps(values: Array, step: float) -> bool:

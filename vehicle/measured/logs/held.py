@@ -20,7 +20,8 @@ _SLOWEST_S = 2.0  # twice the slowest rate of the contract, 1 Hz
 _SHARE = 0.1  # chosen, of the changes: a row that came late now and then is no slower instrument
 _FEWEST = 10  # changes that tell
 _CLEAR = 3.0  # chosen, of the least changes: smaller ones are those of the last digit, between which a value may stand
-_LEAST = 0.05  # quantile: nearly the least change, which alone may be rounding
+_LEAST = 0.05  # quantile: nearly the least, which alone may be rounding
+_DIGITS = 9  # decimals kept: below them is what computing adds
 _STANDS = 2.0  # chosen, of the usual rows and the usual change: what stands for longer and then hardly moves stands
 
 
@@ -83,15 +84,21 @@ def _measured(values: Array) -> Rows | None:
     """Places among rows at which values (c, k) are new, where a good part of them is held; None where they are not."""
     steps = np.diff(values, axis=1)
     new = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
-    least = float(np.quantile(np.abs(steps[steps != 0.0]), _LEAST)) if len(new) > 1 else 0.0
     jumps = np.sqrt((steps[:, new[1:] - 1] ** 2).sum(axis=0))
-    clear, count = jumps > _CLEAR * least, np.diff(new)
+    clear, count = jumps > _CLEAR * _least(steps), np.diff(new)
     held = clear & (count >= 2)
     if np.count_nonzero(held) < max(_FEWEST, _SHARE * np.count_nonzero(clear)):
         return None
     stands = jumps <= _STANDS * float(np.median(jumps[clear]))
     every = max(math.ceil(_STANDS * float(np.median(count[held]))), 1)
     return _with_standing(new, values.shape[1], np.append(stands, False), every)
+
+
+def _least(steps: Array) -> float:
+    """Nearly the least by which values change (c, k - 1), or by which two changes differ: their last digit."""
+    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), _DIGITS))
+    both = np.concatenate([sizes, np.diff(sizes)])
+    return float(np.quantile(both, _LEAST)) if len(both) else 0.0
 
 
 def _with_standing(new: Rows, rows: int, stands: Mask, every: int) -> Rows:

@@ -32,8 +32,8 @@ class Stretch:
     where the log has none and the course stands in), `speed`, `wheel`, `command`, `target`, `working`; a column that
     the log lacks is None. Per step of 1/60 s (n,): the same inputs in `grids`, and `across`, the slope of the ground to
     the right (m/m), where it was measured; a log with a slower receiver has more rows behind the grids, whose times and
-    wheel angles are `logged_wheel`. `start_s` is the time since the start of the run at the first row. `gear` is 1, or -1 in reverse, where `speed` and `target` are
-    negative and the heading points away from the way driven.
+    wheel angles are `logged_wheel`. `start_s` is the time since the start of the run at the first row. `gear` is 1, or
+    -1 in reverse, where `speed` and `target` are negative and the heading points away from the way driven.
     """
 
     run: int

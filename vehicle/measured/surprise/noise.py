@@ -62,8 +62,9 @@ def white_noise(time: Array, values: Array) -> float:
 def tuned(course: Course, rig: Rig, noise: Noise, settings: Settings) -> Noise:
     """Noise with soil and speed scatter as the second differences give them; as it was where nothing can be told.
 
-    Where no heading was measured the soil stays as it was. The least of three spans counts: what comes and goes at the beat of one span drops out of another. Only, where the
-    instruments make up most of the spread, what they leave for the soil is the error of their own noise.
+    Where no heading was measured the soil stays as it was. The least of three spans counts: what comes and goes at the
+    beat of one span drops out of another. Only, where the instruments make up most of the spread, what they leave for
+    the soil is the error of their own noise.
     """
     off = [_off(rig, stretch, settings) for stretch in course.stretches]
     told = [one for span in SPANS_S if (one := _at_span(course, off, noise, span)) is not None]
