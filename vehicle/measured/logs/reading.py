@@ -154,9 +154,10 @@ def _names(files: list[Path]) -> list[str]:
 def _refuse_unusable(columns: Columns, rules: RowRules, name: str) -> None:
     backwards = next((one for one in rules.gated if one.rule == "time not increasing"), None)
     if backwards is not None and backwards.rows > _REFUSED_SHARE * len(rules.used):
+        stands = np.count_nonzero(np.diff(columns["time_s"]) == 0.0) > 0.5 * backwards.rows
         raise LogError(
             f"{name}: time_s does not increase in {backwards.rows} of {len(rules.used)} rows (first in line "
-            f"{backwards.first_line}); sort the rows by time."
+            f"{backwards.first_line}); {'log times with enough decimals' if stands else 'sort the rows by time'}."
         )
     lost = next(
         (one for one in rules.gated if one.rows > _REFUSED_SHARE * len(rules.used) and "missing" in one.rule), None
