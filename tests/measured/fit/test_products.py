@@ -48,6 +48,8 @@ def test_columns_looked_at_once_give_the_same_bits() -> None:
         laid = Tall(columns)
         assert np.array_equal(laid.crossed(left), crossed(columns, left))
         assert np.array_equal(laid.without(left, amounts), without(left, columns, amounts))
+        assert np.array_equal(laid.square, crossed(columns, columns)) and np.array_equal(laid.columns, columns)
+        assert np.array_equal(laid.crossed_with(columns[:, 4:6]), laid.square[:, 4:6])
     none = Tall(np.zeros((4, 0)))
     assert none.crossed(np.ones(4)).shape == (0,) and none.without(np.ones(4), np.zeros(0)).tolist() == [1.0] * 4
 

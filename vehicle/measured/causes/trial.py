@@ -47,7 +47,7 @@ class Projector:
         """What makes orthonormal directions of the columns, as far as their products tell."""
         self.slope, self.turn, self._laid = slope, np.zeros((slope.shape[1], 0)), Tall(slope)
         if slope.size:
-            square = crossed(slope, slope)
+            square = self._laid.square
             scale = np.maximum(np.sqrt(np.diag(square)), 1e-12)
             size, turn = np.linalg.eigh(square / np.outer(scale, scale))
             known = size > LEAST_PART * size[-1]
@@ -61,7 +61,7 @@ class Projector:
 
     def products(self, columns: Array) -> Array:
         """Products (k, k) with each other of the parts of columns (n, k) that no column of the fit explains."""
-        share = self.turn.T @ crossed(self.slope, columns)
+        share = self.turn.T @ self._laid.crossed_with(columns)
         return crossed(columns, columns) - share.T @ share
 
 
@@ -87,8 +87,8 @@ class _OneMore:
         return np.array(self.knobs.high)
 
     @property
-    def linear(self) -> Array:
-        return np.zeros((0, 0))
+    def linear(self) -> None:
+        return None
 
     @cached_property
     def _bare(self) -> Array:

@@ -7,6 +7,8 @@ another (in the order of Fortran). Many are of one run alone: where a column is 
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
@@ -26,6 +28,20 @@ class Tall:
         self._counts = np.zeros(pieces, np.int64)
         self._places = np.zeros((pieces, columns.shape[1]), np.int64)
         _look(self._columns, self._counts, self._places)
+
+    @property
+    def columns(self) -> Array:
+        """The columns (n, m)."""
+        return self._columns.T
+
+    @cached_property
+    def square(self) -> Array:
+        """Products (m, m) of the columns with each other."""
+        return crossed(self.columns, self.columns)
+
+    def crossed_with(self, others: Array) -> Array:
+        """Products (m, k) with other columns (n, k), which are few: those of `crossed`."""
+        return side_by_side([self.crossed(one) for one in others.T], len(self._columns))
 
     def crossed(self, vector: Array) -> Array:
         """Products (m,) with a vector (n,): those of `crossed`."""
