@@ -1,7 +1,7 @@
 """The solver on problems whose answers are known: linear, at a bound, with a kink, and curved."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -42,9 +42,9 @@ class Stand:
     def left(self, at: np.ndarray, start: Point) -> np.ndarray:
         return self.of(at)
 
-    def change(self, at: np.ndarray, axis: int, start: Point) -> np.ndarray:
-        self.axes.append(axis)
-        return self.of(at) - start.left
+    def changes(self, places: Sequence[np.ndarray], axes: Sequence[int], start: Point) -> Iterator[np.ndarray]:
+        self.axes += axes
+        return (self.of(at) - start.left for at in places)
 
     def start(self, *at: float) -> Point:
         return Point(np.array(at), self.of(np.array(at)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -161,10 +161,12 @@ class _Parts:
         changed = self.bench.change(settings_of(list(self._parts(at))), self._bare(start), blocks)
         return linear_extra(changed, self._extra(at))
 
-    def change(self, at: Array, axis: int, start: Point) -> Array:
+    def changes(self, places: Sequence[Array], axes: Sequence[int], start: Point) -> Iterator[Array]:
         bare = self._bare(start)
-        blocks = frozenset({block_of(self.owners[axis])})
-        return self.bench.change(settings_of(list(self._parts(at))), bare, blocks) - bare
+        settings = [settings_of(list(self._parts(at))) for at in places]
+        blocks = [frozenset({block_of(self.owners[axis])}) for axis in axes]
+        changed = self.bench.changes(list(zip(settings, blocks, strict=True)), bare)
+        return (one - bare for one in changed)
 
     def _bare(self, point: Point) -> Array:
         """What is left without the linear terms."""

@@ -8,7 +8,7 @@ most: further the slope does not hold, and the next one will not either.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -51,7 +51,7 @@ class Point:
 
 
 class Problem(Protocol):
-    """What is left at coordinates (m + k,): m that bend what is left, then k that move it along columns (n, k), `linear`.
+    """What is left at coordinates (m + k,): m that bend it, then k that move it along the columns (n, k) of `linear`.
 
     `typical` (m,) are usual sizes, `low` and `high` (m + k,) the box.
     """
@@ -75,8 +75,8 @@ class Problem(Protocol):
     def left(self, at: Array, start: Point) -> Array:
         """What is left at coordinates (n,), when it is known at a start."""
 
-    def change(self, at: Array, axis: int, start: Point) -> Array:
-        """What is left at coordinates that differ from a start on one axis, minus what is left at the start (n,)."""
+    def changes(self, places: Sequence[Array], axes: Sequence[int], start: Point) -> Iterator[Array]:
+        """What is left at places that differ from a start on one axis each, minus what is left at the start (n,)."""
 
 
 @dataclass(frozen=True)
@@ -98,14 +98,16 @@ class Rule:
 
 def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
     """Slope (n, m - first) of what is left on the axes from `first` on that bend it, by one-sided differences."""
-    columns = [_column(problem, start, axis, share) for axis in range(first, len(problem.typical))]
-    return side_by_side(columns, len(start.left))
+    return side_by_side(_columns(problem, start, range(first, len(problem.typical)), share), len(start.left))
 
 
-def _column(problem: Problem, start: Point, axis: int, share: float) -> Array:
-    moved = aside(problem.typical, problem.high, start.at, axis, share)
-    column: Array = problem.change(moved, axis, start) / (moved[axis] - start.at[axis])
-    return column
+def _columns(problem: Problem, start: Point, axes: Sequence[int], share: float) -> list[Array]:
+    """Columns (n,) of the slope on some axes."""
+    moved = [aside(problem.typical, problem.high, start.at, axis, share) for axis in axes]
+    changes = problem.changes(moved, axes, start)
+    return [
+        change / (at[axis] - start.at[axis]) for change, at, axis in zip(changes, moved, axes, strict=True)
+    ]
 
 
 def aside(typical: Sizes, high: Sizes, at: Array, axis: int, share: float) -> Array:
@@ -208,6 +210,6 @@ def with_near_slope(problem: Problem, point: Point, share: float = LATER_STEP) -
     slope, taken = point.slope.copy(order="F"), point.at.copy()
     near = np.setdiff1d(np.arange(len(problem.typical)), far)
     taken[near] = point.taken[near]
-    for axis in far:
-        slope[:, axis] = _column(problem, point, int(axis), share)
+    for axis, column in zip(far, _columns(problem, point, far.tolist(), share), strict=True):
+        slope[:, axis] = column
     return Point(point.at, point.left, slope, taken)
