@@ -37,7 +37,8 @@ class Tall:
     @cached_property
     def square(self) -> Array:
         """Products (m, m) of the columns with each other."""
-        return crossed(self.columns, self.columns)
+        columns = self.columns  # one object: products with itself are summed above the diagonal only
+        return crossed(columns, columns)
 
     def crossed_with(self, others: Array) -> Array:
         """Products (m, k) with other columns (n, k), which are few: those of `crossed`."""

@@ -64,16 +64,16 @@ class Bench:
         """Whitened innovations of all stretches (3 rows each), flat."""
         fields = effect_fields(self._with_fixed(settings))
         lever = antenna_lever(self.rig, fields)
-        parts = []
+        whole, first = np.empty((self.course.rows, 3)), 0
         for stretch, filtered, move in zip(self.course.stretches, self.filters, moves, strict=True):
-            out = np.empty((stretch.rows, 3))
+            out = whole[first : first + stretch.rows]
             innovations(
                 stretch.time, stretch.east, stretch.north, stretch.heading, move.ahead, move.aside, move.turned,
                 *lever, fields["heading_bias"], filtered.gains, filtered.roots, out,
             )  # fmt: skip
             out[0] = 0.0  # the filter takes the first position as it is
-            parts.append(out.ravel())
-        return huber(np.concatenate(parts))
+            first += stretch.rows
+        return huber(whole.ravel())
 
     def chain_surprise(self, settings: Settings) -> Parts:
         """Surprises of wheel angle and speed, driven by the commands."""
