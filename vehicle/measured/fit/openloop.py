@@ -109,18 +109,17 @@ class OpenLoop:
         poses = driven_poses(self.bench.rig, pairs, by_speed=True)
         for first in range(0, len(pairs), len(stretches)):
             mine = zip(pairs[first : first + len(stretches)], poses[first : first + len(stretches)], strict=True)
-            yield np.concatenate([self._anchored(*one, *pose) for one, pose in mine])
+            whole = np.concatenate([part for one, pose in mine for part in self._anchored(*one, *pose)]).ravel()
+            yield whole if np.isfinite(whole).all() else np.nan_to_num(whole, copy=False)
 
-    def _anchored(self, stretch: Stretch, settings: Settings, antenna: Array, heading: Array) -> Array:
-        """Errors of one stretch, from its poses driven."""
+    def _anchored(self, stretch: Stretch, settings: Settings, antenna: Array, heading: Array) -> Iterator[Array]:
+        """Errors (k, 3) of one stretch, from its poses driven, per horizon."""
         behind = self._behind(stretch, settings)
-        parts = []
         for cut in self._cuts[stretch]:
             errors = anchored_pieces(stretch, antenna, heading, cut)
             if behind is not None:
                 add_off_middle(*cut, behind, errors[:, 1])
-            parts.append(errors)
-        return np.nan_to_num(np.concatenate(parts).ravel(), copy=False)
+            yield errors
 
     @cached_property
     def _cuts(self) -> dict[Stretch, list[Cuts]]:

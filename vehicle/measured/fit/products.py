@@ -243,7 +243,15 @@ def _take_where(vector, columns, counts, places, amounts) -> None:  # type: igno
     """As _take."""
     for piece in range(len(counts)):
         first, last = piece * ROWS, min((piece + 1) * ROWS, len(vector))
-        for k in range(counts[piece]):
+        whole = counts[piece] - counts[piece] % 4
+        for k in range(0, whole, 4):
+            i, j, m, n = places[piece, k], places[piece, k + 1], places[piece, k + 2], places[piece, k + 3]
+            a, b, c, d = amounts[i], amounts[j], amounts[m], amounts[n]
+            for row in range(first, last):
+                vector[row] = (
+                    vector[row] - columns[i, row] * a - columns[j, row] * b - columns[m, row] * c - columns[n, row] * d
+                )
+        for k in range(whole, counts[piece]):
             i = places[piece, k]
             amount = amounts[i]
             for row in range(first, last):
