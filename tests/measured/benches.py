@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import SimpleNamespace
@@ -18,7 +18,7 @@ from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.horizons import chain
 from vehicle.measured.replay.replaying import Rig, make_rig, replay
 from vehicle.measured.replay.states import FORWARD
-from vehicle.measured.surprise.bench import Bench, prepare
+from vehicle.measured.surprise.bench import Bench, Change, prepare
 from vehicle.measured.surprise.whitening import Noise
 from vehicle.tractor import Tractor, load_tractor
 
@@ -110,6 +110,9 @@ class LinearBench:
     def change(self, settings: Settings, base: np.ndarray, blocks: frozenset[str]) -> np.ndarray:
         self.asked.append(blocks)
         return self.surprise(settings)
+
+    def changes(self, asked: Sequence[Change], base: np.ndarray) -> Iterator[np.ndarray]:
+        return (self.change(settings, base, blocks) for settings, blocks in asked)
 
     def fit(self, *names: str, at: float | None = None) -> Fit:
         """The named effects at neutral, or all at a value, with their columns."""

@@ -75,7 +75,7 @@ def test_what_is_not_fitted_again_has_no_rival_there(hidden: str, spared: bool) 
     for name, at in ((hidden, usual), ("steering_asymmetry", np.array([0.9]))):
         fit = restarted(bench, ((knobs(name), at),), None)
         worth_of = partial(worth_beside, fit)
-        may = _may_give_way(bench, fit, name, worth_of, Traces(bench.change, fit, bench.surprise(fit.settings)))
+        may = _may_give_way(bench, fit, name, worth_of, Traces(bench.changes, fit, bench.surprise(fit.settings)))
         assert not fit.smaller, "nothing was fitted"
         assert may == (name != hidden or not spared)
         rest = without(bench, fit, name)

@@ -61,7 +61,7 @@ def foresight(bench: Any, fit: Fit) -> Foresight:
 
 
 def trials(bench: Any, ahead: Foresight, *names: str) -> dict[str, Tried]:
-    return {name: tried(bench.change, ahead.fit, knobs(name), ahead.project) for name in names}
+    return {name: tried(bench.changes, ahead.fit, knobs(name), ahead.project) for name in names}
 
 
 def moved(ahead: Foresight, some: dict[str, Tried]) -> dict[str, Motions]:
@@ -112,7 +112,7 @@ def test_what_is_foreseen_as_hopeless_is_tried_before_it_is_said_that_nothing_is
     assert untried and not any(one.ended for one in untried)
     whole = {one.knobs.id: one for one in ended(circles, after, after.candidates)}
     for one in untried:
-        alone = tried(circles.change, fit, one.knobs, after.project)
+        alone = tried(circles.changes, fit, one.knobs, after.project)
         assert alone.gain < needed(0.0), "rightly"
         assert whole[one.knobs.id].ended and whole[one.knobs.id].gain == alone.gain
 

@@ -58,7 +58,7 @@ def test_candidates_that_were_only_begun_are_tried_to_their_end_when_asked(bench
     assert all(one.gain >= gains[one.knobs.id] - 1e-9 for one in whole)
     assert any(one.gain > gains[one.knobs.id] + LEAST_GAIN for one in whole)
     for one in whole:  # what was begun is gone on with, to where a trial of its own comes
-        alone = tried(bench.change, fit, one.knobs, known.project)
+        alone = tried(bench.changes, fit, one.knobs, known.project)
         assert one.gain == alone.gain and np.array_equal(one.at, alone.at)
         assert np.array_equal(one.columns, alone.columns)
 

@@ -20,8 +20,8 @@ def test_a_rival_is_hopeless_where_a_trial_would_gain_far_less() -> None:
     fit = refined(bench, bench.fit("steering_offset", "heading_bias"))
     rest, rival = without(bench, fit, "heading_bias"), knobs("grip_drift")
     assert without(bench, fit, "heading_bias") is rest, "asked again it is not fitted again"
-    project, traces = Projector(rest.slope), Traces(bench.change, fit, bench.surprise(fit.settings))
-    gain = tried(bench.change, rest, rival, project).gain
+    project, traces = Projector(rest.slope), Traces(bench.changes, fit, bench.surprise(fit.settings))
+    gain = tried(bench.changes, rest, rival, project).gain
     asked, left = len(bench.asked), project(rest.surprise)
     assert not traces.hopeless(left, project, rival, 0.99 * gain / FAR_LESS)
     assert traces.hopeless(left, project, rival, 1.01 * gain / FAR_LESS)

@@ -31,7 +31,7 @@ def test_an_effect_takes_away_what_least_squares_takes_beyond_the_fit(seed: int)
     bench = linear_bench(seed=seed, steering_offset=1.0, heading_bias=-2.0)
     fit = bench.fit("heading_bias")
     project = Projector(fit.slope)
-    one = tried(bench.change, fit, knobs("steering_offset"), project)
+    one = tried(bench.changes, fit, knobs("steering_offset"), project)
     both = np.stack([bench.columns["heading_bias"], bench.columns["steering_offset"]], axis=1)
     alone, together = left_by(both[:, :1], fit.surprise), left_by(both, fit.surprise)
     assert one.gain == pytest.approx(float(alone @ alone - together @ together), rel=1e-6)
@@ -43,7 +43,7 @@ def test_what_promises_nothing_is_simulated_once() -> None:
     bench = linear_bench()
     fit = bench.fit()
     bench.asked.clear()
-    one = tried(bench.change, fit, knobs("steering_offset"), Projector(fit.slope))
+    one = tried(bench.changes, fit, knobs("steering_offset"), Projector(fit.slope))
     assert bench.asked == [frozenset({"wheel to path"})] and one.gain == 0.0 and one.at.tolist() == [0.0]
 
 
@@ -51,14 +51,14 @@ def test_what_promises_far_less_than_others_is_only_begun() -> None:
     bench = linear_bench(steering_offset=5.0)
     fit = bench.fit()
     whole, begun, near = (
-        tried(bench.change, fit, knobs("steering_offset"), Projector(fit.slope), worth) for worth in (0.0, 1e6, 1.0)
+        tried(bench.changes, fit, knobs("steering_offset"), Projector(fit.slope), worth) for worth in (0.0, 1e6, 1.0)
     )
     assert whole.ended and near.ended and near.gain == whole.gain > HOPELESS
     assert not begun.ended and begun.gain == 0.0 and begun.at.tolist() == [0.0]
-    less = tried(bench.change, fit, knobs("steering_offset"), Projector(fit.slope), 0.9 * whole.gain / FAR_LESS)
+    less = tried(bench.changes, fit, knobs("steering_offset"), Projector(fit.slope), 0.9 * whole.gain / FAR_LESS)
     assert less.ended and less.gain == whole.gain
     nothing = linear_bench()
-    hopeless = tried(nothing.change, nothing.fit(), knobs("steering_offset"), Projector(nothing.fit().slope), 1e6)
+    hopeless = tried(nothing.changes, nothing.fit(), knobs("steering_offset"), Projector(nothing.fit().slope), 1e6)
     assert hopeless.ended, "what is hopeless by itself would come to no more"
 
 

@@ -47,6 +47,14 @@ def test_without_terms_the_loss_is_one_and_every_kind_and_horizon_has_its_share(
     assert loop.by_run(errors).sum() == pytest.approx(1.0) and loop.run_count == 2
 
 
+def test_errors_of_many_terms_are_those_of_each(loop: OpenLoop) -> None:
+    """Bit for bit, in their order, also where a run has settings of its own."""
+    each = [(), (offset(1.0),), (offset(0.5, frozenset({1})),), (Term(knobs("wheel_slip"), np.array([0.1])),)]
+    alone = [OpenLoop(loop.bench).errors(terms) for terms in each]
+    assert all(map(np.array_equal, loop.errors_of_each(each), alone))
+    assert len(list(loop.errors_of_each(each))) == 4 and not np.array_equal(alone[0], alone[2])
+
+
 def test_windows_of_twenty_seconds_take_turns(loop: OpenLoop) -> None:
     runs, halves = loop.places
     assert runs.tolist() == [0, 1] and halves.tolist() == [0, 0]

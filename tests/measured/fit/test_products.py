@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vehicle.measured.fit.products import Tall, add_products, crossed, side_by_side, squared, squares, without
+from vehicle.measured.fit.tiles import HIGH, WIDE
 
 
 def test_products_are_those_of_the_columns() -> None:
@@ -39,6 +40,23 @@ def test_columns_of_one_run_alone_are_passed_over_without_a_trace() -> None:
         assert np.array_equal(crossed(columns, columns[:, 4]), slow[:, 4])
 
 
+def test_many_columns_are_summed_in_the_order_of_the_rows() -> None:
+    """Bit for bit, whatever tiles they fill, of all rows and of those of a block."""
+    assert (HIGH, WIDE) == (4, 8)
+    rng = np.random.default_rng(6)
+    for rows, many, width in ((1, 4, 8), (64, 9, 3), (65, 21, 11), (200, 13, 17), (130, 2, 40), (130, 40, 2)):
+        one, two = rng.normal(size=(rows, many)), rng.normal(size=(rows, width))
+        one[rows // 3 : rows // 2, 1::2] = two[rows // 2 :, ::3] = 0.0
+        cross, square = np.zeros((many, width)), np.zeros((many, many))
+        for mine, other in zip(one, two, strict=True):
+            cross += mine[:, None] * other
+            square += mine[:, None] * mine
+        assert np.array_equal(crossed(one, two), cross) and np.array_equal(crossed(one, one), square)
+        squares, sides = np.zeros((1, many, many)), np.zeros((1, many))
+        add_products(np.zeros(rows, np.int64), one, two[:, 0], squares, sides)
+        assert np.array_equal(squares[0], square) and np.array_equal(sides[0], cross[:, 0])
+
+
 def test_columns_looked_at_once_give_the_same_bits() -> None:
     rng = np.random.default_rng(4)
     for rows in (1, 64, 333):
@@ -48,6 +66,8 @@ def test_columns_looked_at_once_give_the_same_bits() -> None:
         laid = Tall(columns)
         assert np.array_equal(laid.crossed(left), crossed(columns, left))
         assert np.array_equal(laid.without(left, amounts), without(left, columns, amounts))
+        assert np.array_equal(laid.square, crossed(columns, columns)) and np.array_equal(laid.columns, columns)
+        assert np.array_equal(laid.crossed_with(columns[:, 4:6]), laid.square[:, 4:6])
     none = Tall(np.zeros((4, 0)))
     assert none.crossed(np.ones(4)).shape == (0,) and none.without(np.ones(4), np.zeros(0)).tolist() == [1.0] * 4
 

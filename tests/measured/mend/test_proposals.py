@@ -1,6 +1,6 @@
 """What could lower the error further, on an open-loop error that is linear in two effects and curved in none."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from types import SimpleNamespace
@@ -42,6 +42,9 @@ class LinearLoop:
             if term.knobs.id in self.columns:
                 out = out + self.columns[term.knobs.id] * term.knobs.deviation(term.at) * np.sign(term.at[0])
         return out
+
+    def errors_of_each(self, each: Sequence[Sequence[Term]]) -> Iterator[np.ndarray]:
+        return map(self.errors, each)
 
     def by_run(self, errors: np.ndarray) -> np.ndarray:
         return np.bincount(self.runs, errors * errors, RUNS)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tests.measured.drawn import QUIET, circle, course, course_of, measured, rig
-from vehicle.effects import PATH, SPEED, STEERING
+from vehicle.effects import PATH, POSITION, SPEED, STEERING
+from vehicle.measured.replay.keeping import Kept
 from vehicle.measured.replay.windows import WINDOW_S
 from vehicle.measured.surprise.bench import BLOCK_S, Bench, prepare
 from vehicle.measured.surprise.floor import floor_squares
@@ -64,6 +65,29 @@ def test_only_channels_that_an_effect_reaches_are_made_anew(bench: Bench) -> Non
     assert (wheel[: 3 * rows] == 7.0).all() and (wheel[4 * rows :] == 7.0).all()
     speed = bench.change(SLIP, base, frozenset({SPEED}))
     assert (speed[: 4 * rows] == 7.0).all() and np.array_equal(speed[4 * rows :], bench.surprise(SLIP)[4 * rows :])
+
+
+def test_many_settings_side_by_side_change_what_each_alone_changes(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bit for bit, in their order, with none of it kept, however many are driven at a time."""
+    base = np.full(5 * bench.course.rows, 7.0)
+    asked = [
+        (OFFSET, frozenset({PATH})), (LATE, frozenset({STEERING})), (SLIP, frozenset({PATH, SPEED})), ({}, frozenset()),
+        ({"gnss_latency": {"time_s": 0.2}}, frozenset({POSITION})), (OFFSET, frozenset({PATH})),
+        ({**OFFSET, **SLIP}, frozenset({PATH})),
+    ]  # fmt: skip
+    alone = [fresh(bench).change(settings, base, blocks) for settings, blocks in asked]
+    for most in (1, 10_000, 500_000):
+        monkeypatch.setattr("vehicle.measured.surprise.bench.MOST_STEPS", most)
+        for one, other in zip(fresh(bench).changes(asked, base), alone, strict=True):
+            assert np.array_equal(one, other)
+    assert not np.array_equal(alone[0], alone[4])
+
+
+def fresh(bench: Bench) -> Bench:
+    """The bench with nothing replayed."""
+    return replace(bench, rig=replace(bench.rig, kept=Kept()))
 
 
 def test_effects_can_be_fixed_under_those_that_are_asked_for(bench: Bench) -> None:

@@ -99,7 +99,7 @@ def _spoken_for(case: Case, entry: Effect) -> bool:
     if not sizes and extra is not None and extra.amounts[extra.terms].size and not entry.kind.searched:
         # Terms without a name may have taken up what an effect explains: it is asked what it would take without them.
         knobs = knobs_for(tractor, entry.id, case.bench.course.places)
-        one = tried(case.bench.change, case.plain, knobs, Projector(case.plain.slope))
+        one = tried(case.bench.changes, case.plain, knobs, Projector(case.plain.slope))
         sizes = [one.knobs.deviation(one.at)] if one.gain > LEAST_GAIN else []
     return any(size > finest_of(tractor, entry.id, row_s) for size in sizes)
 

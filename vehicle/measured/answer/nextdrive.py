@@ -64,4 +64,4 @@ def _misfit(trial: Bench, tractor: Tractor, wrong: Values, name: str) -> float:
     rest = {k: v for k, v in wrong.items() if k != name}
     surprise = trial.surprise(rest)
     fixed = Fit((), surprise, np.zeros((len(surprise), 0)))
-    return fixed.loss - tried(trial.on_top_of(rest).change, fixed, knobs, Projector(fixed.slope)).gain
+    return fixed.loss - tried(trial.on_top_of(rest).changes, fixed, knobs, Projector(fixed.slope)).gain

@@ -62,7 +62,7 @@ def challenged(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...], tractor:
     alike: dict[str, Alike] = {}
     names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, fit, tractor, knobs.id)]
     # For one part alone the traces would cost as much as the trials they spare.
-    traces = Traces(bench.change, fit, bench.surprise(fit.settings)) if len(names) > 1 else None
+    traces = Traces(bench.changes, fit, bench.surprise(fit.settings)) if len(names) > 1 else None
     for name in names:
         better, alike[name] = _rivals(bench, fit, name, traces)
         if better is not None:
@@ -100,7 +100,7 @@ def _in_place(
     project = Projector(rest.slope)
     left, every = project(rest.surprise), _rivals_beside(bench, skip, block)
     some = every if traces is None else [one for one in every if not traces.hopeless(left, project, one, worth)]
-    return sorted((tried(bench.change, rest, one, project, worth, left) for one in some), key=lambda one: -one.gain)
+    return sorted((tried(bench.changes, rest, one, project, worth, left) for one in some), key=lambda one: -one.gain)
 
 
 def _rivals_beside(bench: Bench, skip: Iterable[str], block: str) -> list[Knobs]:
@@ -129,7 +129,7 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
     """
     plain = with_unnamed(bench, fit, ())
     names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, plain, tractor, knobs.id)]
-    traces = Traces(bench.change, plain, bench.surprise(plain.settings)) if names else None
+    traces = Traces(bench.changes, plain, bench.surprise(plain.settings)) if names else None
     best: Fit | None = None
 
     def worth_of(loss: float) -> float:

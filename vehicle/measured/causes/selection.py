@@ -95,7 +95,7 @@ def scan(
         worth = max((-_rank(one) for one in candidates), default=0.0)
         foreseen = ahead.hopeless(promises[entry.id], worth) if entry.id in promises else None
         if foreseen is None:
-            foreseen = tried(bench.change, fit, knobs, project, worth, left)
+            foreseen = tried(bench.changes, fit, knobs, project, worth, left)
             if fit.parts:  # with one cause the second scan is the last, and nobody would ask
                 moved |= ahead.motions(foreseen)
         candidates.append(foreseen)
@@ -116,7 +116,7 @@ def ended(bench: Bench, known: Known, candidates: Sequence[Tried], than: Tried |
     def whole(one: Tried) -> Tried:
         if one.ended or (than and one.foreseen is not None and one.foreseen < FORESEEN * needed(worth)):
             return one
-        return gone_on(bench.change, known.fit, one, known.project, known.left, worth)
+        return gone_on(bench.changes, known.fit, one, known.project, known.left, worth)
 
     return sorted(map(whole, candidates), key=_rank)
 

@@ -6,26 +6,24 @@ without a simulation for every part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.measured.causes.trial import Projector, needed, promised
+from vehicle.measured.causes.trial import Changes, Projector, needed, promised
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
 from vehicle.measured.fit.products import crossed, side_by_side
 from vehicle.measured.fit.solver import FIRST_STEP
 from vehicle.measured.logs.record import Array
 
-Change = Callable[[Mapping[str, dict[str, float]], Array, frozenset[str]], Array]
-
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """Traces of effects beside a fit; `change_of` is Bench.change, `bare` (n,) the surprises without linear terms."""
+    """Traces of effects beside a fit; `changes_of` is Bench.changes, `bare` (n,) the surprises without linear terms."""
 
-    change_of: Change
+    changes_of: Changes
     fit: Fit
     bare: Array
     _known: dict[str, Array] = field(init=False, default_factory=dict)
@@ -56,8 +54,6 @@ class Traces:
         return self._columns(knobs, [*places, *[np.array(one) for one in knobs.starts if one != knobs.neutral]])
 
     def _columns(self, knobs: Knobs, places: Sequence[Array]) -> Array:
-        blocks = frozenset({block_of(knobs.id)})
-        made = [
-            self.change_of(settings_of([*self.fit.parts, (knobs, at)]), self.bare, blocks) - self.bare for at in places
-        ]
-        return side_by_side(made, len(self.bare))
+        block = frozenset({block_of(knobs.id)})
+        asked = [(settings_of([*self.fit.parts, (knobs, at)]), block) for at in places]
+        return side_by_side([one - self.bare for one in self.changes_of(asked, self.bare)], len(self.bare))

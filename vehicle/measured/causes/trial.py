@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,13 +13,13 @@ from vehicle.measured.fit.knobs import Knobs, block_of, settings_of
 from vehicle.measured.fit.products import Tall, crossed, squared, without
 from vehicle.measured.fit.solver import FIRST_STEP, Point, Rule, aside, descend
 from vehicle.measured.logs.record import Array
-from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.bench import Bench, Change
 from vehicle.measured.thresholds import FAR_LESS, HOPELESS, NULL_DRAWS, NULL_QUANTILE
 
 ITERATIONS = 3  # chosen: a candidate is fitted again once it is in
 SETTLED = 0.01  # chosen, of a typical size: a step this small is the last
 LEAST_PART = 1e-10  # of the squared size of the largest direction of a fit: smaller ones are rounding
-Change = Callable[[Mapping[str, dict[str, float]], Array, frozenset[str]], Array]
+Changes = Callable[[Sequence[Change], Array], Iterator[Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Projector:
         """What makes orthonormal directions of the columns, as far as their products tell."""
         self.slope, self.turn, self._laid = slope, np.zeros((slope.shape[1], 0)), Tall(slope)
         if slope.size:
-            square = crossed(slope, slope)
+            square = self._laid.square
             scale = np.maximum(np.sqrt(np.diag(square)), 1e-12)
             size, turn = np.linalg.eigh(square / np.outer(scale, scale))
             known = size > LEAST_PART * size[-1]
@@ -61,7 +61,7 @@ class Projector:
 
     def products(self, columns: Array) -> Array:
         """Products (k, k) with each other of the parts of columns (n, k) that no column of the fit explains."""
-        share = self.turn.T @ crossed(self.slope, columns)
+        share = self.turn.T @ self._laid.crossed_with(columns)
         return crossed(columns, columns) - share.T @ share
 
 
@@ -69,7 +69,7 @@ class Projector:
 class _OneMore:
     """The problem of one more effect: what no column of the fit explains."""
 
-    change_of: Change
+    changes_of: Changes
     fit: Fit
     knobs: Knobs
     project: Projector
@@ -87,49 +87,49 @@ class _OneMore:
         return np.array(self.knobs.high)
 
     @property
-    def linear(self) -> Array:
-        return np.zeros((0, 0))
+    def linear(self) -> None:
+        return None
 
     @cached_property
     def _bare(self) -> Array:
         fit = self.fit
         return fit.surprise if fit.extra is None else fit.surprise - fit.extra.sum
 
-    def at(self, at: Array) -> Point:
-        settings = settings_of([*self.fit.parts, (self.knobs, at)])
-        changed = self.change_of(settings, self._bare, frozenset({block_of(self.knobs.id)}))
-        return Point(at, self.project(linear_extra(changed, self.fit.extra)))
+    def at(self, places: Sequence[Array]) -> Iterator[Point]:
+        """The points at places, one after another."""
+        block = frozenset({block_of(self.knobs.id)})
+        asked = [(settings_of([*self.fit.parts, (self.knobs, at)]), block) for at in places]
+        for at, changed in zip(places, self.changes_of(asked, self._bare), strict=True):
+            yield Point(at, self.project(linear_extra(changed, self.fit.extra)))
 
     def left(self, at: Array, start: Point) -> Array:
-        return self.at(at).left
+        return next(self.at([at])).left
 
-    def change(self, at: Array, axis: int, start: Point) -> Array:
-        return self.at(at).left - start.left
+    def changes(self, places: Sequence[Array], axes: Sequence[int], start: Point) -> Iterator[Array]:
+        return (one.left - start.left for one in self.at(places))
 
 
 def tried(
-    change_of: Change, fit: Fit, knobs: Knobs, project: Projector, worth: float = 0.0, left: Array | None = None
+    changes_of: Changes, fit: Fit, knobs: Knobs, project: Projector, worth: float = 0.0, left: Array | None = None
 ) -> Tried:
     """Fit one more effect while the coordinates of the others follow linearly.
 
-    `change_of` is Bench.change, `project` takes out the columns of the fit, and `left` (n,) is what it leaves of the
+    `changes_of` is Bench.changes, `project` takes out the columns of the fit, and `left` (n,) is what it leaves of the
     surprises, where that is known. A candidate that promises far less than the gain that is `worth` something is not
     simulated further.
     """
-    problem = _OneMore(change_of, fit, knobs, project)
+    problem = _OneMore(changes_of, fit, knobs, project)
     best = without = Point(np.array(knobs.neutral), project(fit.surprise) if left is None else left)
-    for start in knobs.starts:
-        if start != knobs.neutral:
-            other = problem.at(np.array(start))
-            best = other if other.loss < best.loss else best
+    for other in problem.at([np.array(start) for start in knobs.starts if start != knobs.neutral]):
+        best = other if other.loss < best.loss else best
     return _descended(problem, best, without.loss, worth)
 
 
-def gone_on(change_of: Change, fit: Fit, one: Tried, project: Projector, left: Array, worth: float = 0.0) -> Tried:
+def gone_on(changes_of: Changes, fit: Fit, one: Tried, project: Projector, left: Array, worth: float = 0.0) -> Tried:
     """A candidate of the same fit from where it was left, when it was: what tried finds at once with that `worth`."""
     if one.left is None:
-        return tried(change_of, fit, one.knobs, project, worth, left)
-    return _descended(_OneMore(change_of, fit, one.knobs, project), one.left, squared(left), worth)
+        return tried(changes_of, fit, one.knobs, project, worth, left)
+    return _descended(_OneMore(changes_of, fit, one.knobs, project), one.left, squared(left), worth)
 
 
 def _descended(problem: _OneMore, best: Point, loss: float, worth: float) -> Tried:

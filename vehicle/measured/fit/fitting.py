@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -123,13 +123,15 @@ class _Parts:
     @property
     def _most(self) -> Array:
         """Largest amounts of the linear terms: what differs from tractor to tractor differs by so much."""
-        most = np.full(self.linear.shape[1], np.inf)
-        most[: self.fit.extra.unknowns if self.fit.extra else 0] = MOST_USUAL
+        if self.fit.extra is None:
+            return np.zeros(0)
+        most = np.full(len(self.fit.extra.amounts), np.inf)
+        most[: self.fit.extra.unknowns] = MOST_USUAL
         return most
 
     @property
-    def linear(self) -> Array:
-        return np.zeros((len(self.fit.surprise), 0)) if self.fit.extra is None else self.fit.extra.columns
+    def linear(self) -> Tall | None:
+        return None if self.fit.extra is None else self.fit.extra.laid
 
     @cached_property
     def owners(self) -> list[str]:
@@ -143,17 +145,28 @@ class _Parts:
 
     def fit_at(self, point: Point) -> Fit:
         """The fit with its coordinates, what is left and slope those of a point."""
-        return Fit(self._parts(point.at), point.left, point.slope, self._extra(point.at))
+        return Fit(self._parts(point.at), point.left, self.whole(point.slope), self._extra(point.at))
+
+    def whole(self, slope: Array) -> Array:
+        """The slope (n, m) of the coordinates of the parts with the columns of the linear terms behind."""
+        if self.linear is None:
+            return slope
+        beside = self.linear.columns
+        whole = np.empty((slope.shape[1] + beside.shape[1], len(slope)))
+        whole[: slope.shape[1]], whole[slope.shape[1] :] = slope.T, beside.T
+        return whole.T
 
     def left(self, at: Array, start: Point) -> Array:
         blocks = frozenset(block_of(name) for name in self.owners)
         changed = self.bench.change(settings_of(list(self._parts(at))), self._bare(start), blocks)
         return linear_extra(changed, self._extra(at))
 
-    def change(self, at: Array, axis: int, start: Point) -> Array:
+    def changes(self, places: Sequence[Array], axes: Sequence[int], start: Point) -> Iterator[Array]:
         bare = self._bare(start)
-        blocks = frozenset({block_of(self.owners[axis])})
-        return self.bench.change(settings_of(list(self._parts(at))), bare, blocks) - bare
+        settings = [settings_of(list(self._parts(at))) for at in places]
+        blocks = [frozenset({block_of(self.owners[axis])}) for axis in axes]
+        changed = self.bench.changes(list(zip(settings, blocks, strict=True)), bare)
+        return (one - bare for one in changed)
 
     def _bare(self, point: Point) -> Array:
         """What is left without the linear terms."""
@@ -192,7 +205,7 @@ def flat(vectors: Iterable[ArrayLike]) -> Array:
 def slopes(bench: Bench, fit: Fit, share: float = LATER_STEP) -> Array:
     """Change of the surprises per coordinate of the parts and per amount of the linear extra terms."""
     problem = _Parts(bench, fit)
-    return slope_of(problem, problem.start, share)
+    return problem.whole(slope_of(problem, problem.start, share))
 
 
 def refined(bench: Bench, fit: Fit, iterations: int = ITERATIONS) -> Fit:

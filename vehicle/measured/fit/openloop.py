@@ -7,7 +7,7 @@ each as a share of what it was before.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -91,27 +91,35 @@ class OpenLoop:
 
     def errors(self, terms: Sequence[Term]) -> Array:
         """The whole vector: the sum of its squares is 1 without terms."""
-        acting = (*self.settled, *terms)
-        out = self._raw({run: settings_in(acting, run) for run in range(self.run_count)})
-        out /= self._units
-        return out
+        return next(self.errors_of_each([terms]))
 
-    def _raw(self, settings: Mapping[int, Settings]) -> Array:
-        """The vector in metres and radians, for the settings of every run."""
-        each = [(stretch, settings[stretch.run]) for stretch in self.bench.course.stretches]
-        poses = driven_poses(self.bench.rig, each, by_speed=True)
-        return np.concatenate([self._anchored(*one, *pose) for one, pose in zip(each, poses, strict=True)])
+    def errors_of_each(self, each: Sequence[Sequence[Term]]) -> Iterator[Array]:
+        """As errors, of many lists of terms, one after another: they are driven side by side."""
+        acting = [(*self.settled, *terms) for terms in each]
+        asked = [{run: settings_in(terms, run) for run in range(self.run_count)} for terms in acting]
+        for some in self.bench.batches(asked):
+            for out in self._raw(some):
+                out /= self._units
+                yield out
 
-    def _anchored(self, stretch: Stretch, settings: Settings, antenna: Array, heading: Array) -> Array:
-        """Errors of one stretch, from its poses driven."""
+    def _raw(self, each: Sequence[Mapping[int, Settings]]) -> Iterator[Array]:
+        """The vectors in metres and radians, one for the settings of every run."""
+        stretches = self.bench.course.stretches
+        pairs = [(stretch, settings[stretch.run]) for settings in each for stretch in stretches]
+        poses = driven_poses(self.bench.rig, pairs, by_speed=True)
+        for first in range(0, len(pairs), len(stretches)):
+            mine = zip(pairs[first : first + len(stretches)], poses[first : first + len(stretches)], strict=True)
+            whole = np.concatenate([part for one, pose in mine for part in self._anchored(*one, *pose)]).ravel()
+            yield whole if np.isfinite(whole).all() else np.nan_to_num(whole, copy=False)
+
+    def _anchored(self, stretch: Stretch, settings: Settings, antenna: Array, heading: Array) -> Iterator[Array]:
+        """Errors (k, 3) of one stretch, from its poses driven, per horizon."""
         behind = self._behind(stretch, settings)
-        parts = []
         for cut in self._cuts[stretch]:
             errors = anchored_pieces(stretch, antenna, heading, cut)
             if behind is not None:
                 add_off_middle(*cut, behind, errors[:, 1])
-            parts.append(errors)
-        return np.nan_to_num(np.concatenate(parts).ravel(), copy=False)
+            yield errors
 
     @cached_property
     def _cuts(self) -> dict[Stretch, list[Cuts]]:
@@ -143,7 +151,7 @@ class OpenLoop:
     @cached_property
     def _units(self) -> Array:
         """Per entry, the size of its horizon and kind without terms, so that each of them sums up to its share."""
-        whole = self._raw({run: {} for run in range(self.run_count)})
+        (whole,) = self._raw([{run: {} for run in range(self.run_count)}])
         group = np.concatenate([
             np.repeat(np.arange(len(HORIZONS_S)), one.rows * KINDS) * KINDS
             + np.tile(np.arange(KINDS), one.rows * len(HORIZONS_S))
@@ -231,8 +239,8 @@ class _Coordinates:
         return flat([term.knobs.high for term in self.terms])
 
     @property
-    def linear(self) -> Array:
-        return np.zeros((0, 0))
+    def linear(self) -> None:
+        return None
 
     @property
     def start(self) -> Array:
@@ -249,8 +257,8 @@ class _Coordinates:
     def left(self, at: Array, start: Point) -> Array:
         return self.loop.errors(self.terms_at(at))
 
-    def change(self, at: Array, axis: int, start: Point) -> Array:
-        return self.left(at, start) - start.left
+    def changes(self, places: Sequence[Array], axes: Sequence[int], start: Point) -> Iterator[Array]:
+        return (left - start.left for left in self.loop.errors_of_each([self.terms_at(at) for at in places]))
 
 
 def moved(terms: Terms, change: Array) -> Terms:

@@ -7,13 +7,17 @@ another (in the order of Fortran). Many are of one run alone: where a column is 
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
 from vehicle.jit import compiled
+from vehicle.measured.fit.tiles import HIGH, WIDE, add_tiles
 from vehicle.measured.logs.record import Array
 
 ROWS = 64  # that are looked at together: chosen, few enough to stay near the processor
+FEW = 3  # chosen: products with fewer columns than these are quicker without tiles
 
 
 class Tall:
@@ -26,6 +30,21 @@ class Tall:
         self._counts = np.zeros(pieces, np.int64)
         self._places = np.zeros((pieces, columns.shape[1]), np.int64)
         _look(self._columns, self._counts, self._places)
+
+    @property
+    def columns(self) -> Array:
+        """The columns (n, m)."""
+        return self._columns.T
+
+    @cached_property
+    def square(self) -> Array:
+        """Products (m, m) of the columns with each other."""
+        columns = self.columns  # one object: products with itself are summed above the diagonal only
+        return crossed(columns, columns)
+
+    def crossed_with(self, others: Array) -> Array:
+        """Products (m, k) with other columns (n, k), which are few: those of `crossed`."""
+        return side_by_side([self.crossed(one) for one in others.T], len(self._columns))
 
     def crossed(self, vector: Array) -> Array:
         """Products (m,) with a vector (n,): those of `crossed`."""
@@ -94,9 +113,9 @@ def _add(edges, blocks, columns, left, squares, sides) -> None:  # type: ignore[
 @compiled
 def _crossed(one, two, same, begin, end, out) -> None:  # type: ignore[no-untyped-def]
     """Add the products of columns (m, n) and (k, n) in the rows from `begin` to before `end` to `out` (m, k)."""
-    mine, others = np.empty((ROWS, len(one))), np.empty((ROWS, len(two)))
+    mine, others = np.zeros((ROWS, len(one) + WIDE)), np.zeros((ROWS, len(two) + WIDE))
     places, theirs = np.empty(len(one), np.int64), np.empty(len(two), np.int64)
-    sums = np.empty((len(one), len(two)))
+    sums = np.zeros((len(one) + HIGH, len(two) + WIDE))
     if same:
         others, theirs = mine, places
     for first in range(begin, end, ROWS):
@@ -106,7 +125,10 @@ def _crossed(one, two, same, begin, end, out) -> None:  # type: ignore[no-untype
         for i in range(many):
             for j in range(i if same else 0, width):
                 sums[i, j] = out[places[i], theirs[j]]
-        _summed(mine, others, same, rows, many, width, sums)
+        if width < FEW:
+            _summed(mine, others, same, rows, many, width, sums)
+        else:
+            add_tiles(mine, others, same, rows, many, width, sums)
         for i in range(many):
             for j in range(i if same else 0, width):
                 out[places[i], theirs[j]] = sums[i, j]
@@ -121,11 +143,10 @@ def _packed(columns, first, rows, packed, places) -> int:  # type: ignore[no-unt
     """Some rows of the columns (m, n) that are not 0 there, side by side; `places` gets which; returned is how many."""
     count = 0
     for i in range(len(columns)):
-        some = False
-        for row in range(first, first + rows):
-            if columns[i, row] != 0.0:
-                some = True
-                break
+        some = columns[i, first] != 0.0
+        if not some:
+            for row in range(first + 1, first + rows):  # to the end, so that it is made of vectors
+                some |= columns[i, row] != 0.0
         if some:
             places[count] = i
             for row in range(rows):
@@ -222,7 +243,15 @@ def _take_where(vector, columns, counts, places, amounts) -> None:  # type: igno
     """As _take."""
     for piece in range(len(counts)):
         first, last = piece * ROWS, min((piece + 1) * ROWS, len(vector))
-        for k in range(counts[piece]):
+        whole = counts[piece] - counts[piece] % 4
+        for k in range(0, whole, 4):
+            i, j, m, n = places[piece, k], places[piece, k + 1], places[piece, k + 2], places[piece, k + 3]
+            a, b, c, d = amounts[i], amounts[j], amounts[m], amounts[n]
+            for row in range(first, last):
+                vector[row] = (
+                    vector[row] - columns[i, row] * a - columns[j, row] * b - columns[m, row] * c - columns[n, row] * d
+                )
+        for k in range(whole, counts[piece]):
             i = places[piece, k]
             amount = amounts[i]
             for row in range(first, last):

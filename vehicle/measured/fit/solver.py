@@ -8,14 +8,14 @@ most: further the slope does not hold, and the next one will not either.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.measured.fit.products import crossed, side_by_side, squared
+from vehicle.measured.fit.products import Tall, crossed, side_by_side, squared
 from vehicle.measured.logs.record import Array
 
 FIRST_STEP, LATER_STEP = 0.3, 0.1  # of a typical size: chosen, wide enough to cross a dead band, then finer
@@ -29,7 +29,10 @@ RIDGE = 1e-6  # of every diagonal entry: chosen, keeps columns that look alike f
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Coordinates, what is left there (n,), and a slope (n, m) taken at the coordinates `taken`; None without one."""
+    """Coordinates (m + k,), what is left there (n,), and a slope taken at the coordinates `taken`; None without one.
+
+    The slope (n, m) is that of the coordinates that bend what is left; along the others it is the same everywhere.
+    """
 
     at: Array
     left: Array
@@ -48,7 +51,7 @@ class Point:
 
 
 class Problem(Protocol):
-    """What is left at coordinates (m + k,): m that bend what is left, then k that move it along `linear` (n, k).
+    """What is left at coordinates (m + k,): m that bend it, then k that move it along the columns (n, k) of `linear`.
 
     `typical` (m,) are usual sizes, `low` and `high` (m + k,) the box.
     """
@@ -66,14 +69,14 @@ class Problem(Protocol):
         """Upper ends of the box."""
 
     @property
-    def linear(self) -> Array:
-        """Columns of the last k coordinates."""
+    def linear(self) -> Tall | None:
+        """Columns of the last k coordinates; None without such."""
 
     def left(self, at: Array, start: Point) -> Array:
         """What is left at coordinates (n,), when it is known at a start."""
 
-    def change(self, at: Array, axis: int, start: Point) -> Array:
-        """What is left at coordinates that differ from a start on one axis, minus what is left at the start (n,)."""
+    def changes(self, places: Sequence[Array], axes: Sequence[int], start: Point) -> Iterator[Array]:
+        """What is left at places that differ from a start on one axis each, minus what is left at the start (n,)."""
 
 
 @dataclass(frozen=True)
@@ -94,15 +97,17 @@ class Rule:
 
 
 def slope_of(problem: Problem, start: Point, share: float, first: int = 0) -> Array:
-    """Slope (n, m + k - first) of what is left on the axes from `first` on, by one-sided differences."""
-    columns = [_column(problem, start, axis, share) for axis in range(first, len(problem.typical))]
-    return side_by_side([*columns, *problem.linear.T], len(start.left))
+    """Slope (n, m - first) of what is left on the axes from `first` on that bend it, by one-sided differences."""
+    return side_by_side(_columns(problem, start, range(first, len(problem.typical)), share), len(start.left))
 
 
-def _column(problem: Problem, start: Point, axis: int, share: float) -> Array:
-    moved = aside(problem.typical, problem.high, start.at, axis, share)
-    column: Array = problem.change(moved, axis, start) / (moved[axis] - start.at[axis])
-    return column
+def _columns(problem: Problem, start: Point, axes: Sequence[int], share: float) -> list[Array]:
+    """Columns (n,) of the slope on some axes."""
+    moved = [aside(problem.typical, problem.high, start.at, axis, share) for axis in axes]
+    changes = problem.changes(moved, axes, start)
+    return [
+        change / (at[axis] - start.at[axis]) for change, at, axis in zip(changes, moved, axes, strict=True)
+    ]
 
 
 def aside(typical: Sizes, high: Sizes, at: Array, axis: int, share: float) -> Array:
@@ -125,6 +130,15 @@ def _solved(square: Array, side: Array) -> Array:
     return np.asarray(np.linalg.solve(square + RIDGE * np.diag(scale), -side))
 
 
+def _products(start: Point, linear: Tall | None) -> tuple[Array, Array]:
+    """Products of all columns with each other (m + k, m + k), and with what is left (m + k,)."""
+    square, side = crossed(start.slope, start.slope), crossed(start.slope, start.left)
+    if linear is None:
+        return square, side
+    cross = linear.crossed_with(start.slope)
+    return np.block([[square, cross.T], [cross, linear.square]]), np.append(side, linear.crossed(start.left))
+
+
 def downhill(problem: Problem, start: Point, least_gain: float = 0.0) -> Point | None:
     """One step inside the box, shortened until the loss is lower; None when it never is."""
     return _step(problem, start, least_gain)[0]
@@ -132,7 +146,7 @@ def downhill(problem: Problem, start: Point, least_gain: float = 0.0) -> Point |
 
 def _step(problem: Problem, start: Point, least_gain: float) -> tuple[Point | None, bool]:
     """The step of downhill, and whether it gained what the slope promised of it."""
-    square, side = crossed(start.slope, start.slope), crossed(start.slope, start.left)
+    square, side = _products(start, problem.linear)
     change, before = _solved(square, side), start.loss
     for share in SHORTENED:
         at = np.clip(start.at + share * change, problem.low, problem.high)
@@ -196,6 +210,6 @@ def with_near_slope(problem: Problem, point: Point, share: float = LATER_STEP) -
     slope, taken = point.slope.copy(order="F"), point.at.copy()
     near = np.setdiff1d(np.arange(len(problem.typical)), far)
     taken[near] = point.taken[near]
-    for axis in far:
-        slope[:, axis] = _column(problem, point, int(axis), share)
+    for axis, column in zip(far, _columns(problem, point, far.tolist(), share), strict=True):
+        slope[:, axis] = column
     return Point(point.at, point.left, slope, taken)

@@ -64,7 +64,7 @@ def _of_effect(loop: OpenLoop, model: Model, tractor: Tractor, entry: Effect) ->
     knobs = knobs_for(tractor, entry.id, loop.bench.course.places).with_fewer_starts()
     neutral = np.array(knobs.neutral)
     starts = [np.array(at) for at in knobs.starts if at != knobs.neutral]
-    errors = [model.errors, *[loop.errors((*model.terms, Term(knobs, at))) for at in starts]]
+    errors = [model.errors, *loop.errors_of_each([(*model.terms, Term(knobs, at)) for at in starts])]
     starts = [neutral, *starts]
     losses = np.array([loop.by_run(one) for one in errors])
     first = int(np.argmin(losses.sum(axis=1)))
@@ -113,9 +113,8 @@ def best_pair(loop: OpenLoop, model: Model, proposed: Sequence[Proposal]) -> lis
 def simulated(loop: OpenLoop, model: Model, proposed: Sequence[Proposal]) -> list[tuple[Terms, float]]:
     """Proposals simulated as terms of the model, the best first: at the promised coordinates or at their start."""
     out = []
-    for one in proposed:
-        better = moved((*model.terms, *one.new), one.change)
-        after = loop.errors(better)
+    places = [moved((*model.terms, *one.new), one.change) for one in proposed]
+    for one, better, after in zip(proposed, places, loop.errors_of_each(places), strict=True):
         loss, start = squared(after), squared(one.errors)
         out.append((better, loss) if loss < start else ((*model.terms, *one.new), start))
     return sorted(out, key=lambda each: each[1])

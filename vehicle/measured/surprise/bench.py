@@ -7,9 +7,10 @@ its channel out, and the block behind it is then driven by the commands.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,10 +25,13 @@ from vehicle.measured.replay.states import FORWARD
 from vehicle.measured.replay.windows import half_of
 from vehicle.measured.surprise.noise import first_noise
 from vehicle.measured.surprise.weights import Channel, Filter, channels, filters, huber
-from vehicle.measured.surprise.whitening import Increments, Noise, all_increments, innovations
+from vehicle.measured.surprise.whitening import Increments, Noise, all_increments, increments_of_each, innovations
 
 BLOCK_S = 10.0  # half a window: soil forgets within it, a slow cause does not
+MOST_STEPS = 500_000  # chosen, of stretches driven at a time: over two hours, of which the states take 20 MB
 Parts = dict[str, Array]
+Change = tuple[Settings, frozenset[str]]  # settings, and the blocks whose channels they change
+Asked = TypeVar("Asked")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +64,16 @@ class Bench:
         """Whitened innovations of all stretches (3 rows each), flat."""
         fields = effect_fields(self._with_fixed(settings))
         lever = antenna_lever(self.rig, fields)
-        parts = []
+        whole, first = np.empty((self.course.rows, 3)), 0
         for stretch, filtered, move in zip(self.course.stretches, self.filters, moves, strict=True):
-            out = np.empty((stretch.rows, 3))
+            out = whole[first : first + stretch.rows]
             innovations(
                 stretch.time, stretch.east, stretch.north, stretch.heading, move.ahead, move.aside, move.turned,
                 *lever, fields["heading_bias"], filtered.gains, filtered.roots, out,
             )  # fmt: skip
             out[0] = 0.0  # the filter takes the first position as it is
-            parts.append(out.ravel())
-        return huber(np.concatenate(parts))
+            first += stretch.rows
+        return huber(whole.ravel())
 
     def chain_surprise(self, settings: Settings) -> Parts:
         """Surprises of wheel angle and speed, driven by the commands."""
@@ -111,16 +115,37 @@ class Bench:
 
     def change(self, settings: Settings, base: Array, blocks: frozenset[str]) -> Array:
         """As surprise(settings), taking over from `base` the channels that effects of the blocks cannot reach."""
+        return next(self.changes([(settings, blocks)], base))
+
+    def changes(self, asked: Sequence[Change], base: Array) -> Iterator[Array]:
+        """As change, of many settings with their blocks, one after another: they are driven side by side."""
         rows = self.course.rows
-        changed = base.copy()
-        path_moves = bool(blocks & {PATH, POSITION}) or (STEERING in blocks and not self.has_wheel)
-        if path_moves:
-            changed[: 3 * rows] = self.path_surprise(self.path(settings), settings)
-        if STEERING in blocks:
-            changed[3 * rows : 4 * rows] = self.wheel_surprise(settings)
-        if SPEED in blocks:
-            changed[4 * rows :] = self.speed_surprise(settings)
-        return changed
+        moves = self._paths([settings for settings, blocks in asked if self._moves_path(blocks)])
+        for settings, blocks in asked:
+            changed = base.copy()
+            if self._moves_path(blocks):
+                changed[: 3 * rows] = self.path_surprise(next(moves), settings)
+            if STEERING in blocks:
+                changed[3 * rows : 4 * rows] = self.wheel_surprise(settings)
+            if SPEED in blocks:
+                changed[4 * rows :] = self.speed_surprise(settings)
+            yield changed
+
+    def _moves_path(self, blocks: frozenset[str]) -> bool:
+        """Whether effects of the blocks reach the path."""
+        return bool(blocks & {PATH, POSITION}) or (STEERING in blocks and not self.has_wheel)
+
+    def _paths(self, each: Sequence[Settings]) -> Iterator[list[Increments]]:
+        """The paths of many settings, as many driven at a time as there is room for."""
+        for some in self.batches(each):
+            fixed = [self._with_fixed(one) for one in some]
+            yield from increments_of_each(self.rig, self.course.stretches, fixed)
+
+    def batches(self, each: Sequence[Asked]) -> Iterator[Sequence[Asked]]:
+        """What is asked for of the whole course, so many at a time as are driven side by side."""
+        steps = sum(len(stretch.grids["speed"]) for stretch in self.course.stretches)
+        some = max(MOST_STEPS // steps, 1)
+        return (each[first : first + some] for first in range(0, len(each), some))
 
     @cached_property
     def has_wheel(self) -> bool:

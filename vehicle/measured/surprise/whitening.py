@@ -13,12 +13,12 @@ and north.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.effects import PATH, SPEED, STEERING, STEP_HZ, effect_fields
+from vehicle.effects import PATH, SPEED, STEERING, STEP_HZ, Fields, effect_fields
 from vehicle.instruments import LATE_ANGLE, LATE_X, LATE_Y, lever
 from vehicle.jit import compiled
 from vehicle.learnt import Settings
@@ -283,22 +283,42 @@ def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Incr
 
 def all_increments(rig: Rig, stretches: Sequence[Stretch], settings: Settings) -> list[Increments]:
     """The increments of simulated_increments for many stretches."""
+    return increments_of_each(rig, stretches, [settings])[0]
+
+
+def increments_of_each(rig: Rig, stretches: Sequence[Stretch], each: Sequence[Settings]) -> list[list[Increments]]:
+    """The increments of all_increments for many settings, all of them driven side by side."""
+    asked = [one for settings in each for one in _asked(rig, stretches, settings)]
+    found = {one.key: rig.kept.find(one.key) for one in asked}
+    missing = list({one.key: one for one in asked if found[one.key] is None}.values())
+    states = replays(rig, [(one.stretch, one.settings) for one in missing], from_sensor=True, from_speed=True)
+    for one, driven in zip(missing, states, strict=True):
+        found[one.key] = rig.kept.keep(one.key, _moved(rig, one, driven))
+    made = [Increments(*kept) for one in asked if (kept := found[one.key]) is not None]
+    return [made[first : first + len(stretches)] for first in range(0, len(made), len(stretches))]
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """Increments that are asked for: a stretch, settings with their fields, and the key they are kept under."""
+
+    stretch: Stretch
+    settings: Settings
+    fields: Fields
+    key: Hashable
+
+
+def _asked(rig: Rig, stretches: Sequence[Stretch], settings: Settings) -> list[_Asked]:
+    """What is asked for of all stretches with the same settings."""
     fields = effect_fields(settings)
-    latency = fields["latency"]
     acting = key_of(of_blocks(settings, frozenset({PATH, STEERING, SPEED})))
-    ranges = tuple(rig.ranges.items())
-    keys = [(stretch, "increments", ranges, latency, acting) for stretch in stretches]
-    found = [rig.kept.find(key) for key in keys]
-    missing = [stretch for stretch, kept in zip(stretches, found, strict=True) if kept is None]
-    states = iter(replays(rig, [(one, settings) for one in missing], from_sensor=True, from_speed=True))
+    under = ("increments", tuple(rig.ranges.items()), fields["latency"], acting)
+    return [_Asked(stretch, settings, fields, (stretch, *under)) for stretch in stretches]
 
-    def moved(stretch: Stretch) -> tuple[Array, Array, Array]:
-        driven = next(states)
-        rows = shown_poses(rig, stretch, driven, fields, step_times(len(driven)), latency / STEP_HZ)
-        move = increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
-        return move.ahead, move.aside, move.turned
 
-    return [
-        Increments(*(rig.kept.keep(key, moved(stretch)) if kept is None else kept))
-        for key, stretch, kept in zip(keys, stretches, found, strict=True)
-    ]
+def _moved(rig: Rig, asked: _Asked, states: Array) -> tuple[Array, Array, Array]:
+    """Increments of states (n, 5), seen as late as is asked for."""
+    late_s = asked.fields["latency"] / STEP_HZ
+    rows = shown_poses(rig, asked.stretch, states, asked.fields, step_times(len(states)), late_s)
+    move = increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
+    return move.ahead, move.aside, move.turned
