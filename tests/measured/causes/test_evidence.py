@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.measured.benches import eg105, linear_bench
-from vehicle.measured.causes.evidence import held_out_losses, helps, is_nameable, of_few, robust_covariance
+from vehicle.measured.causes.evidence import held_out_losses, helps, nameable_parts, of_few, robust_covariance
 from vehicle.measured.fit.fitting import Fit, refined
 
 
@@ -84,8 +84,9 @@ def test_a_name_takes_more_than_the_tolerance_and_clearly_more_than_nothing() ->
     """The tolerance of the offset is 0.12 degrees; the coordinate is sure to about 0.03 of them."""
     for value, nameable in ((1.0, True), (0.11, False), (0.2, True)):
         bench = linear_bench(seed=3, steering_offset=value)
-        assert is_nameable(bench, bench.fit("steering_offset", at=value), eg105(), "steering_offset") is nameable
+        named = nameable_parts(bench, bench.fit("steering_offset", at=value), eg105())
+        assert named == (["steering_offset"] if nameable else [])
     bench = linear_bench(seed=3)
     vague = {name: 0.05 * column for name, column in bench.columns.items()}
     blurred = replace(bench, columns=vague)
-    assert not is_nameable(blurred, blurred.fit("steering_offset", at=0.2), eg105(), "steering_offset")
+    assert not nameable_parts(blurred, blurred.fit("steering_offset", at=0.2), eg105())

@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 
 from vehicle.kinds import HELD, SURE
 from vehicle.measured.fit.fitting import Fit, block_sums
-from vehicle.measured.fit.knobs import finest_of
+from vehicle.measured.fit.knobs import Knobs, finest_of
 from vehicle.measured.fit.products import crossed
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
@@ -133,12 +133,21 @@ def _helps_within(bench: Bench, without: Fit, fit: Fit) -> bool:
     )
 
 
-def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
-    """Whether a part is larger than the tolerance of the base tractor, and clearly so."""
-    knobs, at = next(part for part in fit.parts if part[0].id == name)
-    mine = fit.columns(name)
+def nameable_parts(bench: Bench, fit: Fit, tractor: Tractor) -> list[str]:
+    """Parts that are larger than the tolerance of the base tractor, and clearly so."""
+    if not fit.parts:
+        return []
+    covariance = robust_covariance(bench, fit)
+    return [
+        knobs.id for knobs, at in fit.parts
+        if knobs.deviation(at) > finest_of(tractor, knobs.id, bench.row_s)
+        and _sigmas(knobs, at, covariance, fit.columns(knobs.id)) > CLEAR_SIGMAS
+    ]  # fmt: skip
+
+
+def _sigmas(knobs: Knobs, at: Array, covariance: Array, mine: slice) -> float:
+    """How many standard deviations a part is from neutral."""
     away = at - np.array(knobs.neutral)
     # Of a direction that the logs never tell, as of a slope driven one way only, nothing is asked.
-    inverse = np.linalg.pinv(robust_covariance(bench, fit)[mine, mine], rcond=1e-12, hermitian=True)
-    sigmas = float(np.sqrt(away @ inverse @ away))
-    return knobs.deviation(at) > finest_of(tractor, name, bench.row_s) and sigmas > CLEAR_SIGMAS
+    inverse = np.linalg.pinv(covariance[mine, mine], rcond=1e-12, hermitian=True)
+    return float(np.sqrt(away @ inverse @ away))
