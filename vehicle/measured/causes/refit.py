@@ -18,6 +18,7 @@ from vehicle.measured.replay.course import Course
 from vehicle.measured.replay.replaying import Rig
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.noise import first_noise, tuned
+from vehicle.measured.surprise.weights import filters
 from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
 
 KEPT_BYTES = 300_000_000  # chosen: eight parts and four dozen columns of a quarter of an hour, a sixth of 2 GB
@@ -72,7 +73,8 @@ def weighed(course: Course, rig: Rig, settings: Settings) -> Bench:
         if float(np.mean(path * path)) < WRONG_EVERYWHERE:
             break
         wider = {name: EASING * getattr(eased.noise, name) for name in ("position", "heading")}
-        eased = prepare(course, rig, settings, replace(eased.noise, **wider))
+        wide = replace(eased.noise, **wider)
+        eased = replace(eased, noise=wide, filters=filters(course, rig, wide, settings))
     return eased
 
 
