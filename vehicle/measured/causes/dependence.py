@@ -273,11 +273,13 @@ class Response:
 
     def sums(self, index: int, each: Sequence[Terms]) -> list[Products]:
         """Products of the columns of several lists of terms in one stretch, per list."""
-        made = self.local(index, [term for terms in each for term in terms])
-        square, side, cross = self.products(index, made)
+        made = np.asfortranarray(self.local(index, [term for terms in each for term in terms]))
+        place = self._place_of(index, made, 0)
+        side, cross = crossed(made, self.fit.surprise[place]), self._with_fit(made, place)
         ends = np.cumsum([len(terms) for terms in each])
         mine = [slice(int(end) - len(terms), int(end)) for end, terms in zip(ends, each, strict=True)]
-        return [(square[one, one], side[one], cross[one]) for one in mine]
+        parts = [made[:, one] for one in mine]
+        return [(crossed(part, part), side[one], cross[one]) for part, one in zip(parts, mine, strict=True)]
 
     def products_of_each(self, index: int, made: Array, first: int = 0) -> Products:
         """As products, of every column alone: squares (c,), products with what is left (c,) and with the fit (c, m)."""

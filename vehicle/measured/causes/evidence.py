@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -107,15 +108,21 @@ def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
 def _reached(bench: Bench, without: Fit, fit: Fit) -> tuple[Fit, Fit]:
     """Both fits in the channels (path, wheel, speed) that the effects of the larger one alone reach."""
     added = [fit.columns(name) for name in fit.settings if name not in without.settings]
-    moved = np.abs(np.concatenate([fit.slope[:, one] for one in added], axis=1)).sum(axis=1)
     rows = bench.course.rows
-    mask = np.zeros(len(moved))
-    for channel in (slice(0, 3 * rows), slice(3 * rows, 4 * rows), slice(4 * rows, 5 * rows)):
-        mask[channel] = float(moved[channel].any())
-    smaller, larger = (
-        replace(one, surprise=mask * one.surprise, slope=mask[:, None] * one.slope) for one in (without, fit)
-    )
-    return smaller, larger
+    channels = slice(0, 3 * rows), slice(3 * rows, 4 * rows), slice(4 * rows, 5 * rows)
+    others = [channel for channel in channels if not any(fit.slope[channel, one].any() for one in added)]
+    return _blind_to(without, others), _blind_to(fit, others)
+
+
+def _blind_to(fit: Fit, channels: Sequence[slice]) -> Fit:
+    """A fit without what it says of some channels; itself where it says nothing."""
+    told = [channel for channel in channels if fit.surprise[channel].any() or fit.slope[channel].any()]
+    if not told:
+        return fit
+    surprise, slope = fit.surprise.copy(), fit.slope.copy(order="K")
+    for channel in told:
+        surprise[channel] = slope[channel] = 0.0
+    return replace(fit, surprise=surprise, slope=slope)
 
 
 def _helps_within(bench: Bench, without: Fit, fit: Fit) -> bool:
