@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.measured.benches import eg105, linear_bench
-from vehicle.measured.causes.evidence import held_out_losses, helps, nameable_parts, of_few, robust_covariance
+from vehicle.measured.causes.evidence import (
+    _reached,
+    held_out_losses,
+    helps,
+    nameable_parts,
+    of_few,
+    robust_covariance,
+)
 from vehicle.measured.fit.fitting import Fit, refined
 
 
@@ -78,6 +85,18 @@ def test_bent_slopes_of_others_do_not_decide_where_an_effect_does_not_reach() ->
     bent = replace(larger, slope=larger.slope * np.where(channel[:, None], 1.0, [[0.0, 1.0]]))
     spoilt = replace(bent, surprise=np.where(channel, bent.surprise, 3.0 * bent.surprise))
     assert helps(shown, smaller, spoilt, 12.0)
+
+
+def test_what_is_empty_where_an_effect_does_not_reach_is_not_copied() -> None:
+    bench = linear_bench(steering_offset=1.0)
+    channel = np.arange(len(bench.base)) >= 4 * bench.course.rows
+    mine = np.where(channel, bench.columns["steering_offset"], 0.0)
+    shown = replace(bench, columns=bench.columns | {"steering_offset": mine})
+    smaller, larger = shown.fit(), shown.fit("steering_offset", at=0.5)
+    for one in _reached(shown, smaller, larger):
+        assert np.array_equal(one.surprise, np.where(channel, shown.base if one.parts == () else larger.surprise, 0.0))
+    empty = replace(larger, surprise=np.where(channel, larger.surprise, 0.0))
+    assert _reached(shown, smaller, empty)[1] is empty
 
 
 def test_a_name_takes_more_than_the_tolerance_and_clearly_more_than_nothing() -> None:
