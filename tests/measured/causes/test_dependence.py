@@ -1,5 +1,7 @@
 """What an error depends on when it has no name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -125,3 +127,28 @@ def test_turns_alone_answer_as_the_whole_filter_does() -> None:
     alone = response.turned(0, turns)
     assert np.abs(alone - whole).max() < 1e-9 < np.abs(alone[:, 1]).max() and not alone[:, 2].any()
     assert not alone[: 3 * (rows // 2), 1].any()
+
+
+def test_columns_of_every_run_are_those_of_all_runs_cut_up(pushed: Bench) -> None:
+    """The slow way: the same columns for each run, 0 in all other rows, without those that are 0 all along."""
+    fit = empty_fit(pushed)
+    wave = next(one for one in dependences(pushed) if one.per_run)
+    whole = columns(pushed, fit, Dependence(wave.on, wave.changes, wave.make))
+    each = np.concatenate([whole * (pushed.runs == run)[:, None] for run in np.unique(pushed.runs)], axis=1)
+    made = columns(pushed, fit, wave)
+    assert len(np.unique(pushed.runs)) > 1 and made.shape[1] > whole.shape[1] > 0
+    assert np.array_equal(made, each[:, np.abs(each).max(axis=0) > 1e-12])
+
+
+def test_products_are_those_of_all_columns_whatever_is_passed_over(pushed: Bench) -> None:
+    """Terms with each other, with what is left and with a fit, some of whose columns are of one run alone."""
+    slope = np.random.default_rng(2).standard_normal((len(pushed.runs), 3))
+    slope[pushed.runs != 0, 1] = 0.0
+    fit = replace(empty_fit(pushed), slope=slope)
+    response, bend = Response(pushed, fit), next(one for one in dependences(pushed) if one.per_run)
+    for index, stretch in enumerate(pushed.course.stretches):
+        terms = bend.make(stretch, response.moves[index], _per_angle(pushed, stretch))
+        made, place = response.local(index, terms), response.places[index]
+        slow = made.T @ made, made.T @ fit.surprise[place], made.T @ slope[place]
+        for told in (response.products(index, made), *response.sums(index, [terms, terms])):
+            assert all(one == pytest.approx(other, rel=1e-9, abs=1e-6) for one, other in zip(told, slow, strict=True))

@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.measured.benches import eg105, linear_bench
-from vehicle.measured.causes.evidence import held_out_losses, helps, is_nameable, of_few, robust_covariance
+from vehicle.measured.causes.evidence import (
+    _reached,
+    held_out_losses,
+    helps,
+    nameable_parts,
+    of_few,
+    robust_covariance,
+)
 from vehicle.measured.fit.fitting import Fit, refined
 
 
@@ -80,12 +87,25 @@ def test_bent_slopes_of_others_do_not_decide_where_an_effect_does_not_reach() ->
     assert helps(shown, smaller, spoilt, 12.0)
 
 
+def test_what_is_empty_where_an_effect_does_not_reach_is_not_copied() -> None:
+    bench = linear_bench(steering_offset=1.0)
+    channel = np.arange(len(bench.base)) >= 4 * bench.course.rows
+    mine = np.where(channel, bench.columns["steering_offset"], 0.0)
+    shown = replace(bench, columns=bench.columns | {"steering_offset": mine})
+    smaller, larger = shown.fit(), shown.fit("steering_offset", at=0.5)
+    for one in _reached(shown, smaller, larger):
+        assert np.array_equal(one.surprise, np.where(channel, shown.base if one.parts == () else larger.surprise, 0.0))
+    empty = replace(larger, surprise=np.where(channel, larger.surprise, 0.0))
+    assert _reached(shown, smaller, empty)[1] is empty
+
+
 def test_a_name_takes_more_than_the_tolerance_and_clearly_more_than_nothing() -> None:
     """The tolerance of the offset is 0.12 degrees; the coordinate is sure to about 0.03 of them."""
     for value, nameable in ((1.0, True), (0.11, False), (0.2, True)):
         bench = linear_bench(seed=3, steering_offset=value)
-        assert is_nameable(bench, bench.fit("steering_offset", at=value), eg105(), "steering_offset") is nameable
+        named = nameable_parts(bench, bench.fit("steering_offset", at=value), eg105())
+        assert named == (["steering_offset"] if nameable else [])
     bench = linear_bench(seed=3)
     vague = {name: 0.05 * column for name, column in bench.columns.items()}
     blurred = replace(bench, columns=vague)
-    assert not is_nameable(blurred, blurred.fit("steering_offset", at=0.2), eg105(), "steering_offset")
+    assert not nameable_parts(blurred, blurred.fit("steering_offset", at=0.2), eg105())

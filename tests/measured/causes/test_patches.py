@@ -94,3 +94,15 @@ def test_a_long_stretch_in_pieces_says_what_it_says_as_a_whole(monkeypatch: pyte
 def test_the_same_everywhere_is_nowhere_in_particular() -> None:
     bench, fit = field_of_bends(0.0)
     assert best_patch(bench, fit) is None
+
+
+def test_a_circle_is_the_sum_over_its_cells() -> None:
+    rng = np.random.default_rng(6)
+    east, north, side, turned = rng.uniform(0.0, 9.0, (4, 25))
+    square = rng.standard_normal((25, 25))
+    away = np.hypot(east - east[:, None], north - north[:, None])
+    squares, sides, turns = np.zeros((3, 25))
+    patches._inside(away, 3.0, square, side, turned, squares, sides, turns)
+    for place, near in enumerate((away < 3.0).astype(float)):
+        slow = near @ square @ near, near @ side, near @ turned
+        assert (squares[place], sides[place], turns[place]) == pytest.approx(slow)

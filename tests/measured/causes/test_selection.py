@@ -13,7 +13,7 @@ from vehicle.measured.causes.refit import enlarged, restarted, retuned, without
 from vehicle.measured.causes.selection import _rank, ended, pruned, scan, select
 from vehicle.measured.causes.trial import Projector, Tried, tried
 from vehicle.measured.fit.fitting import empty_fit, refined
-from vehicle.measured.surprise.bench import Bench
+from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.noise import first_noise
 from vehicle.measured.thresholds import EASING, LEAST_GAIN, MOST_EASINGS, PATCH_HANDICAP, WRONG_EVERYWHERE
 
@@ -102,6 +102,11 @@ def test_a_model_that_is_wrong_everywhere_is_judged_by_longer_ways() -> None:
     assert eased.noise.heading / plain.heading == pytest.approx(eased.noise.position / plain.position)
     path = eased.path_surprise(eased.path({}), {})
     assert float(np.mean(path * path)) < WRONG_EVERYWHERE
+    # Only what is eased is weighed again, and is as if all had been.
+    anew = prepare(wrong.course, wrong.rig, {}, eased.noise)
+    for one, other in zip(eased.filters, anew.filters, strict=True):
+        assert np.array_equal(one.gains, other.gains) and np.array_equal(one.roots, other.roots)
+    assert np.array_equal(anew.surprise({}), eased.surprise({}))
 
 
 def test_a_part_is_not_left_out_because_the_others_had_not_come_to_their_best() -> None:

@@ -18,7 +18,7 @@ from vehicle.measured.answer.case import (
     within_noise,
 )
 from vehicle.measured.causes.challenge import make_up, shows_within_runs, stands_alone
-from vehicle.measured.causes.evidence import helps, is_nameable
+from vehicle.measured.causes.evidence import helps, nameable_parts
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.causes.trial import Projector
@@ -56,10 +56,7 @@ class Explained:
 def nameable(selection: Selection, tractor: Tractor) -> list[str]:
     """Effects that may carry a name: clearly beyond tolerance, alone as well, and in no shadow of an unnamed one."""
     bench, fit = selection.bench, selection.fit
-    names = [
-        knobs.id for knobs, _ in fit.parts
-        if is_nameable(bench, fit, tractor, knobs.id) and _by_itself(bench, fit, knobs.id)
-    ]  # fmt: skip
+    names = [name for name in nameable_parts(bench, fit, tractor) if _by_itself(bench, fit, name)]
     if not selection.unnamed:
         return names
     shadow = unnamed_gain(fit) * ABOVE_UNNAMED

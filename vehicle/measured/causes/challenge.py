@@ -14,13 +14,13 @@ import numpy as np
 
 from vehicle.effects import CATALOGUE, PATH, POSITION, SPEED, STEERING, effect
 from vehicle.measured.causes.dependence import Dependence
-from vehicle.measured.causes.evidence import held_out_losses, is_nameable
+from vehicle.measured.causes.evidence import held_out_losses, nameable_parts
 from vehicle.measured.causes.refit import enlarged, with_unnamed, without
 from vehicle.measured.causes.traces import Traces
 from vehicle.measured.causes.trial import Projector, Tried, needed, tried
 from vehicle.measured.fit.fitting import Fit, refined
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for
-from vehicle.measured.fit.products import squared
+from vehicle.measured.fit.products import side_by_side, squared
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import (
@@ -60,7 +60,7 @@ def challenged(bench: Bench, fit: Fit, unnamed: tuple[Dependence, ...], tractor:
         if plain is not None:
             return Outcome(plain)
     alike: dict[str, Alike] = {}
-    names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, fit, tractor, knobs.id)]
+    names = nameable_parts(bench, fit, tractor)
     # For one part alone the traces would cost as much as the trials they spare.
     traces = Traces(bench.changes, fit, bench.surprise(fit.settings)) if len(names) > 1 else None
     for name in names:
@@ -128,7 +128,7 @@ def _without_terms(bench: Bench, fit: Fit, tractor: Tractor) -> Fit | None:
     The effect comes in the place of one that may carry a name, or beside them all.
     """
     plain = with_unnamed(bench, fit, ())
-    names = [knobs.id for knobs, _ in fit.parts if is_nameable(bench, plain, tractor, knobs.id)]
+    names = nameable_parts(bench, plain, tractor)
     traces = Traces(bench.changes, plain, bench.surprise(plain.settings)) if names else None
     best: Fit | None = None
 
@@ -197,7 +197,7 @@ def shows_within_runs(bench: Bench, fit: Fit, name: str) -> bool:
     told, others = fit.slope[:, mine] @ (at - np.array(knobs.neutral)), np.delete(fit.slope, mine, axis=1)
     turned = _turned_more(bench, fit)
     runs = [np.where(bench.runs == run, turned, 0.0) for run in range(len(bench.course.names))]
-    beside = np.column_stack([others, *[one for one in runs if one.any()]])
+    beside = side_by_side([*others.T, *[one for one in runs if one.any()]], len(others))
     alone, within = Projector(others)(told), Projector(beside)(told)
     return float(within @ within) > LEAST_WITHIN_RUNS * float(alone @ alone)
 

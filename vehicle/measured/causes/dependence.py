@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from vehicle.effects import PATH, SPEED, effect_fields
 from vehicle.measured.fit.fitting import Fit
@@ -26,6 +28,7 @@ PERIODS_S = tuple(np.geomspace(2.5, 80.0, 36).tolist())
 FEWEST_ROWS_PER_PERIOD = 8.0  # chosen: a wave of fewer cannot be told from another
 LONGEST_PERIOD = 1.3  # of the longest run: chosen, a longer one is a straight line in it
 MOST_TOGETHER, MOST_ROWS = 8, 200_000  # terms, and times rows: chosen, 80 MB of columns; more save no time
+LEAST_CHANGE = 1e-12  # of any surprise by a column: smaller ones are rounding
 DISTANCE, ALWAYS = "a change of the distance driven", "always"
 Terms = list[Increments]
 Products = tuple[Array, Array, Array]
@@ -192,14 +195,19 @@ def _together(bench: Bench) -> int:
 
 def columns(bench: Bench, fit: Fit, terms: Dependence) -> Array:
     """Change of the whole vector of surprises per unit of each column of an unnamed term (n, c)."""
-    response = Response(bench, fit)
-    blocks = []
-    for index, (stretch, move) in enumerate(zip(bench.course.stretches, response.moves, strict=True)):
-        blocks.append(response.local(index, terms.make(stretch, move, _per_angle(bench, stretch))))
-    whole = np.concatenate([np.concatenate(blocks), np.zeros((2 * bench.course.rows, blocks[0].shape[1]))])
-    if terms.per_run:
-        whole = np.concatenate([whole * (bench.runs == run)[:, None] for run in np.unique(bench.runs)], axis=1)
-    return whole[:, np.abs(whole).max(axis=0) > 1e-12]
+    response, every = Response(bench, fit), bench.course.stretches
+    parts = [
+        response.local(index, terms.make(stretch, move, _per_angle(bench, stretch)))
+        for index, (stretch, move) in enumerate(zip(every, response.moves, strict=True))
+    ]
+    runs, found = [stretch.run if terms.per_run else 0 for stretch in every], []
+    for run in sorted(set(runs)):
+        mine = [(place, part) for place, part, its in zip(response.places, parts, runs, strict=True) if its == run]
+        whole = np.zeros((parts[0].shape[1], 5 * bench.course.rows))
+        for place, part in mine:
+            whole[:, place] = part.T
+        found.append(whole[np.max([np.abs(part).max(axis=0) for _, part in mine], axis=0) > LEAST_CHANGE])
+    return np.concatenate(found).T
 
 
 class Response:
@@ -265,28 +273,48 @@ class Response:
 
     def sums(self, index: int, each: Sequence[Terms]) -> list[Products]:
         """Products of the columns of several lists of terms in one stretch, per list."""
-        made = self.local(index, [term for terms in each for term in terms])
-        square, side, cross = self.products(index, made)
+        made = np.asfortranarray(self.local(index, [term for terms in each for term in terms]))
+        place = self._place_of(index, made, 0)
+        side, cross = crossed(made, self.fit.surprise[place]), self._with_fit(made, place)
         ends = np.cumsum([len(terms) for terms in each])
         mine = [slice(int(end) - len(terms), int(end)) for end, terms in zip(ends, each, strict=True)]
-        return [(square[one, one], side[one], cross[one]) for one in mine]
+        parts = [made[:, one] for one in mine]
+        return [(crossed(part, part), side[one], cross[one]) for part, one in zip(parts, mine, strict=True)]
 
     def products_of_each(self, index: int, made: Array, first: int = 0) -> Products:
         """As products, of every column alone: squares (c,), products with what is left (c,) and with the fit (c, m)."""
-        start = self.places[index].start + 3 * first
-        place = slice(start, start + len(made))
-        left, slope, made = self.fit.surprise[place], self.fit.slope[place], np.asfortranarray(made)
-        return squares(made), crossed(made, left), crossed(made, slope)
+        place, made = self._place_of(index, made, first), np.asfortranarray(made)
+        return squares(made), crossed(made, self.fit.surprise[place]), self._with_fit(made, place)
 
     def products(self, index: int, made: Array, first: int = 0) -> Products:
         """Squares of columns (3 k, c), products with what is left, and with the columns of the fit, of one stretch.
 
         The columns are those of its rows from `first` on.
         """
+        place, made = self._place_of(index, made, first), np.asfortranarray(made)
+        return crossed(made, made), crossed(made, self.fit.surprise[place]), self._with_fit(made, place)
+
+    def _place_of(self, index: int, made: Array, first: int) -> slice:
+        """The surprises that columns of one stretch are of, from a row of it on."""
         start = self.places[index].start + 3 * first
-        place = slice(start, start + len(made))
-        left, slope, made = self.fit.surprise[place], self.fit.slope[place], np.asfortranarray(made)
-        return crossed(made, made), crossed(made, left), crossed(made, slope)
+        return slice(start, start + len(made))
+
+    def _with_fit(self, made: Array, place: slice) -> Array:
+        """Products (c, m) with the columns of the fit in a part of the surprises, which are looked at once."""
+        key = place.start, place.stop
+        if key not in self._slopes:
+            slope = self.fit.slope[place]
+            told = np.flatnonzero(slope.any(axis=0))  # many are of one run alone
+            self._slopes[key] = told, np.asfortranarray(slope[:, told])
+        told, columns = self._slopes[key]
+        out = np.zeros((made.shape[1], self.fit.slope.shape[1]))
+        out[:, told] = crossed(made, columns)
+        return out
+
+    @cached_property
+    def _slopes(self) -> dict[tuple[int, int], tuple[npt.NDArray[np.int64], Array]]:
+        """Columns of the fit that are not 0 in a part of the surprises, and which."""
+        return {}
 
     def gain(self, parts: Sequence[Products], per_run: bool) -> tuple[float, int]:
         """Loss that columns take away beyond the fit, from their products per stretch, and how many are free."""

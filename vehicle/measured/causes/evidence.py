@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.special import stdtrit
 
 from vehicle.kinds import HELD, SURE
 from vehicle.measured.fit.fitting import Fit, block_sums
-from vehicle.measured.fit.knobs import finest_of
+from vehicle.measured.fit.knobs import Knobs, finest_of
 from vehicle.measured.fit.products import crossed
 from vehicle.measured.logs.record import Array
 from vehicle.measured.surprise.bench import Bench
@@ -107,15 +108,21 @@ def helps(bench: Bench, without: Fit, fit: Fit, threshold: float) -> bool:
 def _reached(bench: Bench, without: Fit, fit: Fit) -> tuple[Fit, Fit]:
     """Both fits in the channels (path, wheel, speed) that the effects of the larger one alone reach."""
     added = [fit.columns(name) for name in fit.settings if name not in without.settings]
-    moved = np.abs(np.concatenate([fit.slope[:, one] for one in added], axis=1)).sum(axis=1)
     rows = bench.course.rows
-    mask = np.zeros(len(moved))
-    for channel in (slice(0, 3 * rows), slice(3 * rows, 4 * rows), slice(4 * rows, 5 * rows)):
-        mask[channel] = float(moved[channel].any())
-    smaller, larger = (
-        replace(one, surprise=mask * one.surprise, slope=mask[:, None] * one.slope) for one in (without, fit)
-    )
-    return smaller, larger
+    channels = slice(0, 3 * rows), slice(3 * rows, 4 * rows), slice(4 * rows, 5 * rows)
+    others = [channel for channel in channels if not any(fit.slope[channel, one].any() for one in added)]
+    return _blind_to(without, others), _blind_to(fit, others)
+
+
+def _blind_to(fit: Fit, channels: Sequence[slice]) -> Fit:
+    """A fit without what it says of some channels; itself where it says nothing."""
+    told = [channel for channel in channels if fit.surprise[channel].any() or fit.slope[channel].any()]
+    if not told:
+        return fit
+    surprise, slope = fit.surprise.copy(), fit.slope.copy(order="K")
+    for channel in told:
+        surprise[channel] = slope[channel] = 0.0
+    return replace(fit, surprise=surprise, slope=slope)
 
 
 def _helps_within(bench: Bench, without: Fit, fit: Fit) -> bool:
@@ -133,12 +140,21 @@ def _helps_within(bench: Bench, without: Fit, fit: Fit) -> bool:
     )
 
 
-def is_nameable(bench: Bench, fit: Fit, tractor: Tractor, name: str) -> bool:
-    """Whether a part is larger than the tolerance of the base tractor, and clearly so."""
-    knobs, at = next(part for part in fit.parts if part[0].id == name)
-    mine = fit.columns(name)
+def nameable_parts(bench: Bench, fit: Fit, tractor: Tractor) -> list[str]:
+    """Parts that are larger than the tolerance of the base tractor, and clearly so."""
+    if not fit.parts:
+        return []
+    covariance = robust_covariance(bench, fit)
+    return [
+        knobs.id for knobs, at in fit.parts
+        if knobs.deviation(at) > finest_of(tractor, knobs.id, bench.row_s)
+        and _sigmas(knobs, at, covariance, fit.columns(knobs.id)) > CLEAR_SIGMAS
+    ]  # fmt: skip
+
+
+def _sigmas(knobs: Knobs, at: Array, covariance: Array, mine: slice) -> float:
+    """How many standard deviations a part is from neutral."""
     away = at - np.array(knobs.neutral)
     # Of a direction that the logs never tell, as of a slope driven one way only, nothing is asked.
-    inverse = np.linalg.pinv(robust_covariance(bench, fit)[mine, mine], rcond=1e-12, hermitian=True)
-    sigmas = float(np.sqrt(away @ inverse @ away))
-    return knobs.deviation(at) > finest_of(tractor, name, bench.row_s) and sigmas > CLEAR_SIGMAS
+    inverse = np.linalg.pinv(covariance[mine, mine], rcond=1e-12, hermitian=True)
+    return float(np.sqrt(away @ inverse @ away))

@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.jit import compiled
 from vehicle.measured.causes.dependence import Products, Response, explained
 from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.logs.record import Array
@@ -114,18 +115,38 @@ class _Cells:
         """The best circle of each of several sizes, the better ones first."""
         circles = []
         whole = float(self.turned.sum())
+        away = np.hypot(self.east - self.east[:, None], self.north - self.north[:, None])
         for radius in self.size * np.array(RADII):
+            square, side, turned = np.zeros((3, len(away)))
+            _inside(away, radius, self.square, self.side, self.turned, square, side, turned)
+            gains = explained(square.reshape(-1, 1, 1), side[:, None])
+            gains[(turned <= FEWEST_TURNED_RAD) | (turned >= MOST_OF_TURNING * whole)] = 0.0
             best: tuple[float, Circle] = (0.0, (0.0, 0.0, 0.0))
-            for e, n in zip(self.east, self.north, strict=True):
-                inside = np.hypot(self.east - e, self.north - n) < radius
-                turned = float(self.turned[inside].sum())
-                if FEWEST_TURNED_RAD < turned < MOST_OF_TURNING * whole:
-                    weights = inside.astype(np.float64)
-                    square = (weights @ self.square @ weights).reshape(1, 1)
-                    gain = float(explained(square, np.array([weights @ self.side])))
-                    best = max(best, (gain, (float(e), float(n), float(radius))))
-            circles.append(best)
+            for place in np.flatnonzero(gains == gains.max()):
+                best = max(best, (float(gains[place]), self._circle(int(place), float(radius))))
+            circles.append(best if best[0] > 0.0 else (0.0, (0.0, 0.0, 0.0)))
         return sorted(circles, reverse=True)[:POLISHED]
+
+    def _circle(self, place: int, radius: float) -> Circle:
+        return float(self.east[place]), float(self.north[place]), radius
+
+
+@compiled
+def _inside(away, radius, squares, sides, turns, square, side, turned) -> None:  # type: ignore[no-untyped-def]
+    """Per cell, sums over those that are less `away` (c, c) than a radius: of all products, of sides and of turns."""
+    near = np.empty(len(away), np.int64)
+    for i in range(len(away)):
+        count = 0
+        for j in range(len(away)):
+            if away[i, j] < radius:
+                near[count] = j
+                count += 1
+        for one in range(count):
+            j = near[one]
+            side[i] += sides[j]
+            turned[i] += turns[j]
+            for two in range(count):
+                square[i] += squares[j, near[two]]
 
 
 def _gains(response: Response, circles: Sequence[Circle]) -> list[float]:

@@ -13,10 +13,12 @@ from vehicle.measured.causes.trial import Tried
 from vehicle.measured.causes.unknowns import unknowns
 from vehicle.measured.fit.fitting import Extra, Fit, Part, linear_extra, refined
 from vehicle.measured.fit.knobs import settings_of
+from vehicle.measured.fit.products import side_by_side
 from vehicle.measured.replay.course import Course
 from vehicle.measured.replay.replaying import Rig
 from vehicle.measured.surprise.bench import Bench, prepare
 from vehicle.measured.surprise.noise import first_noise, tuned
+from vehicle.measured.surprise.weights import filters
 from vehicle.measured.thresholds import EASING, MOST_EASINGS, WRONG_EVERYWHERE
 
 KEPT_BYTES = 300_000_000  # chosen: eight parts and four dozen columns of a quarter of an hour, a sixth of 2 GB
@@ -49,7 +51,8 @@ def restarted(bench: Bench, parts: tuple[Part, ...], unnamed: tuple[Dependence, 
     surprise = bench.surprise(settings_of(list(parts)))
     bare = Fit(parts, surprise, np.zeros((len(surprise), 0)))
     free = unknowns(bench, bare)
-    made = np.asfortranarray(np.concatenate([free, *[columns(bench, bare, one) for one in unnamed or ()]], axis=1))
+    each = [free, *[columns(bench, bare, one) for one in unnamed or ()]]
+    made = side_by_side([column for one in each for column in one.T], len(surprise))
     extra = Extra(made, np.zeros(made.shape[1]), free.shape[1])
     return refined(bench, Fit(parts, surprise, bare.slope, extra))
 
@@ -70,7 +73,8 @@ def weighed(course: Course, rig: Rig, settings: Settings) -> Bench:
         if float(np.mean(path * path)) < WRONG_EVERYWHERE:
             break
         wider = {name: EASING * getattr(eased.noise, name) for name in ("position", "heading")}
-        eased = prepare(course, rig, settings, replace(eased.noise, **wider))
+        wide = replace(eased.noise, **wider)
+        eased = replace(eased, noise=wide, filters=filters(course, rig, wide, settings))
     return eased
 
 
