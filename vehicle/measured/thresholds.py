@@ -132,8 +132,8 @@ LEAST_LEFT = 0.05
 CLEARLY_LARGE = 2.0
 
 # --- Being likely: answer.likely
-# Chosen, times the tolerance of the tractor file, for what the surprises do not show as surely as a name must be: nearer
-# to it the base model's own simplifications pass for faults.
+# Chosen, times the tolerance of the tractor file, for what the surprises do not show as surely as a name must be:
+# nearer to it the base model's own simplifications pass for faults.
 CLEARLY_BEYOND = 1.5
 
 # --- Keeping a name: answer.names
