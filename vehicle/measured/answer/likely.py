@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from vehicle.effects import STEERING, effect, neutral
-from vehicle.measured.answer.case import Case
+from vehicle.measured.answer.case import Case, is_calibration
 from vehicle.measured.causes.challenge import make_up, shows_within_runs, stands_alone
 from vehicle.measured.causes.evidence import helps
 from vehicle.measured.causes.refit import with_unnamed, without
@@ -37,6 +37,12 @@ def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
     ]  # fmt: skip
 
 
+def surely_told(selection: Selection, names: Collection[str], clear: Collection[str]) -> frozenset[str]:
+    """Those of the clear parts that may carry a name, as the surprises tell them, and are no calibrations."""
+    terms = (Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names and knobs.id in clear)
+    return frozenset(term.knobs.id for term in terms if not is_calibration(selection.bench, term))
+
+
 def by_itself(bench: Bench, fit: Fit, name: str) -> bool:
     """Whether an effect needs no other of its make-up, and no difference between runs, to be what it is."""
     return stands_alone(bench, fit, name) and shows_within_runs(bench, fit, name)
@@ -50,7 +56,8 @@ def is_likely(case: Case, name: str, surely: Collection[str] = ()) -> bool:
     the surprises of runs held out speak against it.
 
     What the surprises show as `surely` as a name must be, in runs held out too, need be no larger than a name and may
-    cost the path as much: in the error over 5 s a small effect drowns.
+    cost the path as much, for in the error over 5 s a small effect drowns; one of the steering that the wheel shows may
+    cost more as long as runs differ in that.
     """
     if name in case.refused or not clear_of_neutral(case.extension, case.tractor, name) or reaches_a_limit(case, name):
         return False
@@ -61,7 +68,8 @@ def is_likely(case: Case, name: str, surely: Collection[str] = ()) -> bool:
     of_wheel = effect(name).block == STEERING and case.bench.has_wheel
     if of_wheel and case.worth_of(name) < WORTH_OF_WHEEL_PCT:
         return False
-    return case.gain_of(name)[0] > (-HARM_PCT if of_wheel or sure else 0.0)
+    gain, (_, at_best) = case.gain_of(name)
+    return gain > (-HARM_PCT if of_wheel or sure else 0.0) or (of_wheel and sure and at_best > 0.0)
 
 
 def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:

@@ -24,6 +24,7 @@ from vehicle.measured.answer.likely import (
     clear_parts,
     is_likely,
     reaches_a_limit,
+    surely_told,
     told_by_surprises,
 )
 from vehicle.measured.causes.evidence import is_nameable
@@ -71,8 +72,13 @@ def nameable(selection: Selection, tractor: Tractor) -> list[str]:
     if not selection.unnamed:
         return names
     shadow = unnamed_gain(fit) * ABOVE_UNNAMED
-    apart = (STEERING, SPEED) if bench.has_wheel else ()
+    apart = cut_off(bench)
     return [name for name in names if effect(name).block in apart or without(bench, fit, name).loss - fit.loss > shadow]
+
+
+def cut_off(bench: Bench) -> tuple[str, ...]:
+    """Blocks that a measured wheel cuts off from the path: what is wrong there is told by itself, whatever bends it."""
+    return (STEERING, SPEED) if bench.has_wheel else ()
 
 
 def unnamed_gain(fit: Fit) -> float:
@@ -89,7 +95,7 @@ def unnamed_gain(fit: Fit) -> float:
 def explained(selection: Selection, names: list[str], tractor: Tractor, step: Step) -> Explained:
     """Effects of the fit alone where they explain what there is; else all that lowers the error of runs held out."""
     likely = clear_parts(selection, tractor)
-    surely = frozenset(likely) & frozenset(names)
+    surely = surely_told(selection, names, likely)
 
     def case_with(kept: Collection[str]) -> Case:
         return case_of(selection, of_fit(selection.bench, selection.fit, kept))
@@ -98,7 +104,8 @@ def explained(selection: Selection, names: list[str], tractor: Tractor, step: St
     likely, case = _likely_together(case_with, case, names, surely)
     if within_noise(case, case.final):
         return Explained(case, names, None, surely)
-    names, mended, case = _mended_with(selection, case, names, likely, tractor, step)
+    beside = [name for name in likely if effect(name).block in cut_off(selection.bench)]
+    names, mended, case = _mended_with(selection, case, names, beside, tractor, step)
     names += irreplaceable(
         mended, tractor, noise_share(case), step, lambda name: name not in names and holds(case, name)
     )
@@ -124,7 +131,10 @@ def _likely_together(
 def _mended_with(
     selection: Selection, case: Case, names: list[str], likely: Sequence[str], tractor: Tractor, step: Step
 ) -> tuple[list[str], Mended, Case]:
-    """Names that hold beside all that mends, from a mending that began with these, and what is likely, as they are."""
+    """Names that hold beside all that mends, from a mending that began with these, and what is likely, as they are.
+
+    Where the path is wrong everywhere, what is likely of it is left to what lowers the error: see cut_off.
+    """
     while True:
         settled = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in {*names, *likely})
         mended = mend(selection.bench, tractor, settled, step, case.tolerated)
