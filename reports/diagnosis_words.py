@@ -23,8 +23,8 @@ from vehicle.rest import BY_NAME
 from vehicle.tractor import Rest
 
 LIKELY_MEANS = (
-    "Likely: it is clearly not neutral and lowers the error of runs not used for fitting, but another cause or what is "
-    "left is not excluded."
+    "Likely: it is clearly not neutral and helps runs not used for fitting, but another cause or what is left is not "
+    "excluded."
 )
 PLACES = ("first", "second")
 SHOWN_S = 5.0

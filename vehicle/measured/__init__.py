@@ -47,7 +47,7 @@ mend: lowering the error where no cause is known
     extension, extended    what is added to a tractor; the tractor file it makes
 
 answer: saying
-    case, names            errors held out; which effects carry a name
+    case, names, likely    errors held out; which effects carry a name; which are likely without one
     whole                  what was found in a part of long logs, asked of all of them
     findings, notes        one finding per effect; sentences beside the answer
     nextdrive, curves      the drive that decides, the plot that shows a cause

@@ -131,8 +131,9 @@ LEAST_LEFT = 0.05
 # Chosen: times the tolerance of the tractor file, where a name is given without the statistics of the surprises.
 CLEARLY_LARGE = 2.0
 
-# --- Being likely: answer.names
-# Chosen, times the tolerance of the tractor file: nearer to it the base model's own simplifications pass for faults.
+# --- Being likely: answer.likely
+# Chosen, times the tolerance of the tractor file, for what the surprises do not show as surely as a name must be:
+# nearer to it the base model's own simplifications pass for faults.
 CLEARLY_BEYOND = 1.5
 
 # --- Keeping a name: answer.names

@@ -178,62 +178,6 @@ def test_a_name_holds_when_it_is_worth_it_does_no_harm_and_is_neither_neutral_no
     assert names._least_worth(case.bench, "steering_offset") == WORTH_A_NAME_PCT
 
 
-@pytest.mark.parametrize(
-    "name, at, interval, at_limit",
-    [
-        ("steering_rate", 70.0, (60.0, 80.0), False), ("steering_rate", 88.2, (76.7, 90.0), True),
-        ("steering_rate", 2.0, (1.0, 4.0), False), ("steering_rate", 1.0, (1.0, 3.0), True),
-        ("steering_lag", 0.04, (0.02, 0.08), False), ("steering_gain", 0.55, (0.5, 0.6), True),
-        ("wheel_slip", 0.2, (0.1, 0.3), False), ("steering_dead_time", 1.1, (1.0, 1.2), True),
-    ],
-)  # fmt: skip
-def test_a_limit_is_reached_by_the_interval_too(
-    name: str, at: float, interval: tuple[float, float], at_limit: bool
-) -> None:
-    """A rate of 88 deg/s where 90 is the most that is tried says no more than that the steering is quick."""
-    case: Any = SimpleNamespace(
-        tractor=eg105(), extension=SimpleNamespace(intervals={name: {effect(name).size.name: interval}}),
-        main_terms={name: Term(knobs(name), np.array([at]))},
-    )  # fmt: skip
-    assert names.reaches_a_limit(case, name) is at_limit
-
-
-@pytest.mark.parametrize(
-    "at, interval, gain, refused, likely",
-    [
-        (0.2, (0.05, 0.35), 0.1, (), True), (0.2, (0.05, 0.35), -0.1, (), False),
-        (0.2, (-0.05, 0.45), 0.1, (), False), (0.17, (0.05, 0.29), 0.1, (), False),
-        (0.2, (0.05, 0.35), 0.1, ("steering_offset",), False),
-    ],
-)  # fmt: skip
-def test_what_is_likely_is_clearly_not_neutral_helps_runs_held_out_and_is_clearly_beyond_tolerance(
-    at: float, interval: tuple[float, float], gain: float, refused: tuple[str, ...], likely: bool
-) -> None:
-    """The tolerance of an offset is 0.12 degrees, and half as much again has to be reached."""
-    case: Any = SimpleNamespace(
-        bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), gain_of=lambda name: (gain, (gain, gain)),
-        main_terms={"steering_offset": Term(knobs("steering_offset"), np.array([at]))},
-        extension=Extension((), {"steering_offset": {"angle_deg": interval}}, {}), refused=frozenset(refused),
-    )  # fmt: skip
-    assert names.is_likely(case, "steering_offset") is likely
-
-
-@pytest.mark.parametrize(
-    "at, worth, gain, likely",
-    [(0.12, 10.1, 0.0, True), (0.12, 9.9, 0.0, False), (0.12, 10.1, -HARM_PCT, False), (1.2, 99.0, 9.0, False)],
-)
-def test_what_is_likely_of_the_steering_shows_at_the_wheel_harms_no_path_and_is_at_no_limit(
-    at: float, worth: float, gain: float, likely: bool
-) -> None:
-    case: Any = SimpleNamespace(
-        bench=SimpleNamespace(has_wheel=True, row_s=0.1), tractor=eg105(), worth_of=lambda name: worth,
-        gain_of=lambda name: (gain, (gain, gain)),
-        main_terms={"steering_dead_time": Term(knobs("steering_dead_time"), np.array([at]))},
-        extension=Extension((), {"steering_dead_time": {"time_s": (0.06, 0.2)}}, {}), refused=frozenset(),
-    )  # fmt: skip
-    assert names.is_likely(case, "steering_dead_time") is likely
-
-
 def test_a_likely_effect_is_in_the_model_and_says_so(case: Case) -> None:
     told = {one.id: one for one in findings(case, [], {}, lambda: None)}
     assert told["steering_offset"].status == LIKELY and told["steering_offset"].value is not None

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.effects import SPEED, STEERING, effect, neutral
+from vehicle.effects import SPEED, STEERING, effect
 from vehicle.measured.answer.case import (
     PIECE_S,
     Case,
@@ -17,8 +17,17 @@ from vehicle.measured.answer.case import (
     noise_share,
     within_noise,
 )
-from vehicle.measured.causes.challenge import make_up, shows_within_runs, stands_alone
-from vehicle.measured.causes.evidence import helps, nameable_parts
+from vehicle.measured.answer.likely import (
+    beside_its_like,
+    by_itself,
+    clear_of_neutral,
+    clear_parts,
+    is_likely,
+    reaches_a_limit,
+    surely_told,
+    told_by_surprises,
+)
+from vehicle.measured.causes.evidence import nameable_parts
 from vehicle.measured.causes.refit import without
 from vehicle.measured.causes.selection import Selection
 from vehicle.measured.causes.trial import Projector
@@ -26,13 +35,12 @@ from vehicle.measured.fit.fitting import Fit
 from vehicle.measured.fit.knobs import finest_of
 from vehicle.measured.fit.openloop import Term, fitted
 from vehicle.measured.logs.record import Array
-from vehicle.measured.mend.extension import Extension, of_fit, of_mended
+from vehicle.measured.mend.extension import of_fit, of_mended
 from vehicle.measured.mend.irreplaceable import irreplaceable
-from vehicle.measured.mend.mending import Mended, at_a_limit, mend
+from vehicle.measured.mend.mending import Mended, mend
 from vehicle.measured.surprise.bench import Bench
 from vehicle.measured.thresholds import (
     ABOVE_UNNAMED,
-    CLEARLY_BEYOND,
     HARM_PCT,
     WORTH_A_NAME_PCT,
     WORTH_OF_WHEEL_PCT,
@@ -46,27 +54,28 @@ Step = Callable[[], None]
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """What is added to the tractor, and which of it has a name."""
+    """What is added to the tractor, and which of it has a name; `surely` is that of is_likely."""
 
     case: Case
     names: list[str]
     mended: Mended | None
+    surely: frozenset[str] = frozenset()
 
 
 def nameable(selection: Selection, tractor: Tractor) -> list[str]:
     """Effects that may carry a name: clearly beyond tolerance, alone as well, and in no shadow of an unnamed one."""
     bench, fit = selection.bench, selection.fit
-    names = [name for name in nameable_parts(bench, fit, tractor) if _by_itself(bench, fit, name)]
+    names = [name for name in nameable_parts(bench, fit, tractor) if by_itself(bench, fit, name)]
     if not selection.unnamed:
         return names
     shadow = unnamed_gain(fit) * ABOVE_UNNAMED
-    apart = (STEERING, SPEED) if bench.has_wheel else ()
+    apart = cut_off(bench)
     return [name for name in names if effect(name).block in apart or without(bench, fit, name).loss - fit.loss > shadow]
 
 
-def _by_itself(bench: Bench, fit: Fit, name: str) -> bool:
-    """Whether an effect needs no other of its make-up, and no difference between runs, to be what it is."""
-    return stands_alone(bench, fit, name) and shows_within_runs(bench, fit, name)
+def cut_off(bench: Bench) -> tuple[str, ...]:
+    """Blocks that a measured wheel cuts off from the path: what is wrong there is told by itself, whatever bends it."""
+    return (STEERING, SPEED) if bench.has_wheel else ()
 
 
 def unnamed_gain(fit: Fit) -> float:
@@ -82,26 +91,49 @@ def unnamed_gain(fit: Fit) -> float:
 
 def explained(selection: Selection, names: list[str], tractor: Tractor, step: Step) -> Explained:
     """Effects of the fit alone where they explain what there is; else all that lowers the error of runs held out."""
-    bench, fit = selection.bench, selection.fit
     likely = clear_parts(selection, tractor)
-    names, case = _holding(lambda kept: case_of(selection, of_fit(bench, fit, {*kept, *likely})), names)
-    kept = {name for name in case.extension.ids if name in names or is_likely(case, name)}
-    case = case if kept == case.extension.ids else case_of(selection, of_fit(bench, fit, kept))
+    surely = surely_told(selection, names, likely)
+
+    def case_with(kept: Collection[str]) -> Case:
+        return case_of(selection, of_fit(selection.bench, selection.fit, kept))
+
+    names, case = _holding(lambda kept: case_with({*kept, *likely}), names)
+    likely, case = _likely_together(case_with, case, names, surely)
     if within_noise(case, case.final):
-        return Explained(case, names, None)
-    names, mended, case = _mended_with(selection, case, names, tractor, step)
+        return Explained(case, names, None, surely)
+    beside = [name for name in likely if effect(name).block in cut_off(selection.bench)]
+    names, mended, case = _mended_with(selection, case, names, beside, tractor, step)
     names += irreplaceable(
         mended, tractor, noise_share(case), step, lambda name: name not in names and holds(case, name)
     )
-    return _without_doubtful(selection, Explained(case, names, mended))
+    return _without_doubtful(selection, Explained(case, names, mended, surely))
+
+
+def _likely_together(
+    case_with: Callable[[Collection[str]], Case], case: Case, names: Sequence[str], surely: frozenset[str]
+) -> tuple[list[str], Case]:
+    """What is likely beside the names and each other, with that case.
+
+    What is worth least falls first and the others are asked again: it may have been their partner, or against them.
+    """
+    while True:
+        likely = sorted(case.extension.ids - set(names))
+        doubtful = [name for name in likely if not is_likely(case, name, surely)]
+        if not doubtful:
+            return likely, case
+        least = min(doubtful, key=case.worth_of)
+        case = case_with(case.extension.ids - {least})
 
 
 def _mended_with(
-    selection: Selection, case: Case, names: list[str], tractor: Tractor, step: Step
+    selection: Selection, case: Case, names: list[str], likely: Sequence[str], tractor: Tractor, step: Step
 ) -> tuple[list[str], Mended, Case]:
-    """Names that hold beside all that mends, from a mending that began with these as they are."""
+    """Names that hold beside all that mends, from a mending that began with these, and what is likely, as they are.
+
+    Where the path is wrong everywhere, what is likely of it is left to what lowers the error: see cut_off.
+    """
     while True:
-        settled = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in names)
+        settled = tuple(Term(knobs, at) for knobs, at in selection.fit.parts if knobs.id in {*names, *likely})
         mended = mend(selection.bench, tractor, settled, step, case.tolerated)
         beside = _case_of_mended(selection, mended)
         alike = told_alike(mended, tractor)
@@ -134,46 +166,6 @@ def _case_of_mended(selection: Selection, mended: Mended) -> Case:
     return case_of(selection, told.beside(of_mended(mended)))
 
 
-def clear_parts(selection: Selection, tractor: Tractor) -> list[str]:
-    """Effects of the fit whose 95 % interval leaves neutral out, and which help runs that had no part in it.
-
-    What stands in for whatever differs between runs is not among them: without a name it says nothing.
-    """
-    bench, fit = selection.bench, selection.fit
-    whole = of_fit(bench, fit, fit.settings)
-    return [
-        name for name in fit.settings
-        if not effect(name).stands_in and clear_of_neutral(whole, tractor, name) and _by_itself(bench, fit, name)
-        and helps(bench, without(bench, fit, name), fit, selection.threshold)
-    ]  # fmt: skip
-
-
-def is_likely(case: Case, name: str) -> bool:
-    """Whether an effect is clearly not neutral and lowers the error of runs held out.
-
-    One of the steering takes as much off the wheel as a name must, and costs the path no more.
-    One that ran as far as a tractor can have it stands for something else, and so does one that lowers the error where
-    the surprises of runs held out speak against it.
-    """
-    if name in case.refused:
-        return False
-    term = case.main_terms[name]
-    clear = clear_of_neutral(case.extension, case.tractor, name)
-    far = term.knobs.deviation(term.at) > CLEARLY_BEYOND * finest_of(case.tractor, name, case.bench.row_s)
-    of_wheel = effect(name).block == STEERING and case.bench.has_wheel
-    if not clear or not far or reaches_a_limit(case, name):
-        return False
-    gain = case.gain_of(name)[0]
-    return case.worth_of(name) >= WORTH_OF_WHEEL_PCT and gain > -HARM_PCT if of_wheel else gain > 0.0
-
-
-def clear_of_neutral(extension: Extension, tractor: Tractor, name: str) -> bool:
-    """Whether the 95 % interval of an effect, as wide as its tolerance at least, leaves neutral out."""
-    size = effect(name).size.name
-    low, high = extension.tolerant.get(name, extension.intervals[name])[size]
-    return not low <= neutral(name, tractor.steering)[size] <= high
-
-
 def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     """Without effects that lower the error but may as well be neutral, the other terms fitted again."""
     case, mended = told.case, told.mended
@@ -181,7 +173,8 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     doubtful = {
         name for name in case.main_terms
         if name not in BY_NAME and name not in told.names
-        and (_beside_its_like(selection, told, name) or not is_likely(case, name) or case.gain_of(name)[0] <= 0.0)
+        and (beside_its_like(selection, told.names, name) or not is_likely(case, name, told.surely)
+             or (name in mended.model.ids and not _mends_rightly(selection, case, name)))
     }  # fmt: skip
     if not doubtful:
         return told
@@ -192,28 +185,13 @@ def _without_doubtful(selection: Selection, told: Explained) -> Explained:
     loop = replace(mended.loop, settled=settled)
     smaller = Mended(loop, fitted(loop, kept))
     case = _case_of_mended(selection, smaller)
-    return _without_doubtful(selection, Explained(case, [name for name in told.names if holds(case, name)], smaller))
+    names = [name for name in told.names if holds(case, name)]
+    return _without_doubtful(selection, Explained(case, names, smaller, told.surely))
 
 
-def reaches_a_limit(case: Case, name: str) -> bool:
-    """Whether an effect may be as far as a tractor can have it: its value is, or its interval holds that limit.
-
-    A small end that comes from the file, as of a lag that is nearly none, is no limit: only the value itself is asked.
-    """
-    if at_a_limit((case.main_terms[name],)):
-        return True
-    size = effect(name).size.for_wheelbase(case.tractor.wheelbase_m)
-    zero = neutral(name, case.tractor.steering)[size.name]
-    low, high = case.extension.intervals[name][size.name]
-    return high >= size.high > zero or (size.neutral is not None and low <= size.low < zero)
-
-
-def _beside_its_like(selection: Selection, told: Explained, name: str) -> bool:
-    """Whether an effect is beside a named one of the same make-up and does not stand alone: see stands_alone."""
-    mine = make_up(name)
-    if mine is None or not any(make_up(other) == mine for other in told.names):
-        return False
-    return name not in selection.ids or not stands_alone(selection.bench, selection.fit, name)
+def _mends_rightly(selection: Selection, case: Case, name: str) -> bool:
+    """Whether an effect of the open-loop error lowers it in runs held out, and the surprises tell it as well."""
+    return case.gain_of(name)[0] > 0.0 and told_by_surprises(selection, case.main_terms[name])
 
 
 def _holding(case_with: Callable[[list[str]], Case], names: list[str]) -> tuple[list[str], Case]:

@@ -21,9 +21,9 @@ Errors = dict[float, Error]
 class Finding:
     """One effect of the catalogue.
 
-    `value` and `interval` (95 %) are None unless the effect is in the model: what is `likely` lowers the error and is
-    clearly not neutral, without being shown to be the cause. What is `refuted` is so from `smallest_visible` on, a
-    limit up to there. `gain_pct` is the reduction of the error over 5 s on runs not used for fitting (of the path at
+    `value` and `interval` (95 %) are None unless the effect is in the model: what is `likely` is clearly not neutral
+    and helps runs held out, without being shown to be the cause. What is `refuted` is so from `smallest_visible` on,
+    a limit up to there. `gain_pct` is the reduction of the error over 5 s on runs not used for fitting (of the path at
     the speed that was measured), `gain_interval` its 90 % interval over runs; `smallest_visible` the smallest size
     these logs would have shown (None when no size would). `exchange` says how much of another effect looks alike.
     """
