@@ -4,7 +4,7 @@
     faults            what is wrong with a parameter file, in a sentence
     datasheet         a whole tractor from what a maker's datasheet says
     steering, tyres, guidance, speed, gnss   scalar formulas of the thesis, one place each
-    jit, series       the one setting with which they are compiled; tangents of small angles
+    jit, series       the one setting with which they are compiled; tangents, sines and roots in vectors
     chassis, driveline   forces on one tractor body; from commands to wheel angle and drive force
     control           what a tractor decides ten times a second
     missions          legs and gates: the program a tractor executes

@@ -64,15 +64,15 @@ def axle_damping(dt: float, model: object, ground: object) -> tuple[float, float
 
 @inlined
 def pushed(
-    forward: float, right: float, spin: float, drive: float, dt: float,
+    forward: float, right: float, spin: float, force: float, dt: float,
     cos_1: float, sin_1: float, cos_2: float, sin_2: float, sliding_1: float, sliding_2: float, sliding: float,
     d_1: float, d_2: float, d_3: float, d_4: float,
-    front: float, rear: float, half: float, mass: float, inertia: float, rolling: float,
+    front: float, rear: float, half: float, mass: float, inertia: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Changes of the forward and right speed and the spin in `dt`, from the motion and damping of the wheels.
 
     `d_1` to `d_4` are the damping times dt (N s2/m) of the front left, front right, rear left and rear right wheel,
-    `rolling` is the share of the weight that rolling takes. Numbers instead of records: vectors are made of nothing
+    `force` is that of the drive less what rolling takes (N). Numbers instead of records: vectors are made of nothing
     else.
     """
     arm_1, arm_2 = front * cos_1 - half * sin_1, front * cos_2 + half * sin_2
@@ -86,9 +86,7 @@ def pushed(
     a22 = (mass + d_34) + (side_1 * cos_1 + side_2 * cos_2)
     a23 = (side_1 * arm_1 + side_2 * arm_2) - d_34 * rear
     a33 = (inertia + d_34 * (rear * rear)) + (turn_1 * arm_1 + turn_2 * arm_2)
-    weight = mass * GRAVITY
-    resistance = rolling * weight * forward / (abs(forward) + 0.05)
-    b1 = (along_1 * sliding_1 + along_2 * sliding_2) + dt * (drive - resistance + mass * right * spin)
+    b1 = (along_1 * sliding_1 + along_2 * sliding_2) + dt * (force + mass * right * spin)
     b2 = -((side_1 * sliding_1 + side_2 * sliding_2) + (d_34 * sliding + dt * mass * forward * spin))
     b3 = d_34 * (sliding * rear) - (turn_1 * sliding_1 + turn_2 * sliding_2)
     m22, m23, m33 = a11 * a22 - a12 * a12, a11 * a23 - a12 * a13, a11 * a33 - a13 * a13
@@ -130,10 +128,12 @@ def _make_step(shaped: bool) -> Step:
             d_2 *= passed_share(rolling_2, sliding_2, ground)
             d_3 *= share * passed_share(left, sliding, ground)
             d_4 *= share * passed_share(right_side, sliding, ground)
+        weight = model.mass * GRAVITY  # type: ignore[attr-defined]
+        resistance = ground.rolling * weight * forward / (abs(forward) + 0.05)  # type: ignore[attr-defined]
         forward_change, right_change, spin_change = pushed(
-            forward, right, spin, drive, dt, cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding,
+            forward, right, spin, drive - resistance, dt, cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding,
             d_1, d_2, d_3, d_4,
-            front, rear, half, model.mass, model.inertia, ground.rolling,  # type: ignore[attr-defined]
+            front, rear, half, model.mass, model.inertia,  # type: ignore[attr-defined]
         )  # fmt: skip
         return forward + forward_change, right + right_change, spin + spin_change
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 
 from vehicle.jit import compiled
+from vehicle.series import cosine_sine
 
-# Columns of shown_rows: the late centre of mass and its true heading, then antenna and heading as they are shown.
+# Rows of shown_rows: the late centre of mass and its true heading, then antenna and heading as they are shown.
 LATE_X, LATE_Y, LATE_ANGLE, SHOWN_EAST, SHOWN_NORTH, SHOWN_HEADING = range(6)
 
 
@@ -70,20 +71,36 @@ def seen_pose(state, model) -> tuple[float, float, float]:  # type: ignore[no-un
 
 
 @compiled
-def shown_rows(  # type: ignore[no-untyped-def]
-    time, grid, xs, ys, angles, latency: float, ahead: float, aside: float, bias: float, out
-) -> None:
-    """What is shown at increasing times (k,) of poses (n,) at the times `grid` (n,); `out` (k, 6) gets the columns.
+def late_rows(time, grid, xs, ys, angles, latency: float, late_xs, late_ys, late_angles) -> None:  # type: ignore[no-untyped-def]
+    """Poses (k,) of the times gone by `latency` before increasing ones (k,), of poses (n,) at the times `grid` (n,).
 
-    All times and the latency in s. The antenna stands `ahead` and `aside` (m) of the centre of mass; `bias` (rad) is
-    added to the heading that is shown and to nothing else.
+    All times and the latency in s.
     """
     entry = 0
     for row in range(len(time)):
         at = time[row] - latency
         while entry + 2 < len(grid) and grid[entry + 1] <= at:
             entry += 1
-        x, y, angle = late_pose(xs, ys, angles, entry, grid[entry], grid[entry + 1], at)
-        out[row, LATE_X], out[row, LATE_Y], out[row, LATE_ANGLE] = x, y, angle
-        out[row, SHOWN_EAST], out[row, SHOWN_NORTH] = lever(x, y, math.cos(angle), math.sin(angle), ahead, aside)
-        out[row, SHOWN_HEADING] = shown_heading(angle, bias)
+        share = min(max((at - grid[entry]) / (grid[entry + 1] - grid[entry]), 0.0), 1.0)
+        late_xs[row] = xs[entry] + (xs[entry + 1] - xs[entry]) * share
+        late_ys[row] = ys[entry] + (ys[entry + 1] - ys[entry]) * share
+        late_angles[row] = angles[entry] + (angles[entry + 1] - angles[entry]) * share
+
+
+@compiled
+def shown_rows(  # type: ignore[no-untyped-def]
+    time, grid, xs, ys, angles, latency: float, ahead: float, aside: float, bias: float, out
+) -> None:
+    """What is shown at increasing times (k,) of poses (n,) at the times `grid` (n,); `out` (6, k) gets it.
+
+    All times and the latency in s. The antenna stands `ahead` and `aside` (m) of the centre of mass; `bias` (rad) is
+    added to the heading that is shown and to nothing else.
+    """
+    late_xs, late_ys, late_angles = out[LATE_X], out[LATE_Y], out[LATE_ANGLE]
+    late_rows(time, grid, xs, ys, angles, latency, late_xs, late_ys, late_angles)
+    easts, norths, headings = out[SHOWN_EAST], out[SHOWN_NORTH], out[SHOWN_HEADING]
+    for row in range(len(time)):
+        cosine, sine = cosine_sine(late_angles[row])
+        easts[row], norths[row] = lever(late_xs[row], late_ys[row], cosine, sine, ahead, aside)
+    for row in range(len(time)):
+        headings[row] = shown_heading(late_angles[row], bias)

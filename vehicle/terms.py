@@ -10,12 +10,12 @@ import math
 
 from vehicle.jit import compiled, inlined
 from vehicle.rest import FADE
-from vehicle.series import tangent
+from vehicle.series import knee_share, tangent
 from vehicle.steering import corrected_angle
 
 GRAVITY_MPS2 = 9.80665
 DRIFT_LIMIT = 0.3  # grip that changes with time is not believed beyond this share of it
-KNEE = 5.0  # how sharply a curve meets the limit of side force: at four fifths of it 5 % of a curve are lost
+KNEE = 0.3  # of the limit of side force: below it nothing is lost, at four fifths of it 5 % of a curve (knee_share)
 REST_LIMIT = 0.9  # of the curvature: a rest told at some speeds and angles must not turn a tractor the other way
 SECANTS = 4  # chosen: each leaves a twentieth of what is left to settle, at usual losses
 STRAIGHT_RAD = 1e-6  # below it nothing is lost
@@ -38,17 +38,22 @@ def unstrained_angle(angle: float, forward: float, table, model) -> float:  # ty
     """
     if abs(angle) < STRAIGHT_RAD:
         return angle
-    left = angle
+    left, lost = angle, lost_share(forward, model)
     for _ in range(SECANTS):
-        left = secant_step(angle, left, tangent(corrected_angle(left, table, model.lock)), forward, model)
+        left = secant_step(angle, left, tangent(corrected_angle(left, table, model.lock)), lost)
     return left
 
 
 @inlined
-def secant_step(angle: float, left: float, bend: float, forward: float, model) -> float:  # type: ignore[no-untyped-def]
+def lost_share(forward: float, model) -> float:  # type: ignore[no-untyped-def]
+    """Wheel angle (rad) lost per tangent of what is left, at a speed."""
+    return model.understeer * forward * forward / (model.front + model.rear)  # type: ignore[no-any-return]
+
+
+@inlined
+def secant_step(angle: float, left: float, bend: float, lost: float) -> float:
     """Wheel angle left (rad) of an `angle`, from a first answer and the tangent that it stands for."""
-    per_tangent = model.understeer * forward * forward / (model.front + model.rear)
-    return angle / (1.0 + per_tangent * bend / left)  # type: ignore[no-any-return]
+    return angle * left / (left + lost * bend)
 
 
 @inlined
@@ -127,16 +132,15 @@ def worked(bend: float, extra: float, working: float, model) -> float:  # type: 
     return bend * (1.0 + extra) + (model.front + model.rear) * model.draft * working  # type: ignore[no-any-return]
 
 
-@compiled
+@inlined
 def within_slide(bend: float, forward: float, model) -> float:  # type: ignore[no-untyped-def]
     """Tangent of a curve that the side force of the tyres allows.
 
     `slide` is the inverse of the side force the tyres can give, per weight: 0 stands for no limit.
     """
     share = abs(bend) * forward * forward * model.slide / ((model.front + model.rear) * GRAVITY_MPS2)
-    if share > 0.3:
-        bend /= (1.0 + share**KNEE) ** (1.0 / KNEE)
-    return bend
+    kept = knee_share(share)
+    return bend * (kept if share > KNEE else 1.0)
 
 
 @compiled

@@ -75,10 +75,10 @@ def test_rows_of_a_log_are_late_poses_with_a_lever(latency: float, ahead: float,
     grid = np.arange(200) / 60.0
     poses = np.sin(grid), np.cos(2.0 * grid), 0.3 * grid
     time = np.array([0.0, 0.1, 0.25, 1.013, 2.999, 3.3, 3.5])
-    out = np.empty((len(time), 6))
+    out = np.empty((6, len(time)))
     shown_rows(time, grid, *poses, latency, ahead, aside, bias, out)
     x, y, angle = (np.interp(time - latency, grid, one) for one in poses)
-    assert out[:, [LATE_X, LATE_Y, LATE_ANGLE]] == pytest.approx(np.column_stack([x, y, angle]), abs=1e-12)
-    assert out[:, SHOWN_EAST] == pytest.approx(x + ahead * np.cos(angle) + aside * np.sin(angle), abs=1e-12)
-    assert out[:, SHOWN_NORTH] == pytest.approx(y + ahead * np.sin(angle) - aside * np.cos(angle), abs=1e-12)
-    assert out[:, SHOWN_HEADING] == pytest.approx(angle + bias, abs=1e-12)
+    assert out[[LATE_X, LATE_Y, LATE_ANGLE]] == pytest.approx(np.array([x, y, angle]), abs=1e-12)
+    assert out[SHOWN_EAST] == pytest.approx(x + ahead * np.cos(angle) + aside * np.sin(angle), abs=1e-12)
+    assert out[SHOWN_NORTH] == pytest.approx(y + ahead * np.sin(angle) - aside * np.cos(angle), abs=1e-12)
+    assert out[SHOWN_HEADING] == pytest.approx(angle + bias, abs=1e-12)

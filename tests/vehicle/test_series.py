@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.series import NEAR, SMALL, arc_share, tangent
+from vehicle.series import NEAR, SMALL, arc_share, cosine_sine, knee_share, rounded, tangent
 
 AROUND = st.floats(-1.5 * SMALL, 1.5 * SMALL)
 TWO_BITS = 2.0**-52
@@ -29,3 +30,30 @@ def test_the_angle_of_a_slope_is_that_of_the_library(slope: float) -> None:
 
 def test_no_slope_has_the_share_of_a_small_one() -> None:
     assert arc_share(0.0) == 1.0
+
+
+RIGHT_ANGLES = st.integers(-900_000, 900_000).map(lambda count: count * math.pi / 4.0)
+
+
+@given(st.one_of(st.floats(-10.0, 10.0), st.floats(-1.5e6, 1.5e6), RIGHT_ANGLES))
+def test_cosine_and_sine_are_those_of_the_library(angle: float) -> None:
+    """Near right angles too, where one of them is all but 0."""
+    cosine, sine = cosine_sine(angle)
+    assert cosine == pytest.approx(math.cos(angle), rel=2.0 * TWO_BITS, abs=1e-18)
+    assert sine == pytest.approx(math.sin(angle), rel=2.0 * TWO_BITS, abs=1e-18)
+
+
+def test_what_is_no_number_has_no_sine() -> None:
+    assert all(math.isnan(value) for value in cosine_sine(math.nan))
+    assert cosine_sine(0.0) == (1.0, 0.0)
+
+
+@given(st.one_of(st.floats(0.0, 3.0), st.floats(0.0, 1e9), st.sampled_from([1.0, math.nextafter(1.0, 2.0)])))
+def test_the_knee_is_a_fifth_root(size: float) -> None:
+    known = (1.0 + size**5.0) ** -0.2 if size < 1.0 else (1.0 + size**-5.0) ** -0.2 / size
+    assert knee_share(size) == pytest.approx(known, rel=3.0 * TWO_BITS, abs=0.0)
+
+
+def test_numbers_are_rounded_to_even() -> None:
+    numbers = [0.0, 0.5, 1.5, 2.4999, -3.7, -0.5, 1e9 + 0.4]
+    assert [rounded(one) for one in numbers] == np.round(numbers).tolist()

@@ -5,6 +5,7 @@ Equal to the last bit: a stretch must not notice what drives beside it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 
@@ -12,14 +13,17 @@ import numpy as np
 import pytest
 
 from tests.measured.benches import rig
+from vehicle.chassis import GRAVITY, body_step
+from vehicle.layout import DT_S
 from vehicle.learnt import Settings
+from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.abreast import ABREAST
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.foretelling import foretell
 from vehicle.measured.replay.keeping import MOST_BYTES, Kept
 from vehicle.measured.replay.replaying import Rig, replay, replays
-from vehicle.measured.replay.states import ANGLE, FORWARD, X
+from vehicle.measured.replay.states import ANGLE, FORWARD, X, Y
 from vehicle.terms import affected_tangent, ground_drift
 
 BENT: Settings = {
@@ -66,15 +70,50 @@ def test_each_stretch_is_driven_with_its_own_settings() -> None:
 
 def test_what_slides_far_is_driven_alike() -> None:
     """Wheels beyond the small angles of the series and beyond the limit of their side force."""
-    wild = []
-    for one in stretches()[:12]:
-        wheel = np.sign(np.sin(np.arange(len(one.grids["wheel"])) / 40.0)) * 0.6
-        wild.append(replace(one, grids=one.grids | {"wheel": wheel, "command": wheel, "speed": one.grids["speed"] * 6}))
-    together = replays(fresh(), [(one, {}) for one in wild], False, True)
+    thrown = [wild(one) for one in stretches()[:12]]
+    together = replays(fresh(), [(one, {}) for one in thrown], False, True)
     spins = np.concatenate([np.diff(states[:, ANGLE]) * 60.0 for states in together])
     assert np.abs(spins).max() > 1.0
-    for one, states in zip(wild, together, strict=True):
+    for one, states in zip(thrown, together, strict=True):
         assert np.array_equal(states, replay(fresh(), one, {}, False, True))
+
+
+def wild(stretch: Stretch) -> Stretch:
+    """The drive with wheels thrown from side to side, at six times the speed."""
+    wheel = np.sign(np.sin(np.arange(len(stretch.grids["wheel"])) / 40.0)) * 0.6
+    speed = 6.0 * stretch.grids["speed"]
+    return replace(stretch, grids=stretch.grids | {"wheel": wheel, "command": wheel, "speed": speed})
+
+
+def by_steps_of_planning(tractor: Rig, stretch: Stretch) -> Array:
+    """Places and angles (n, 3) of a replay from the wheel angle, the body stepped as plans step it."""
+    grids, model, ground = stretch.grids, tractor.model[0], tractor.ground[0]
+    speed, wheel = grids["speed"], grids["wheel"]
+    zero = np.zeros(len(speed))
+    bend, ahead, slide = np.empty(len(speed)), np.empty(len(speed)), zero.copy()
+    foretell(speed, zero, zero, zero, zero, zero, wheel, 0.0, DT_S, tractor.table, model, bend, ahead, slide)
+    x, y, angle, right, spin, out = *(float(grids[name][0]) for name in ("east", "north", "heading")), 0.0, 0.0, []
+    for forward, tangent in zip(speed.tolist(), bend.tolist(), strict=True):
+        out.append((x, y, angle))
+        rolled = ground["rolling"] * model["mass"] * GRAVITY * forward / (abs(forward) + 0.05)
+        x += (forward * math.cos(angle) + right * math.sin(angle)) * DT_S
+        y += (forward * math.sin(angle) - right * math.cos(angle)) * DT_S
+        angle -= spin * DT_S
+        _, right, spin = body_step(forward, right, spin, tangent, rolled, DT_S, model, ground)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("limit", [None, 0.3, math.pi])
+@pytest.mark.parametrize("count", [1, 5])
+def test_bodies_step_as_in_plans(limit: float | None, count: int) -> None:
+    """Where wheels slip beyond the small angles of the series and no limit holds them, too."""
+    tractor = replace(fresh(), ground=rig().ground.copy())
+    if limit is not None:
+        tractor.ground["front_limit"] = tractor.ground["rear_limit"] = limit
+    some = [wild(one) for one in stretches()[:count]]
+    for one, states in zip(some, replays(tractor, [(one, {}) for one in some], True, True), strict=True):
+        assert states[:, [X, Y, ANGLE]] == pytest.approx(by_steps_of_planning(tractor, one), abs=1e-7)
+        assert np.array_equal(states, replay(replace(tractor, kept=Kept()), one, {}, True, True))
 
 
 @pytest.mark.parametrize("shaped", [False, True])

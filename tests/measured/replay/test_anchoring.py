@@ -80,3 +80,23 @@ def test_rows_outside_every_piece_are_left_alone() -> None:
     three, zero, out = np.arange(3.0), np.zeros(3), np.full((3, 3), 9.0)
     anchor_pieces(np.array([0]), np.array([2]), three, zero, zero, three, zero, zero, out)
     assert (out[2] == 9.0).all() and np.abs(out[:2]).max() < 1e-12
+
+
+def test_errors_of_pieces_row_by_row() -> None:
+    """Against the formulas written out, turned by more than half a turn as well; rows between pieces are left alone."""
+    rng, rows = np.random.default_rng(4), 40
+    east, north, heading = rng.normal(size=(3, rows)).cumsum(axis=1)
+    x, y, angle = rng.normal(size=(3, rows)).cumsum(axis=1) + 3.0
+    starts, ends, out = np.array([0, 12, 25]), np.array([12, 24, 40]), np.full((rows, 3), 9.0)
+    anchor_pieces(starts, ends, east, north, heading, x, y, angle, out)
+    for first, end in zip(starts, ends, strict=True):
+        turn, pe, pn, qe, qn = best_motion(first, end, east, north, heading, x, y, angle)
+        c, s = math.cos(turn), math.sin(turn)
+        for k in range(first, end):
+            off_east = east[k] - pe - (x[k] - qe) * c + (y[k] - qn) * s
+            off_north = north[k] - pn - (x[k] - qe) * s - (y[k] - qn) * c
+            there, across = math.cos(heading[k]), math.sin(heading[k])
+            wrapped = math.remainder(heading[k] - angle[k] - turn, 2.0 * math.pi)
+            known = off_east * across - off_north * there, off_east * there + off_north * across, wrapped
+            assert out[k] == pytest.approx(known, abs=1e-12)
+    assert (out[24] == 9.0).all()

@@ -9,16 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.measured.drawn import circle, course, rig
+from vehicle.measured.replay.course import step_times
 from vehicle.measured.surprise.weights import noise_row
 from vehicle.measured.surprise.whitening import (
     DRIFT_MEMORY_S,
     SOIL_MEMORY_S,
     Noise,
+    fades,
     increments,
     innovations,
     make_gains,
     simulated_increments,
-    step_times,
 )
 
 Array = npt.NDArray[np.float64]
@@ -35,7 +36,7 @@ def filtered(
     east, north, heading = (np.ascontiguousarray(column) for column in seen.T)
     ahead, aside, turned = (np.ascontiguousarray(column) for column in move.T)
     make_gains(time, heading, ahead, aside, *LEVER, noise_row(noise, True), gains, roots)
-    innovations(time, east, north, heading, ahead, aside, turned, *LEVER, bias, gains, roots, out)
+    innovations(fades(time), east, north, heading, ahead, aside, turned, *LEVER, bias, gains, roots, out)
     return gains, roots, out
 
 

@@ -231,7 +231,7 @@ class Response:
         stretch, filtered = self.bench.course.stretches[index], self.bench.filters[index]
         out = np.empty((stretch.rows, 3))
         innovations(
-            stretch.time, stretch.east, stretch.north, stretch.heading, move.ahead, move.aside, move.turned,
+            filtered.kept, stretch.east, stretch.north, stretch.heading, move.ahead, move.aside, move.turned,
             *self.lever, self.bias, filtered.gains, filtered.roots, out,
         )  # fmt: skip
         out[0] = 0.0

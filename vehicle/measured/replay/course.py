@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vehicle.effects import SLOPE_DRIFT
+from vehicle.effects import SLOPE_DRIFT, STEP_HZ
 from vehicle.layout import DT_S
 from vehicle.measured.errors import LogError
 from vehicle.measured.logs.grade import grade
@@ -57,6 +57,11 @@ class Stretch:
     def direction(self) -> tuple[Array, Array]:
         """Cosine and sine of the heading on the grid (n,)."""
         return np.cos(self.grids["heading"]), np.sin(self.grids["heading"])
+
+    @cached_property
+    def steps_s(self) -> Array:
+        """Times of the steps of the grid (n, s)."""
+        return step_times(len(self.grids["speed"]))
 
     @cached_property
     def steady_wheel(self) -> Array:
@@ -114,6 +119,14 @@ class Course:
     def of(self, run: int) -> list[Stretch]:
         """Stretches of one run."""
         return [one for one in self.stretches if one.run == run]
+
+
+def step_times(steps: int) -> Array:
+    """Times (s) of so many steps.
+
+    Over 60, not times DT_S: the last bit differs, and the last digits of a diagnosis with it.
+    """
+    return np.arange(steps, dtype=np.float64) / STEP_HZ
 
 
 def make_course(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> Course:

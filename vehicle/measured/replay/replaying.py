@@ -7,7 +7,6 @@ Effects that belong to a place or a direction look at the measured pose, so one 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -18,7 +17,7 @@ from vehicle.calibration import steering_tables
 from vehicle.chassis import body_step
 from vehicle.compile import compile_grounds, compile_model
 from vehicle.driveline import propel, turn_wheels
-from vehicle.effects import PATH, SLOPE_DRIFT, SPEED, effect_fields
+from vehicle.effects import PATH, SLOPE_DRIFT, SPEED, STEP_HZ, effect_fields
 from vehicle.effects import STEERING as STEERS
 from vehicle.ground import ground_index
 from vehicle.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, shown_rows
@@ -27,14 +26,16 @@ from vehicle.kinds import PER_SLOPE
 from vehicle.layout import DT_S, STATE
 from vehicle.learnt import Learnt, Settings, learnt, without_logs
 from vehicle.measured.logs.record import Array
-from vehicle.measured.replay.abreast import ABREAST, abreast_of, drive_abreast
+from vehicle.measured.replay.abreast import ABREAST, move_on, turn_abreast
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.foretelling import foretell
 from vehicle.measured.replay.keeping import Effects, Kept, key_of, of_blocks
 from vehicle.measured.replay.states import ANGLE, FORWARD, STEERING, X, Y
+from vehicle.series import cosine_sine
 from vehicle.terms import affected_tangent, ground_drift, played
 from vehicle.tractor import Implement, Tractor
 
+LAID_STEPS = 100_000  # chosen, of stretches laid side by side once all lanes are taken: they stay near the processor
 MOST_MODELS = 16  # chosen: the stretches of a course ask for one after another
 Pair = tuple[Stretch, Settings]
 
@@ -65,7 +66,7 @@ def replay_steps(  # type: ignore[no-untyped-def]
         along, slide = ground_drift(turned[i], forward, there, across, model)
         slide += abs(forward) * downhill[i]
         new_forward, new_right, new_spin = body_step(forward, right - slide, spin, tangent, drive, dt, model, ground)
-        cosine, sine = math.cos(angle), math.sin(angle)
+        cosine, sine = cosine_sine(angle)
         x += ((forward + along) * cosine + right * sine) * dt
         y += ((forward + along) * sine - right * cosine) * dt
         angle -= spin * dt
@@ -201,31 +202,48 @@ def _asked(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool)
 
 
 def _groups(asked: list[_Asked]) -> list[list[_Asked]]:
-    """What can be driven side by side, the longest first; what drives at commanded speeds is driven alone."""
+    """What is driven side by side, the longest first; what drives at commanded speeds is driven alone."""
     timed = sorted((one for one in asked if one.timed), key=lambda one: -len(one.stretch.grids["speed"]))
-    groups = [timed[first : first + ABREAST] for first in range(0, len(timed), ABREAST)]
+    groups, steps = list[list[_Asked]](), 0
+    for one in timed:
+        if not groups or (steps >= LAID_STEPS and len(groups[-1]) >= ABREAST):
+            groups.append([])
+            steps = 0
+        groups[-1].append(one)
+        steps += len(one.stretch.grids["speed"])
     return groups + [[one] for one in asked if not one.timed]
 
 
 def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
     """States of stretches driven side by side at their measured speed."""
-    laid = abreast_of([one.stretch for one in group])
-    out, (bend, ahead, slide) = np.empty((len(laid.speed), 5)), np.zeros((3, len(laid.speed)))
-    out[:, FORWARD] = laid.speed
-    for one, begin, end in zip(group, laid.begins, laid.ends, strict=True):
-        grids, mine = one.stretch.grids, slice(int(begin), int(end))
-        settings, slope = _on_slope(one.stretch, one.settings)
-        if slope is not None:
-            slide[mine] = slope
-        model = rig.effective(settings)
-        out[mine, STEERING], turned = _wheels(rig, one, model)
-        foretell(
-            grids["speed"], grids["working"], grids["east"], grids["north"], *one.stretch.direction, turned,
-            one.stretch.start_s, DT_S, rig.table, model, bend[mine], ahead[mine], slide[mine],
-        )  # fmt: skip
-    drive_abreast(*laid, bend, ahead, slide, DT_S, rig.model[0], rig.ground[0], out)
-    # Copies: what is kept of one stretch must not keep those beside it.
-    return {one.key: out[begin:end].copy() for one, begin, end in zip(group, laid.begins, laid.ends, strict=True)}
+    ends = np.cumsum([len(one.stretch.grids["speed"]) for one in group])
+    begins = np.concatenate([[0], ends[:-1]])
+    speed, bend, ahead, slide, right, spin = np.empty((6, ends[-1]))
+    parts = [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
+    made = []
+    for one, mine in zip(group, parts, strict=True):
+        speed[mine] = one.stretch.grids["speed"]
+        made.append(_foretold(rig, one, bend[mine], ahead[mine], slide[mine]))
+    turn_abreast(begins, ends, speed, bend, slide, DT_S, rig.model[0], rig.ground[0], right, spin)
+    for one, mine, states in zip(group, parts, made, strict=True):
+        x, y, angle = (one.stretch.grids[name][0] for name in ("east", "north", "heading"))
+        move_on(speed[mine], ahead[mine], right[mine], spin[mine], x, y, angle, DT_S, states.T)
+    return {one.key: states for one, states in zip(group, made, strict=True)}
+
+
+def _foretold(rig: Rig, asked: _Asked, bend: Array, ahead: Array, slide: Array) -> Array:
+    """States (n, 5) of a stretch, column by column, with the wheel angle and the speed alone; the rest as foretell."""
+    stretch, grids = asked.stretch, asked.stretch.grids
+    settings, slope = _on_slope(stretch, asked.settings)
+    model, states = rig.effective(settings), np.empty((len(bend), 5), order="F")
+    slide[:] = 0.0 if slope is None else slope
+    states[:, FORWARD] = grids["speed"]
+    states[:, STEERING], turned = _wheels(rig, asked, model)
+    foretell(
+        grids["speed"], grids["working"], grids["east"], grids["north"], *stretch.direction, turned,
+        stretch.start_s, DT_S, rig.table, model, bend, ahead, slide,
+    )  # fmt: skip
+    return states
 
 
 def _wheels(rig: Rig, asked: _Asked, model: Any) -> tuple[Array, Array]:
@@ -237,6 +255,8 @@ def _wheels(rig: Rig, asked: _Asked, model: Any) -> tuple[Array, Array]:
     else:
         steered = _steered(rig, stretch, asked.settings)
         before, wheel, steady, first = steered[:-1], steered[1:], steered[1:], steered[0]
+    if model["half_play"] == 0.0:
+        return before, wheel
     turned = np.empty(len(wheel))
     play_steps(wheel, steady, first, asked.sensed, model, turned)
     return before, turned
@@ -247,7 +267,7 @@ def _commanded(rig: Rig, asked: _Asked) -> Array:
     stretch, grids = asked.stretch, asked.stretch.grids
     settings, slope = _on_slope(stretch, asked.settings)
     model, count = rig.effective(settings), len(grids["speed"])
-    out = np.empty((count, 5))
+    out = np.empty((count, 5), order="F")
     out[:, STEERING], turned = _wheels(rig, asked, model)
     replay_steps(
         turned, grids["speed"], grids["target"], grids["working"], grids["east"], grids["north"], grids["heading"],
@@ -314,22 +334,9 @@ def seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple
 
 def antenna_seen(rig: Rig, stretch: Stretch, states: Array, settings: Settings) -> tuple[Array, Array]:
     """Antenna (k, 2) and heading (k,) of `seen` alone."""
-    grid = np.arange(len(states), dtype=np.float64) * DT_S
-    fields = effect_fields(settings)
-    rows = shown_poses(rig, stretch, states, fields, grid, fields["latency"] * DT_S)
-    return rows[:, [SHOWN_EAST, SHOWN_NORTH]], rows[:, SHOWN_HEADING]
-
-
-def shown_poses(
-    rig: Rig, stretch: Stretch, states: Array, fields: Mapping[str, float], grid: Array, latency_s: float
-) -> Array:
-    """What receiver and compass show of states at the times `grid`, per row (k, 6), columns of vehicle.instruments.
-
-    `fields` are those of the effects.
-    """
-    out = np.empty((stretch.rows, 6))
+    fields, out = effect_fields(settings), np.empty((6, stretch.rows))
     shown_rows(
-        stretch.time, grid, states[:, X], states[:, Y], states[:, ANGLE], latency_s,
+        stretch.time, stretch.steps_s, states[:, X], states[:, Y], states[:, ANGLE], fields["latency"] / STEP_HZ,
         *antenna_lever(rig, fields), fields["heading_bias"], out,
     )  # fmt: skip
-    return out
+    return out[SHOWN_EAST : SHOWN_NORTH + 1].T, out[SHOWN_HEADING]

@@ -68,7 +68,7 @@ class Bench:
         for stretch, filtered, move in zip(self.course.stretches, self.filters, moves, strict=True):
             out = whole[first : first + stretch.rows]
             innovations(
-                stretch.time, stretch.east, stretch.north, stretch.heading, move.ahead, move.aside, move.turned,
+                filtered.kept, stretch.east, stretch.north, stretch.heading, move.ahead, move.aside, move.turned,
                 *lever, fields["heading_bias"], filtered.gains, filtered.roots, out,
             )  # fmt: skip
             out[0] = 0.0  # the filter takes the first position as it is

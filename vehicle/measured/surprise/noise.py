@@ -18,7 +18,7 @@ from vehicle.measured.logs.record import Array, Mask
 from vehicle.measured.replay.course import Course, Stretch
 from vehicle.measured.replay.replaying import Rig, antenna_seen, replay
 from vehicle.measured.replay.states import FORWARD
-from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise, step_times
+from vehicle.measured.surprise.whitening import SOIL_MEMORY_S, Noise
 from vehicle.measured.thresholds import LEAST_ALONG, LEAST_SOIL, MOST_SOIL
 
 SPANS_S = (1.0, 2.0, 4.0)  # longer than the soil's memory, shorter than any cause that acts evenly
@@ -94,7 +94,7 @@ def _off(rig: Rig, stretch: Stretch, settings: Settings) -> _Off:
     """A stretch against its replay from measured wheel angle and speed."""
     states = replay(rig, stretch, settings, from_sensor=True, from_speed=True)
     antenna, heading = antenna_seen(rig, stretch, states, settings)
-    pace = np.interp(stretch.time, step_times(len(states)), np.abs(states[:, FORWARD]))
+    pace = np.interp(stretch.time, stretch.steps_s, np.abs(states[:, FORWARD]))
     moving = pace > 0.3 * max(float(np.median(pace)), 0.05)
     return _Off(stretch.heading - heading, _along(stretch, antenna, heading), pace, moving)
 

@@ -13,17 +13,18 @@ from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Course
 from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, seen
-from vehicle.measured.surprise.whitening import Noise, make_gains, simulated_increments
+from vehicle.measured.surprise.whitening import Noise, fades, make_gains, simulated_increments
 from vehicle.measured.thresholds import DRIVE_LINE_S, MOST_MEMORY, OUTLIER, TIMING_S, TRANSIENT_S
 
 
 @dataclass(frozen=True, eq=False)
 class Filter:
-    """Gains and roots of one stretch."""
+    """Gains and roots of one stretch, and what its rows keep of the rows before (see whitening.fades)."""
 
     gains: Array
     roots: Array
     lever: tuple[float, float]
+    kept: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def filters(course: Course, rig: Rig, noise: Noise, settings: Settings) -> tuple
             stretch.time, stretch.heading, move.ahead, move.aside, *lever,
             noise_row(noise, stretch.heading_seen), gains, roots,
         )  # fmt: skip
-        made.append(Filter(gains, roots, lever))
+        made.append(Filter(gains, roots, lever, fades(stretch.time)))
     return tuple(made)
 
 

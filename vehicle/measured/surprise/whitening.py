@@ -19,13 +19,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.effects import PATH, SPEED, STEERING, STEP_HZ, Fields, effect_fields
-from vehicle.instruments import LATE_ANGLE, LATE_X, LATE_Y, lever
+from vehicle.instruments import late_rows, lever
 from vehicle.jit import compiled
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.keeping import key_of, of_blocks
-from vehicle.measured.replay.replaying import Rig, replays, shown_poses
+from vehicle.measured.replay.replaying import Rig, replays
+from vehicle.measured.replay.states import ANGLE, X, Y
+from vehicle.series import cosine_sine
 
 SIZE, SEEN = 7, 3  # numbers of the state and of a measurement
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # a rut or a clod at walking pace; what satellites and fixing let wander
@@ -148,44 +150,57 @@ def _moved_on(cov, f, r, cosine, sine, dt, noise) -> None:  # type: ignore[no-un
     cov[1, 0] += (push - side) * cosine * sine
 
 
+def fades(time: Array) -> Array:
+    """Shares that the soil, then the drift of instruments keep from row to row (2, k - 1) at times (k, s)."""
+    steps = np.diff(time)
+    kept: Array = np.exp(-steps / np.array([[SOIL_MEMORY_S], [DRIFT_MEMORY_S]]))
+    return kept
+
+
 @compiled
 def innovations(  # type: ignore[no-untyped-def]
-    time, east, north, reference, ahead, aside, turned, lever_ahead, lever_aside, bias, gains, roots, out
+    kept, east, north, reference, ahead, aside, turned, lever_ahead, lever_aside, bias, gains, roots, out
 ) -> None:
     """Whitened innovations (k, 3) of measured antenna positions and headings, for simulated increments.
 
-    `turned` (k - 1,) is the simulated change of heading between rows, `bias` the simulated heading error of the
-    sensor. The measured heading is the reference itself.
+    `kept` (2, k - 1) are the shares of `fades`, `turned` (k - 1,) is the simulated change of heading between rows,
+    `bias` the simulated heading error of the sensor. The measured heading is the reference itself.
     """
-    state = np.zeros(SIZE)
-    v = np.zeros(SEEN)
-    for k in range(len(time)):
-        cosine, sine = math.cos(reference[k]), math.sin(reference[k])
+    rows = len(east)
+    cosines, sines, ways = np.empty(rows), np.empty(rows), np.empty(rows)
+    for k in range(rows):
+        cosines[k], sines[k] = cosine_sine(reference[k])
+    for k in range(rows - 1):
+        ways[k] = math.sqrt(ahead[k] * ahead[k] + aside[k] * aside[k])
+    lever_east, lever_north = lever(0.0, 0.0, cosines[0], sines[0], lever_ahead, lever_aside)
+    e, n = east[0] - lever_east, north[0] - lever_north
+    h = soil = drift = drift_east = drift_north = 0.0
+    for k in range(rows):
+        cosine, sine, root, gain = cosines[k], sines[k], roots[k], gains[k]
         lever_east, lever_north = lever(0.0, 0.0, cosine, sine, lever_ahead, lever_aside)
-        slope_east, slope_north = -lever_north, lever_east
-        if k == 0:
-            state[0], state[1] = east[0] - lever_east, north[0] - lever_north
-        v[0] = east[k] - (state[0] + lever_east + slope_east * state[2] + state[5])
-        v[1] = north[k] - (state[1] + lever_north + slope_north * state[2] + state[6])
-        v[2] = -(state[2] + state[4] + bias)
-        root = roots[k]
-        out[k, 0] = root[0, 0] * v[0]
-        out[k, 1] = root[1, 0] * v[0] + root[1, 1] * v[1]
-        out[k, 2] = root[2, 0] * v[0] + root[2, 1] * v[1] + root[2, 2] * v[2]
-        for i in range(SIZE):
-            state[i] += gains[k, i, 0] * v[0] + gains[k, i, 1] * v[1] + gains[k, i, 2] * v[2]
-        if k + 1 == len(time):
+        v0 = east[k] - (e + lever_east - lever_north * h + drift_east)
+        v1 = north[k] - (n + lever_north + lever_east * h + drift_north)
+        v2 = -(h + drift + bias)
+        out[k, 0] = root[0, 0] * v0
+        out[k, 1] = root[1, 0] * v0 + root[1, 1] * v1
+        out[k, 2] = root[2, 0] * v0 + root[2, 1] * v1 + root[2, 2] * v2
+        if k + 1 == rows:
             break
-        dt = time[k + 1] - time[k]
-        f, r = ahead[k], aside[k]
-        state[0] += f * cosine + r * sine + (r * cosine - f * sine) * state[2]
-        state[1] += f * sine - r * cosine + (f * cosine + r * sine) * state[2]
-        state[2] += turned[k] - (reference[k + 1] - reference[k]) + state[3] * math.sqrt(f * f + r * r)
-        state[3] *= math.exp(-dt / SOIL_MEMORY_S)
-        slow = math.exp(-dt / DRIFT_MEMORY_S)
-        state[4] *= slow
-        state[5] *= slow
-        state[6] *= slow
+        e += gain[0, 0] * v0 + gain[0, 1] * v1 + gain[0, 2] * v2
+        n += gain[1, 0] * v0 + gain[1, 1] * v1 + gain[1, 2] * v2
+        h += gain[2, 0] * v0 + gain[2, 1] * v1 + gain[2, 2] * v2
+        soil += gain[3, 0] * v0 + gain[3, 1] * v1 + gain[3, 2] * v2
+        drift += gain[4, 0] * v0 + gain[4, 1] * v1 + gain[4, 2] * v2
+        drift_east += gain[5, 0] * v0 + gain[5, 1] * v1 + gain[5, 2] * v2
+        drift_north += gain[6, 0] * v0 + gain[6, 1] * v1 + gain[6, 2] * v2
+        f, r, slow = ahead[k], aside[k], kept[1, k]
+        e += f * cosine + r * sine + (r * cosine - f * sine) * h
+        n += f * sine - r * cosine + (f * cosine + r * sine) * h
+        h += turned[k] - (reference[k + 1] - reference[k]) + soil * ways[k]
+        soil *= kept[0, k]
+        drift *= slow
+        drift_east *= slow
+        drift_north *= slow
 
 
 @compiled
@@ -261,18 +276,13 @@ def increments(x: Array, y: Array, angle: Array) -> Increments:
 @compiled
 def _increase(x, y, angle, out) -> None:  # type: ignore[no-untyped-def]
     """Increments (3, k - 1) of poses (k,)."""
+    ahead, aside, turned = out[0], out[1], out[2]
     for k in range(len(x) - 1):
+        cosine, sine = cosine_sine(angle[k])
         dx, dy = x[k + 1] - x[k], y[k + 1] - y[k]
-        cosine, sine = math.cos(angle[k]), math.sin(angle[k])
-        out[0, k], out[1, k], out[2, k] = dx * cosine + dy * sine, dx * sine - dy * cosine, angle[k + 1] - angle[k]
-
-
-def step_times(steps: int) -> Array:
-    """Times (s) of the steps of a stretch.
-
-    Over 60, not times DT_S: the last bit differs, and the last digits of a diagnosis with it.
-    """
-    return np.arange(steps, dtype=np.float64) / STEP_HZ
+        ahead[k], aside[k] = dx * cosine + dy * sine, dx * sine - dy * cosine
+    for k in range(len(x) - 1):
+        turned[k] = angle[k + 1] - angle[k]
 
 
 def simulated_increments(rig: Rig, stretch: Stretch, settings: Settings) -> Increments:
@@ -318,7 +328,7 @@ def _asked(rig: Rig, stretches: Sequence[Stretch], settings: Settings) -> list[_
 
 def _moved(rig: Rig, asked: _Asked, states: Array) -> tuple[Array, Array, Array]:
     """Increments of states (n, 5), seen as late as is asked for."""
-    late_s = asked.fields["latency"] / STEP_HZ
-    rows = shown_poses(rig, asked.stretch, states, asked.fields, step_times(len(states)), late_s)
-    move = increments(rows[:, LATE_X], rows[:, LATE_Y], rows[:, LATE_ANGLE])
+    stretch, late_s, late = asked.stretch, asked.fields["latency"] / STEP_HZ, np.empty((3, asked.stretch.rows))
+    late_rows(stretch.time, stretch.steps_s, states[:, X], states[:, Y], states[:, ANGLE], late_s, *late)
+    move = increments(*late)
     return move.ahead, move.aside, move.turned
