@@ -20,6 +20,7 @@ from vehicle.layout import DT_S
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Course, Stretch
+from vehicle.measured.replay.horizons import MOST_STEPS
 from vehicle.measured.replay.replaying import Rig, antenna_lever, replay, wheel_angles
 from vehicle.measured.replay.states import FORWARD
 from vehicle.measured.replay.windows import half_of
@@ -28,7 +29,6 @@ from vehicle.measured.surprise.weights import Channel, Filter, channels, filters
 from vehicle.measured.surprise.whitening import Increments, Noise, all_increments, increments_of_each, innovations
 
 BLOCK_S = 10.0  # half a window: soil forgets within it, a slow cause does not
-MOST_STEPS = 500_000  # chosen, of stretches driven at a time: over two hours, of which the states take 20 MB
 Parts = dict[str, Array]
 Change = tuple[Settings, frozenset[str]]  # settings, and the blocks whose channels they change
 Asked = TypeVar("Asked")
