@@ -10,6 +10,7 @@ from tests.measured.drawn import circle, log
 from tests.measured.tables import refusal
 from vehicle.measured.logs.held import released
 from vehicle.measured.logs.reading import log_from_frame
+from vehicle.measured.logs.record import Fix
 from vehicle.measured.logs.remarks import remarks, remarks_of
 from vehicle.measured.replay.course import make_course
 
@@ -111,3 +112,50 @@ def test_logs_that_say_the_same_are_told_together() -> None:
     assert remarks_of(runs) == [f"a, b, c and 2 more: {same}"]
     assert remarks_of(runs[:4]) == [f"a, b, c, d: {same}"]
     assert remarks_of([runs[0], log_from_frame(drive(0.1), "plain")]) == [f"a: {same}"]
+
+
+def serpentine(rate_hz: float, passes: int, turn_per_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and headings (deg) of straight passes of 20 s with turns by 180 degrees between, without noise."""
+    seconds = 180.0 / turn_per_s
+    time = np.arange(round(passes * (20.0 + seconds) * rate_hz)) / rate_hz
+    done, within = np.divmod(time, 20.0 + seconds)
+    return time, 180.0 * done + turn_per_s * np.maximum(within - 20.0, 0.0)
+
+
+def test_a_heading_that_stays_on_straight_passes_is_not_held() -> None:
+    # At 1 Hz a turn has a handful of rows: every sixth of its changes comes after a pass of the same heading.
+    time, heading = serpentine(1.0, 14, 31.0)
+    way = np.deg2rad(heading)
+    places = {"easting_m": 2.0 * np.cumsum(np.sin(way)), "northing_m": 2.0 * np.cumsum(np.cos(way)) + 0.01 * time}
+    told = released({"time_s": time, "heading_deg": heading % 360.0, **places}, "run")
+    assert told.fresh is None and (told.columns["heading_deg"] == heading % 360.0).all()
+
+
+@pytest.mark.parametrize(("noise_m", "speed_mps"), [(0.005, 0.8), (0.007, 0.5), (0.01, 0.8)])
+def test_noise_that_falls_on_the_same_centimetre_twice_is_not_held(noise_m: float, speed_mps: float) -> None:
+    rng, time = np.random.default_rng(4), np.arange(10000) / 50.0
+    way = speed_mps * time
+    east, north = (np.round(share * way + rng.normal(0.0, noise_m, len(time)), 2) for share in (0.6, 0.8))
+    assert released({"time_s": time, "easting_m": east, "northing_m": north}, "run").fresh is None
+
+
+def test_the_last_digits_of_degrees_are_no_slow_receiver() -> None:
+    # 7 decimals are 1.1 cm of latitude and 0.7 cm of longitude, which a slow drive crosses every other row.
+    time = np.arange(2000) / 50.0
+    degrees = {
+        "easting_m": np.round(11.0 + 0.18 * time / 74400.0, 7), "northing_m": np.round(48.1 + 0.24 * time / 111200.0, 7)
+    }  # fmt: skip
+    frame = pd.DataFrame({"time_s": time, **degrees, "steering_deg": 0.0})
+    assert log_from_frame(frame, "run", [Fix.POSITION_DEGREES], check=False).fresh is None
+
+
+def test_one_bad_row_hides_no_slow_instrument() -> None:
+    frame = drive(0.1)
+    stalled = held(frame, 5, PLACE).assign(time_s=frame.time_s.replace(frame.time_s[103], frame.time_s[102]))
+    told = released(columns(stalled), "run")
+    assert told.fresh is not None and (np.flatnonzero(told.fresh) == np.arange(0, 200, 5)).all()
+    slow = held(frame, 5, ["heading_deg"])
+    turning = columns(slow.assign(heading_deg=slow.heading_deg.where(slow.index != 37)))
+    told = released(turning, "run")
+    assert told.fresh is not None and (np.flatnonzero(told.fresh) == np.arange(0, 200, 5)).all()
+    assert np.flatnonzero(np.isnan(told.columns["heading_deg"])).tolist() == [37]

@@ -92,7 +92,7 @@ def log_from_frame(
     """One run from a table; as read_log. Without `check`, only constant columns and rows are judged."""
     given = fix_set(fixes)
     raw, others = columns_of(frame, name)
-    columns, fresh, doubts = released(apply_fixes(raw, given, reference), name)
+    columns, fresh, doubts = released(apply_fixes(raw, given, reference), name, raw)
     rules = gate_rows(columns)
     columns = _without_negative_noise(columns)
     _refuse_unusable(columns, rules, name)
