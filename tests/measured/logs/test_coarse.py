@@ -51,6 +51,13 @@ def test_a_speed_in_whole_kilometres_per_hour_counts_as_not_logged() -> None:
     assert fine.speed_mps is not None and not fine.doubts
 
 
+def test_starting_and_stopping_at_once_is_no_coarse_speed() -> None:
+    frame = circle(0.05, seconds=120.0)
+    driven = np.where(frame.time_s % 10.0 < 8.0, 1.5, 0.0)
+    told = log(frame.assign(speed_mps=driven))
+    assert told.speed_mps is not None and not told.coarse
+
+
 def test_positions_in_half_metres_are_refused() -> None:
     frame = circle(0.05)
     places = {name: (2.0 * frame[name]).round() / 2.0 for name in ("easting_m", "northing_m")}

@@ -38,7 +38,8 @@ def without_coarse(log: Log) -> Log:
             log = _without(log, "heading_deg", step)
     if log.speed_mps is not None:
         moving = log.speed_mps[log.used & (log.speed_mps > 0.0)]
-        step = step_of(_values(log, "speed_mps"))
+        # Of those alone: a tractor that starts and stops at once has steps of its speed.
+        step = step_of(moving)
         if len(moving) and step > SPEED_SHARE * float(np.median(moving)):
             log = _without(log, "speed_mps", step)
     return log
