@@ -93,5 +93,20 @@ def test_positions_and_commands_alone_earn_no_name(tractor: str, seed: int) -> N
     assert not [one.id for one in found.findings if one.value is not None]
 
 
+@pytest.mark.parametrize("apart", ["rows", "positions"])
+def test_too_few_positions_for_a_piece_are_refused_in_a_sentence(apart: str, frames: list[pd.DataFrame]) -> None:
+    held = [np.arange(len(frame)) // 18 * 18 for frame in frames]
+    places = ["easting_m", "northing_m"]
+    if apart == "rows":
+        logs = [frame.iloc[::18] for frame in frames]
+    else:
+        logs = [
+            frame.assign(**{name: frame[name].to_numpy()[rows] for name in places})
+            for frame, rows in zip(frames, held, strict=True)
+        ]
+    with pytest.raises(LogError, match="hold 4 measured positions"):
+        named(logs)
+
+
 def test_logs_of_two_tractors_with_the_file_of_one_earn_no_name(frames: list[pd.DataFrame]) -> None:
     assert named([*frames, *second_logs({}, 3, three_speeds_programme()[:3], "mr1000a")]) == ()

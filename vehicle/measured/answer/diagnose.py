@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from vehicle.effects import effect
-from vehicle.measured.answer.case import Case, with_real_noise
+from vehicle.measured.answer.case import PIECE_S, Case, with_real_noise
 from vehicle.measured.answer.curves import best_curve
 from vehicle.measured.answer.findings import Rivals, findings
 from vehicle.measured.answer.names import Explained, explained, nameable, unexplained
@@ -23,6 +23,7 @@ from vehicle.measured.answer.verdict import EQUIVALENT, NAMED, NOT_VISIBLE, Diag
 from vehicle.measured.answer.whole import whole_case
 from vehicle.measured.causes.refit import weighed
 from vehicle.measured.causes.selection import Selection, select
+from vehicle.measured.errors import LogError
 from vehicle.measured.fit.openloop import settings_in
 from vehicle.measured.logs.coarse import without_coarse_together
 from vehicle.measured.logs.commanded import commands_set_right
@@ -33,7 +34,7 @@ from vehicle.measured.mend.extension import Extension
 from vehicle.measured.mend.levels import clear_levels, driven_seconds
 from vehicle.measured.replay.course import Course, make_course
 from vehicle.measured.replay.drives import usual
-from vehicle.measured.replay.horizons import errors_of, run_squares
+from vehicle.measured.replay.horizons import FEWEST_ROWS, cuts, errors_of, run_squares
 from vehicle.measured.replay.part import balanced_part
 from vehicle.measured.replay.replaying import make_rig, own_rig
 from vehicle.measured.surprise.bench import Bench, prepare
@@ -49,11 +50,12 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
 
     Effects that the tractor file has already are set aside and fitted anew; the error before is that of the file.
     `progress` is called with steps done and an estimate of all steps. Raises LogError when no stretch can be replayed
-    and VehicleError for an unknown ground.
+    or none has enough positions for an error, and VehicleError for an unknown ground.
     """
     count = _Counter(progress)
     logs = commands_set_right(set_right_together(without_coarse_together(logs)))
     course = make_course(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
+    _refuse_sparse(course)
     rig = make_rig(tractor, ground, course.origin)
     part = balanced_part(course)
     bench = weighed(part.course, rig, {})
@@ -66,6 +68,14 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     answer = _answer(course, selection, told, whole, one_each, rivals, tractor, ground)
     count.finish()
     return replace(answer, notes=notes(logs, bench, tractor, answer))
+
+
+def _refuse_sparse(course: Course) -> None:
+    if not any(len(cuts(one.time, PIECE_S)[0]) for one in course.stretches):
+        raise LogError(
+            f"No {PIECE_S:g} s of these logs hold {FEWEST_ROWS} measured positions, the fewest that errors are told "
+            "from; log positions at 1 Hz or faster, without rows that are lost."
+        )
 
 
 class _Counter:
