@@ -19,7 +19,8 @@ _NEAR = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 def remarks(log: Log) -> list[str]:
     """Every remark on a log, one sentence each, starting with its name.
 
-    The rows named in "left out" and "not used" are all rows of the file that no replay sees.
+    The rows named in "left out" and "not used" are all rows of the file that no replay sees, but for those in which a
+    slower instrument repeats itself.
     """
     told = [*_given(log), *_columns(log), *log.doubts, *_tilt(log)]
     told += [f"{_rows(one.rows)} left out: {one.rule} (first in line {one.first_line})" for one in log.gated]
