@@ -99,7 +99,7 @@ def _measured(values: Array) -> Rows | None:
     # What stays much longer than usual is a straight drive's heading or a standing tractor's place.
     usual = float(np.median(count[clear])) if clear.any() else 0.0
     held = clear & (count >= 2) & (count <= _STANDS * usual)
-    share = _SHARE if np.count_nonzero(clear) >= _MOST * len(clear) else _MOST
+    share = _SHARE if np.count_nonzero(clear) >= _MOST * len(count) else _MOST
     if np.count_nonzero(held) < max(_FEWEST, share * np.count_nonzero(clear)):
         return None
     stands = jumps <= _STANDS * float(np.median(jumps[clear]))
