@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.candidates.evaluate import Candidate, run_candidate
 from planner.errors import HeadlandError, ScenarioError, about, named
-from planner.ground.measure import guided_point
-from planner.scenario import Scenario
-from planner.site import Site, prepare
 from vehicle.layout import WORKING
 from vehicle.measured.answer.demo import Hidden, demo_logs, draw_hidden
 from vehicle.measured.answer.diagnose import Progress
@@ -22,9 +19,11 @@ from vehicle.measured.logs.reading import read_logs
 from vehicle.measured.logs.record import Log
 from vehicle.measured.logs.size import as_driven as driven_size
 from vehicle.measured.logs.size import refuse_other
-from vehicle.run import DONE, Run
 from vehicle.tractor import Tractor, as_tractor
-from vehicle.world import World
+
+if TYPE_CHECKING:
+    from planner.site import Site
+    from vehicle.run import Run
 
 PLAN_FIELD = "iwamizawa"
 PLAN_WIDTH_M = 3.0
@@ -115,6 +114,13 @@ def plan_gain(before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
             f"No plan was driven to compare: {before.name} is {before.length_m:g} m long, and plans are for tractors "
             f"of {SMALLEST_M:g} m or more."
         )
+    # What plans fields is loaded for logs that have come so far.
+    from planner.candidates.evaluate import Candidate, run_candidate
+    from planner.scenario import Scenario
+    from planner.site import prepare
+    from vehicle.run import DONE
+    from vehicle.world import World
+
     try:
         site = prepare(Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tracks_only=True), tractor=before)
         first = run_candidate(site, Candidate("row-by-row", 1)).run
@@ -137,6 +143,8 @@ def plan_gain(before: Tractor, after: Tractor) -> tuple[PlanGain | None, str]:
 
 def _lateral_cm(site: Site, run: Run) -> float:
     """Root mean square distance (cm) of the guided point from the track nearest to it, while working."""
+    from planner.ground.measure import guided_point
+
     points = guided_point(run, site, 0)[run.status(0) == WORKING]
     starts = np.array([track.start for track in site.layout.tracks])
     ends = np.array([track.end for track in site.layout.tracks])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -173,12 +174,40 @@ def replays(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool
     return [made[one.key] if states is None else states[0] for one, states in zip(asked, found, strict=True)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class _Acting:
+    """Settings that act in a replay, with what many stretches ask of them."""
+
+    rig: Rig
+    settings: Settings
+
+    @cached_property
+    def key(self) -> Effects:
+        """The settings as a key."""
+        return key_of(self.settings)
+
+    @cached_property
+    def model(self) -> Any:
+        """The tractor with them."""
+        return self.rig.effective(self.settings)
+
+    @cached_property
+    def steering(self) -> Settings:
+        """Those of the steering alone."""
+        return of_blocks(self.settings, frozenset({STEERS}))
+
+    @cached_property
+    def steering_key(self) -> Effects:
+        """Those of the steering as a key."""
+        return key_of(self.steering)
+
+
+@dataclass(frozen=True, eq=False)
 class _Asked:
     """A stretch to be replayed with the settings that act: `sensed` from its wheel angle, `timed` at its speed."""
 
     stretch: Stretch
-    settings: Settings
+    acting: _Acting
     sensed: bool
     timed: bool
     key: Hashable
@@ -186,7 +215,7 @@ class _Asked:
 
 def _asked(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool) -> list[_Asked]:
     """What is asked for, with its key; settings that many stretches share are looked at once."""
-    ranges, known = tuple(rig.ranges.items()), dict[tuple[int, bool, bool], tuple[Settings, Effects]]()
+    ranges, known = tuple(rig.ranges.items()), dict[tuple[int, bool, bool], _Acting]()
     asked = []
     for stretch, settings in pairs:
         sensed, timed = from_sensor and stretch.wheel is not None, from_speed or stretch.target is None
@@ -194,10 +223,9 @@ def _asked(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool)
         if place not in known:
             # A sensor cuts the chain: what lies before it moves nothing; antenna and clocks move no tractor at all.
             blocks = {PATH, *(() if sensed else (STEERS,)), *(() if timed else (SPEED,))}
-            acting = of_blocks(settings, frozenset(blocks))
-            known[place] = acting, key_of(acting)
-        acting, key = known[place]
-        asked.append(_Asked(stretch, acting, sensed, timed, (stretch, sensed, timed, ranges, key)))
+            known[place] = _Acting(rig, of_blocks(settings, frozenset(blocks)))
+        acting = known[place]
+        asked.append(_Asked(stretch, acting, sensed, timed, (stretch, sensed, timed, ranges, acting.key)))
     return asked
 
 
@@ -234,8 +262,8 @@ def _led(rig: Rig, group: list[_Asked]) -> dict[Hashable, Array]:
 def _foretold(rig: Rig, asked: _Asked, bend: Array, ahead: Array, slide: Array) -> Array:
     """States (n, 5) of a stretch, column by column, with the wheel angle and the speed alone; the rest as foretell."""
     stretch, grids = asked.stretch, asked.stretch.grids
-    settings, slope = _on_slope(stretch, asked.settings)
-    model, states = rig.effective(settings), np.empty((len(bend), 5), order="F")
+    model, slope = _on_slope(rig, asked)
+    states = np.empty((len(bend), 5), order="F")
     slide[:] = 0.0 if slope is None else slope
     states[:, FORWARD] = grids["speed"]
     states[:, STEERING], turned = _wheels(rig, asked, model)
@@ -253,7 +281,7 @@ def _wheels(rig: Rig, asked: _Asked, model: Any) -> tuple[Array, Array]:
         wheel, steady = stretch.grids["wheel"], stretch.steady_wheel
         before, first = np.concatenate([wheel[:1], wheel[:-1]]), steady[0]
     else:
-        steered = _steered(rig, stretch, asked.settings)
+        steered = _steered(rig, stretch, asked.acting)
         before, wheel, steady, first = steered[:-1], steered[1:], steered[1:], steered[0]
     if model["half_play"] == 0.0:
         return before, wheel
@@ -265,8 +293,7 @@ def _wheels(rig: Rig, asked: _Asked, model: Any) -> tuple[Array, Array]:
 def _commanded(rig: Rig, asked: _Asked) -> Array:
     """States of a stretch driven at the speeds commanded."""
     stretch, grids = asked.stretch, asked.stretch.grids
-    settings, slope = _on_slope(stretch, asked.settings)
-    model, count = rig.effective(settings), len(grids["speed"])
+    (model, slope), count = _on_slope(rig, asked), len(grids["speed"])
     out = np.empty((count, 5), order="F")
     out[:, STEERING], turned = _wheels(rig, asked, model)
     replay_steps(
@@ -277,30 +304,30 @@ def _commanded(rig: Rig, asked: _Asked) -> Array:
     return out
 
 
-def _on_slope(stretch: Stretch, settings: Settings) -> tuple[Settings, Array | None]:
-    """Settings without the drift on a plane, and the drift (m/m, n) on the slope measured; as they are without one."""
-    share, across = settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE), stretch.grids.get("across")
+def _on_slope(rig: Rig, asked: _Asked) -> tuple[Any, Array | None]:
+    """The tractor without the drift on a plane, and the drift (m/m, n) on the slope measured; as it is without one."""
+    settings, across = asked.acting.settings, asked.stretch.grids.get("across")
+    share = settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE)
     if share is None or across is None:
-        return settings, None
-    return {name: values for name, values in settings.items() if name != SLOPE_DRIFT}, share * across
+        return asked.acting.model, None
+    return rig.effective({name: values for name, values in settings.items() if name != SLOPE_DRIFT}), share * across
 
 
 def wheel_angles(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
     """Wheel angle (n,) on the grid of a stretch that its commands come to: that of replay, without the drive."""
-    return _steered(rig, stretch, settings)[:-1]
+    return _steered(rig, stretch, _Acting(rig, settings))[:-1]
 
 
-def _steered(rig: Rig, stretch: Stretch, settings: Settings) -> Array:
+def _steered(rig: Rig, stretch: Stretch, acting: _Acting) -> Array:
     """Wheel angle (n + 1,) that the commands of a stretch come to before each step and after the last."""
-    acting = of_blocks(settings, frozenset({STEERS}))
 
     def steered() -> tuple[Array]:
         command, wheel = _steering(stretch)
         out = np.empty(len(command) + 1)
-        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.effective(acting), out)
+        steer_steps(command, wheel[0], DT_S, _fresh(command)[0], rig.effective(acting.steering), out)
         return (out,)
 
-    return rig.kept.get((stretch, "wheel", key_of(acting)), steered)[0]
+    return rig.kept.get((stretch, "wheel", acting.steering_key), steered)[0]
 
 
 def _steering(stretch: Stretch) -> tuple[Array, Array]:
