@@ -141,12 +141,12 @@ def test_lifting_the_implement_tells_an_offset_from_a_draft() -> None:
     names = ("steering_offset", "implement_side_draft")
     scores = {one.id: _score(bench, one, eg105(), (truth, rival), names) for one in DRILLS}
     assert scores["there-and-back"] < DECISIVE < scores["implement-lifted"]
-    drive = next_drive(bench, fit, eg105(), {"steering_offset": rival})
+    drive = next_drive(bench, fit, eg105(), {"steering_offset": rival}, fit.settings)
     assert drive is not None and drive.separates == names and drive.decides
     seconds = {one.id: one.seconds for one in DRILLS}
     assert drive.seconds == min(seconds[name] for name, score in scores.items() if score > DECISIVE)
     assert drive.score == pytest.approx(scores[drive.id])
-    assert next_drive(bench, fit, eg105(), {"steering_offset": {}}) is None
+    assert next_drive(bench, fit, eg105(), {"steering_offset": {}}, fit.settings) is None
 
 
 def test_every_effect_says_itself_in_words() -> None:

@@ -57,6 +57,11 @@ class Case:
         main = main_terms(self.extension.terms, driven_seconds(self.bench.course))
         return {term.knobs.id: term for term in main}
 
+    @property
+    def found(self) -> dict[str, dict[str, float]]:
+        """Values of what is added to the tractor."""
+        return {name: term.value for name, term in self.main_terms.items()}
+
     @cached_property
     def plain(self) -> Fit:
         """The fit of the effects without unnamed terms."""

@@ -16,6 +16,7 @@ from vehicle.effects import effect
 from vehicle.measured.answer.case import PIECE_S, Case, with_real_noise
 from vehicle.measured.answer.curves import best_curve
 from vehicle.measured.answer.findings import Rivals, findings
+from vehicle.measured.answer.late import with_kin
 from vehicle.measured.answer.names import Explained, explained, nameable, unexplained
 from vehicle.measured.answer.nextdrive import next_drive
 from vehicle.measured.answer.notes import notes
@@ -61,13 +62,19 @@ def diagnose(logs: Sequence[Log], tractor: Tractor, ground: str, progress: Progr
     bench = weighed(part.course, rig, {})
     selection = select(bench, rig.tractor, lambda _: count.step())
     told = explained(selection, nameable(selection, rig.tractor), rig.tractor, count.step)
-    rivals = {name: selection.alike.get(name, {}) for name in told.names if name in selection.ids}
+    rivals = _rivals(selection, told)
     count.step()
     one_each = findings(told.case, told.names, rivals, count.step)
     whole = replace(told, case=whole_case(course, part, told.case))
     answer = _answer(course, selection, told, whole, one_each, rivals, tractor, ground)
     count.finish()
     return replace(answer, notes=notes(logs, bench, tractor, answer))
+
+
+def _rivals(selection: Selection, told: Explained) -> Rivals:
+    """What is as good as each name of the fit, by the surprises or for want of a heading."""
+    rivals = {name: selection.alike.get(name, {}) if name in selection.ids else {} for name in told.names}
+    return with_kin(selection.bench, rivals, told.case.found, told.case.extension.ids)
 
 
 def _refuse_sparse(course: Course) -> None:
@@ -128,7 +135,7 @@ def _answer(
         named=tuple(named),
         unexplained_share=share,
         depends_on=_depends_on(selection, extension) if share > 0.0 else (),
-        next_drive=next_drive(bench, fit, bench.rig.tractor, rivals),
+        next_drive=next_drive(bench, fit, bench.rig.tractor, rivals, case.found),
         tractor=_with_rest(
             tractor, extended_tractor(bench.course, tractor, ground, extension, named, alike, unseen),
             whole.case.number(before), whole.case.final,

@@ -10,6 +10,7 @@ import numpy as np
 from vehicle.effects import CATALOGUE, Effect, effect, neutral
 from vehicle.kinds import Interval
 from vehicle.measured.answer.case import Case
+from vehicle.measured.answer.late import kin
 from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Finding, finite
 from vehicle.measured.causes.trial import Projector, tried
 from vehicle.measured.fit.knobs import Knobs, finest_of, knobs_for, settings_of
@@ -84,8 +85,9 @@ def _absent(case: Case, entry: Effect) -> Finding:
     smallest = visible(case, entry)
     typical = entry.size.for_wheelbase(case.tractor.wheelbase_m).typical
     finer = smallest is not None and entry.kind.as_fine(smallest, typical)
-    # What the surprises speak for is not refuted, though it does not lower the error.
-    status = REFUTED if finer and not _spoken_for(case, entry) else NOT_VISIBLE
+    # What the surprises speak for is not refuted, though it does not lower the error; nor is what lacks a heading.
+    unsure = entry.id in kin(case.bench) or _spoken_for(case, entry)
+    status = REFUTED if finer and not unsure else NOT_VISIBLE
     return Finding(entry.id, status, None, None, None, None, smallest, entry.size.unit, entry.block, "")
 
 

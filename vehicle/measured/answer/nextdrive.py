@@ -24,11 +24,17 @@ from vehicle.tractor import Tractor
 Values = Mapping[str, dict[str, float]]
 
 
-def next_drive(bench: Bench, fit: Fit, tractor: Tractor, rivals: Mapping[str, Values]) -> NextDrive | None:
-    """The shortest decisive drive for the first set of rivals; the most telling one when none decides."""
+def next_drive(
+    bench: Bench, fit: Fit, tractor: Tractor, rivals: Mapping[str, Values], found: Values
+) -> NextDrive | None:
+    """The shortest decisive drive for the first set of rivals; the most telling one when none decides.
+
+    `found` are the values of names, of which the fit may lack some.
+    """
     for name, others in rivals.items():
         for other, values in others.items():
-            both = ({**fit.settings}, {**{k: v for k, v in fit.settings.items() if k != name}, other: values})
+            beside = {known: mine for known, mine in fit.settings.items() if known != name}
+            both = ({name: found[name], **fit.settings}, {**beside, other: values})
             scored = [(drill, _score(bench, drill, tractor, both, (name, other))) for drill in DRILLS]
             good = [one for one in scored if one[1] > DECISIVE]
             drill, score = min(good, key=lambda o: o[0].seconds) if good else max(scored, key=lambda o: o[1])
