@@ -145,6 +145,15 @@ def test_reverse_a_measured_slope_and_a_single_step_are_driven_alike_and_what_is
     assert len(together[2]) == 1 and np.isfinite(together[-1]).all() and np.isnan(together[3][-1]).any()
 
 
+def test_what_is_asked_for_twice_at_once_takes_room_once() -> None:
+    """Else room that nothing takes adds up, until nothing is kept any more."""
+    one, other = stretches()[:2]
+    size = sum(states.nbytes for states in replays(fresh(), [(one, {}), (other, {})], True, True))
+    tractor = fresh(most_bytes=size)
+    first, second, *_ = replays(tractor, [(one, {}), (other, {}), (one, {}), (other, {})], True, True)
+    assert replay(tractor, one, {}, True, True) is first and replay(tractor, other, {}, True, True) is second
+
+
 def test_what_is_kept_of_one_stretch_keeps_nothing_of_those_beside_it() -> None:
     tractor = fresh(most_bytes=3 * max(one.grids["speed"].nbytes for one in stretches()) * 5)
     for number in range(4):

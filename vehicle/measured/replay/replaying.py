@@ -164,12 +164,12 @@ def replays(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool
     """The states of replay for many stretches, each with its settings."""
     asked = _asked(rig, pairs, from_sensor, from_speed)
     found = [rig.kept.find(one.key) for one in asked]
-    missing = [one for one, states in zip(asked, found, strict=True) if states is None]
+    missing = {one.key: one for one, states in zip(asked, found, strict=True) if states is None}
     made: dict[Hashable, Array] = {}
-    for group in _groups(list({one.key: one for one in missing}.values())):
+    for group in _groups(list(missing.values())):
         made |= _led(rig, group) if group[0].timed else {group[0].key: _commanded(rig, group[0])}
-    for one in missing:
-        rig.kept.keep(one.key, (made[one.key],))
+    for key in missing:
+        rig.kept.keep(key, (made[key],))
     return [made[one.key] if states is None else states[0] for one, states in zip(asked, found, strict=True)]
 
 
