@@ -22,7 +22,7 @@ from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.foretelling import foretell
 from vehicle.measured.replay.keeping import MOST_BYTES, Kept
-from vehicle.measured.replay.replaying import Rig, replay, replays
+from vehicle.measured.replay.replaying import Rig, _asked, _wheels, replay, replays, wheel_angles
 from vehicle.measured.replay.states import ANGLE, FORWARD, X, Y
 from vehicle.terms import affected_tangent, ground_drift
 
@@ -143,6 +143,16 @@ def test_reverse_a_measured_slope_and_a_single_step_are_driven_alike_and_what_is
     for one, states in zip(some, together, strict=True):
         assert np.array_equal(states, replay(fresh(), one, drift, False, True), equal_nan=True)
     assert len(together[2]) == 1 and np.isfinite(together[-1]).all() and np.isnan(together[3][-1]).any()
+
+
+@pytest.mark.parametrize("sensed", [False, True])
+def test_wheel_angles_that_are_kept_are_of_the_type_of_measured_ones(sensed: bool) -> None:
+    """Arrays that nobody may write to are another type, for which all that drives would be compiled once more."""
+    tractor, (one,) = fresh(), stretches()[:1]
+    for asked in _asked(tractor, [(one, {}), (one, BENT)], sensed, True):
+        _, turned = _wheels(tractor, asked, tractor.effective(asked.settings))
+        assert turned.flags.writeable and turned.flags.c_contiguous
+    assert not wheel_angles(tractor, one, {}).flags.writeable
 
 
 def test_what_is_asked_for_twice_at_once_takes_room_once() -> None:

@@ -256,7 +256,7 @@ def _wheels(rig: Rig, asked: _Asked, model: Any) -> tuple[Array, Array]:
         steered = _steered(rig, stretch, asked.settings)
         before, wheel, steady, first = steered[:-1], steered[1:], steered[1:], steered[0]
     if model["half_play"] == 0.0:
-        return before, wheel
+        return before, wheel.copy()  # what nobody may write to would be another type, and all be compiled for it too
     turned = np.empty(len(wheel))
     play_steps(wheel, steady, first, asked.sensed, model, turned)
     return before, turned
