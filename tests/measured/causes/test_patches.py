@@ -106,3 +106,28 @@ def test_a_circle_is_the_sum_over_its_cells() -> None:
     for place, near in enumerate((away < 3.0).astype(float)):
         slow = near @ square @ near, near @ side, near @ turned
         assert (squares[place], sides[place], turns[place]) == pytest.approx(slow)
+
+
+def test_circles_are_sought_where_enough_is_turned_and_not_nearly_all() -> None:
+    """The best cell of every size that may be the middle, told the slow way."""
+    rng = np.random.default_rng(7)
+    cells = object.__new__(patches._Cells)
+    cells.size, (cells.east, cells.north) = 1.0, rng.uniform(0.0, 9.0, (2, 60))
+    cells.side, cells.turned = rng.standard_normal(60), rng.uniform(0.0, 0.2, 60) ** 2
+    cells.turned[:5] = 0.3
+    half = rng.standard_normal((60, 60))
+    cells.square = half @ half.T
+    slow, passed = [], 0
+    for radius in cells.size * np.array(patches.RADII):
+        best = (0.0, (0.0, 0.0, 0.0))
+        for e, n in zip(cells.east, cells.north, strict=True):
+            near = (np.hypot(cells.east - e, cells.north - n) < radius).astype(float)
+            gain = float(near @ cells.side) ** 2 / float(near @ cells.square @ near)
+            if patches.FEWEST_TURNED_RAD < near @ cells.turned < patches.MOST_OF_TURNING * cells.turned.sum():
+                best = max(best, (gain, (e, n, radius)))
+            else:
+                passed += gain > best[0]
+        slow.append(best)
+    assert passed, "some would be better"
+    for one, other in zip(cells.best_circles(), sorted(slow, reverse=True)[: patches.POLISHED], strict=True):
+        assert one[0] == pytest.approx(other[0]) and one[1] == pytest.approx(other[1])

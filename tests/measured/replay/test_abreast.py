@@ -22,7 +22,7 @@ from vehicle.measured.replay.course import Stretch
 from vehicle.measured.replay.drives import DRILLS, driven
 from vehicle.measured.replay.foretelling import foretell
 from vehicle.measured.replay.keeping import MOST_BYTES, Kept
-from vehicle.measured.replay.replaying import Rig, replay, replays
+from vehicle.measured.replay.replaying import Rig, _asked, _wheels, replay, replays, wheel_angles
 from vehicle.measured.replay.states import ANGLE, FORWARD, X, Y
 from vehicle.terms import affected_tangent, ground_drift
 
@@ -106,10 +106,10 @@ def by_steps_of_planning(tractor: Rig, stretch: Stretch) -> Array:
 @pytest.mark.parametrize("limit", [None, 0.3, math.pi])
 @pytest.mark.parametrize("count", [1, 5])
 def test_bodies_step_as_in_plans(limit: float | None, count: int) -> None:
-    """Where wheels slip beyond the small angles of the series and no limit holds them, too."""
+    """Where wheels slip beyond the small angles of the series and no limit holds them, too; it differs by axle."""
     tractor = replace(fresh(), ground=rig().ground.copy())
     if limit is not None:
-        tractor.ground["front_limit"] = tractor.ground["rear_limit"] = limit
+        tractor.ground["front_limit"], tractor.ground["rear_limit"] = limit, 0.6 * limit
     some = [wild(one) for one in stretches()[:count]]
     for one, states in zip(some, replays(tractor, [(one, {}) for one in some], True, True), strict=True):
         assert states[:, [X, Y, ANGLE]] == pytest.approx(by_steps_of_planning(tractor, one), abs=1e-7)
@@ -143,6 +143,25 @@ def test_reverse_a_measured_slope_and_a_single_step_are_driven_alike_and_what_is
     for one, states in zip(some, together, strict=True):
         assert np.array_equal(states, replay(fresh(), one, drift, False, True), equal_nan=True)
     assert len(together[2]) == 1 and np.isfinite(together[-1]).all() and np.isnan(together[3][-1]).any()
+
+
+@pytest.mark.parametrize("sensed", [False, True])
+def test_wheel_angles_that_are_kept_are_of_the_type_of_measured_ones(sensed: bool) -> None:
+    """Arrays that nobody may write to are another type, for which all that drives would be compiled once more."""
+    tractor, (one,) = fresh(), stretches()[:1]
+    for asked in _asked(tractor, [(one, {}), (one, BENT)], sensed, True):
+        _, turned = _wheels(tractor, asked, tractor.effective(asked.settings))
+        assert turned.flags.writeable and turned.flags.c_contiguous
+    assert not wheel_angles(tractor, one, {}).flags.writeable
+
+
+def test_what_is_asked_for_twice_at_once_takes_room_once() -> None:
+    """Else room that nothing takes adds up, until nothing is kept any more."""
+    one, other = stretches()[:2]
+    size = sum(states.nbytes for states in replays(fresh(), [(one, {}), (other, {})], True, True))
+    tractor = fresh(most_bytes=size)
+    first, second, *_ = replays(tractor, [(one, {}), (other, {}), (one, {}), (other, {})], True, True)
+    assert replay(tractor, one, {}, True, True) is first and replay(tractor, other, {}, True, True) is second
 
 
 def test_what_is_kept_of_one_stretch_keeps_nothing_of_those_beside_it() -> None:

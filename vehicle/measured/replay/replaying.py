@@ -165,12 +165,12 @@ def replays(rig: Rig, pairs: Sequence[Pair], from_sensor: bool, from_speed: bool
     """The states of replay for many stretches, each with its settings."""
     asked = _asked(rig, pairs, from_sensor, from_speed)
     found = [rig.kept.find(one.key) for one in asked]
-    missing = [one for one, states in zip(asked, found, strict=True) if states is None]
+    missing = {one.key: one for one, states in zip(asked, found, strict=True) if states is None}
     made: dict[Hashable, Array] = {}
-    for group in _groups(list({one.key: one for one in missing}.values())):
+    for group in _groups(list(missing.values())):
         made |= _led(rig, group) if group[0].timed else {group[0].key: _commanded(rig, group[0])}
-    for one in missing:
-        rig.kept.keep(one.key, (made[one.key],))
+    for key in missing:
+        rig.kept.keep(key, (made[key],))
     return [made[one.key] if states is None else states[0] for one, states in zip(asked, found, strict=True)]
 
 
@@ -284,7 +284,7 @@ def _wheels(rig: Rig, asked: _Asked, model: Any) -> tuple[Array, Array]:
         steered = _steered(rig, stretch, asked.acting)
         before, wheel, steady, first = steered[:-1], steered[1:], steered[1:], steered[0]
     if model["half_play"] == 0.0:
-        return before, wheel
+        return before, wheel.copy()  # what nobody may write to would be another type, and all be compiled for it too
     turned = np.empty(len(wheel))
     play_steps(wheel, steady, first, asked.sensed, model, turned)
     return before, turned
