@@ -150,7 +150,7 @@ def test_wheel_angles_that_are_kept_are_of_the_type_of_measured_ones(sensed: boo
     """Arrays that nobody may write to are another type, for which all that drives would be compiled once more."""
     tractor, (one,) = fresh(), stretches()[:1]
     for asked in _asked(tractor, [(one, {}), (one, BENT)], sensed, True):
-        _, turned = _wheels(tractor, asked, tractor.effective(asked.settings))
+        _, turned = _wheels(tractor, asked, asked.acting.model)
         assert turned.flags.writeable and turned.flags.c_contiguous
     assert not wheel_angles(tractor, one, {}).flags.writeable
 
