@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import pytest
 
+from tests.measured.drawn import circle, log
 from tests.measured.tables import refusal, runs
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.model import make_logs
@@ -52,6 +53,17 @@ def test_the_size_of_another_vehicle_is_told_and_taken(factor: float) -> None:
     taken = as_driven(driven(), other, "soil")
     assert taken.wheelbase_m == pytest.approx(true, rel=0.06)
     assert misfit(driven(), taken, "soil") == ""
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_one_angle_all_along_tells_a_size_that_is_far_off(side: float) -> None:
+    own = load_tractor("eg105")
+    bend = log(circle(side / own.power_law("soil").radius_m(10.0 * side)), steering_deg=10.0 * side)
+    straight = log(circle(0.0), steering_deg=10.0)
+    assert misfit([bend], own, "soil") == misfit([straight], times(6.0), "soil") == ""
+    assert "bends 6 times" in misfit([bend], times(6.0), "soil")
+    assert misfit([bend], times(2.5), "soil") == "", "an offset of some degrees may do so much"
+    assert as_driven([bend], times(6.0), "soil").wheelbase_m == pytest.approx(own.wheelbase_m, rel=0.05)
 
 
 def test_wheels_do_not_turn_beyond_their_lock() -> None:

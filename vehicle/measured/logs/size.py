@@ -21,8 +21,10 @@ from vehicle.measured.logs.motion import motion
 from vehicle.measured.logs.record import Array, Log
 from vehicle.tractor import PowerLaw, Tractor
 
-_FEWEST, _SPREAD_DEG = 12, 1.5  # chords, and how far the steering must move to say anything
+_FEWEST, _SPREAD_DEG = 12, 1.5  # chords, and how far the steering must move to tell a line
 _SURE = 4.0  # standard errors
+_CLEAR_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
+_ROUGH = 0.1  # chosen, the standard error of a ratio told from such chords alone, as a share: surely within 40 %
 _FOLLOWS = 0.5  # of the correlation: a command that the path hardly follows says nothing of size
 _LOCK_SHARE, _LOCK_DEG = 1.3, 3.0  # beyond the file's lock: more than sensors are wrong by
 _COMMAND_SHARE = 2.0  # the same of a command, which controllers send beyond the lock
@@ -60,15 +62,27 @@ def size_of(logs: Sequence[Log], tractor: Tractor, ground: str) -> Size:
 
 
 def _ratio(angle: Array, curvature: Array, tractor: Tractor, ground: str) -> tuple[float | None, float]:
-    """Bend over the file's by a straight line through chords, and its standard error; None where they do not tell."""
-    if len(angle) < _FEWEST or float(np.std(angle)) < _SPREAD_DEG:
-        return None, math.inf
+    """Bend over the file's by a straight line through chords, and its standard error; None where they do not tell.
+
+    Where the steering stands at one angle, or the line does not tell, a line through none of both does, roughly.
+    """
     said = _said(angle, tractor, ground)
-    x, y = said - said.mean(), curvature - curvature.mean()
-    together = float(x @ y) / math.sqrt(float(x @ x) * float(y @ y) + 1e-30)
-    slope = float(x @ y) / float(x @ x)
-    error = math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
-    return (slope, error) if together > _FOLLOWS else (None, math.inf)
+    if len(angle) >= _FEWEST and float(np.std(angle)) >= _SPREAD_DEG:
+        x, y = said - said.mean(), curvature - curvature.mean()
+        slope, together = _line(x, y)
+        if together > _FOLLOWS:
+            return slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
+    clear = np.abs(angle) >= _CLEAR_DEG
+    if np.count_nonzero(clear) < _FEWEST:
+        return None, math.inf
+    slope, together = _line(said[clear], curvature[clear])
+    return (slope, _ROUGH * slope) if together > _FOLLOWS else (None, math.inf)
+
+
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """Slope of a line through 0, and how far points (k,) lie on one."""
+    square = float(x @ x)
+    return float(x @ y) / max(square, 1e-30), float(x @ y) / math.sqrt(square * float(y @ y) + 1e-30)
 
 
 def _said(angle_deg: Array, tractor: Tractor, ground: str) -> Array:
