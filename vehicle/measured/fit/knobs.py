@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -12,7 +11,7 @@ import numpy as np
 from vehicle.effects import effect, neutral
 from vehicle.kinds import Box, Interval, Kind
 from vehicle.measured.logs.record import Array
-from vehicle.rest import BY_NAME, REST
+from vehicle.rest import BY_NAME, MOST, REST
 from vehicle.tractor import Tractor
 
 Places = Mapping[str, Sequence[float]]
@@ -86,7 +85,7 @@ def rest_knobs() -> list[tuple[Knobs, ...]]:
     """Coordinates of all terms of the rest, the two components of a direction together."""
     groups: dict[str, list[Knobs]] = {}
     for term in REST:
-        knobs = Knobs(term.id, (0.0,), (term.typical,), (-math.inf,), (math.inf,), ((0.0,),))
+        knobs = Knobs(term.id, (0.0,), (term.typical,), (-MOST,), (MOST,), ((0.0,),))
         groups.setdefault(term.id.split("_to_")[0], []).append(knobs)
     return [tuple(group) for group in groups.values()]
 

@@ -66,7 +66,7 @@ def _short(value: float) -> float:
 
 def _rest(course: Course, amounts: dict[str, float], spread: dict[str, Interval]) -> Rest | None:
     """The rest, to be trusted where nearly all of the driving was; None where a file may not have such an amount."""
-    if not all(abs(one) <= MOST for one in amounts.values()):
+    if not all(abs(one) < MOST for one in amounts.values()):
         return None
     speeds = np.concatenate([one.pace for one in course.stretches])
     angles = [one.wheel if one.wheel is not None else one.command for one in course.stretches]
