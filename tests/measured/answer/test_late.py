@@ -18,7 +18,7 @@ from vehicle.tractor import load_tractor
 
 
 def bench(heading_seen: bool = False, has_wheel: bool = True) -> Bench:
-    stretch = SimpleNamespace(heading_seen=heading_seen, pace=np.full(9, 2.0))
+    stretch = SimpleNamespace(heading_seen=heading_seen, heading=np.zeros(9), pace=np.full(9, 2.0))
     made: Any = SimpleNamespace(course=SimpleNamespace(stretches=(stretch,)), has_wheel=has_wheel)
     return cast(Bench, made)
 

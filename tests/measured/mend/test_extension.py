@@ -99,13 +99,6 @@ def test_two_extensions_are_one_with_what_each_tells_of_its_own_effects() -> Non
     assert both.held_out == {0: ({**half, **other}, other)}
 
 
-def test_an_amount_that_no_file_may_have_is_no_rest(bench: Bench) -> None:
-    for amount, kept in ((1.4e6, False), (0.9e6, True)):
-        term = Term(rest_knobs()[-1][0], np.array([amount]))
-        told = Extension((term,), {"push_to_east": {"push_to_east": (0.0, 2.0 * amount)}}, {})
-        assert (extended_tractor(bench.course, eg105(), "soil", told, [], {}, []).rest is not None) == kept
-
-
 def test_the_file_gets_values_intervals_and_their_logs(bench: Bench, tmp_path: Path) -> None:
     lag, slide = Term(knobs("steering_lag"), np.array([0.2])), Term(knobs("side_slip"), np.array([0.0]))
     push = Term(rest_knobs()[-1][0], np.array([0.0123456789]))

@@ -140,7 +140,7 @@ def _answer(
             tractor, extended_tractor(bench.course, tractor, ground, extension, named, alike, unseen),
             whole.case.number(before), whole.case.final,
         ),
-        calibration={name: term.value for name, term in case.main_terms.items() if name not in told.names},
+        calibration={name: value for name, value in case.found.items() if name not in told.names},
         curve=best_curve(
             bench, {run: settings_in(extension.terms, run) for run in range(len(bench.course.names))},
             named or list(rivals), selection.unnamed,

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-import numpy as np
-
+from vehicle.measured.replay.drives import usual
 from vehicle.measured.surprise.bench import Bench
 
 LATE = ("antenna_forward", "gnss_latency", "steering_dead_time")
@@ -30,11 +29,11 @@ def with_kin(
 
     What is `taken` is in the model itself and no rival.
     """
-    pace = float(np.median(np.concatenate([one.pace for one in bench.course.stretches])))
+    _, pace = usual(bench.course.stretches)
     same, out = kin(bench), {name: dict(others) for name, others in rivals.items()}
     for name in out:
         late_m = _late_m(name, found[name], pace) if name in same else 0.0
-        if late_m > 0.0 and pace > 0.0:
+        if late_m > 0.0:
             others = {other: _as_late(other, late_m, pace) for other in same if other != name and other not in taken}
             out[name] = {**others, **out[name]}
     return out

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from vehicle.measured.errors import LogError
+from vehicle.measured.logs.held import DIGITS
 from vehicle.measured.logs.record import Array, Log
 
 POSITION_M = 0.25  # chosen: beyond it no bend within 5 s is seen, the piece that errors are compared over
 HEADING_DEG = (1.5, 45.0)  # chosen: good positions tell the course over 5 s to less; beyond are directions of a field
 SPEED_SHARE = 0.1  # chosen, of the median speed: the positions tell the speed over some seconds to less
 _UNEVEN = 20  # chosen, times that a column goes on by other steps than before: a tractor starts and stops less often
-_DIGITS = 9  # decimals kept: below them is what computing adds
 _OFF = 0.02  # of a step, that values may lie beside it
 _UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
 
@@ -76,7 +76,7 @@ def step_of(values: Array) -> float:
     All are multiples of it but for one shift, and they go on by different numbers of steps: those that always go on by
     one are of an even motion, whose step is no instrument's.
     """
-    apart = np.diff(np.unique(np.round(values, _DIGITS)))
+    apart = np.diff(np.unique(np.round(values, DIGITS)))
     if not len(apart):
         return 0.0
     step = float(apart.min())
@@ -88,5 +88,5 @@ def step_of(values: Array) -> float:
 
 def _in_steps(values: Array, step: float) -> bool:
     """Whether values (k,) lie a whole number of steps apart; one value alone does."""
-    steps = np.diff(np.unique(np.round(values, _DIGITS))) / step
+    steps = np.diff(np.unique(np.round(values, DIGITS))) / step
     return bool((np.abs(steps - np.round(steps)) < _OFF).all())

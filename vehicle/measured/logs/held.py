@@ -17,13 +17,13 @@ from vehicle.measured.logs.gating import outside_longest_increase
 from vehicle.measured.logs.record import Array, Mask, Rows
 from vehicle.measured.logs.table import Columns
 
-_SLOWEST_S = 2.0  # twice the slowest rate of the contract, 1 Hz
+SLOWEST_S = 2.0  # twice the slowest rate of the contract, 1 Hz
 _SHARE = 0.1  # chosen, of the changes: a row that came late now and then is no slower instrument
 _MOST = 0.5  # chosen: where few changes are clear, noise in coarse steps repeats the value before 0.2 of these
 _FEWEST = 10  # changes that tell
 _CLEAR = 3.0  # chosen, of the least changes: smaller ones are those of the last digit, between which a value may stand
 _LEAST = 0.05  # quantile: nearly the least, which alone may be rounding
-_DIGITS = 9  # decimals kept: below them is what computing adds
+DIGITS = 9  # decimals kept: below them is what computing adds
 _STANDS = 2.0  # chosen, of the usual rows and the usual change: what stays longer is not held, and where it then hardly
 # moves the tractor stands
 
@@ -51,14 +51,14 @@ def released(columns: Columns, name: str, logged: Columns | None = None) -> Rele
     place = _measured(np.stack([(logged or columns)[axis][rows] for axis in _AXES]))
     if place is not None:
         every_s = _every_s(time[rows], place)
-        if every_s > _SLOWEST_S:
+        if every_s > SLOWEST_S:
             raise LogError(f"{name}: its positions are new only every {every_s:.2g} s; log them at 1 Hz or faster.")
         new.append(rows[place])
         doubts.append(_said("the positions are", "the receiver", every_s, time[rows]))
     turned, heading = _heading(columns, rows)
     if heading is not None:
         every_s = _every_s(time[turned], heading)
-        if every_s > _SLOWEST_S:
+        if every_s > SLOWEST_S:
             del out["heading_deg"]
             doubts.append(f"heading_deg is new only every {every_s:.2g} s; it counts as not logged")
         else:
@@ -109,7 +109,7 @@ def _measured(values: Array) -> Rows | None:
 
 def _least(steps: Array) -> float:
     """Nearly the least by which values change (k - 1,), or by which two changes differ: their last digit."""
-    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), _DIGITS))
+    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
     both = np.concatenate([sizes, np.diff(sizes)])
     return float(np.quantile(both, _LEAST)) if len(both) else 0.0
 

@@ -16,7 +16,7 @@ from vehicle.measured.logs.coarse import without_coarse
 from vehicle.measured.logs.constant import without_constant
 from vehicle.measured.logs.conventions import apply_fixes, conventions, first_place
 from vehicle.measured.logs.gating import RowRules, gate_rows, segments
-from vehicle.measured.logs.held import released
+from vehicle.measured.logs.held import SLOWEST_S, released
 from vehicle.measured.logs.record import Fix, Gated, Log, Suspicion
 from vehicle.measured.logs.remarks import remarks
 from vehicle.measured.logs.sensors import set_right
@@ -31,7 +31,6 @@ __all__ = [
     "read_logs", "remarks",
 ]  # fmt: skip
 
-_SUSPICIOUS_STEP_S = 2.0  # twice the slowest rate of the contract, 1 Hz
 _FASTEST_HZ = 250.0  # above the 100 Hz of the contract with room for uneven steps; beyond it time is in another unit
 _REFUSED_SHARE = 0.5  # of the rows: more lost to one rule is a column that is wrong, not a row
 _SHOWN_RULES = 4
@@ -222,7 +221,7 @@ def _refuse_standing(log: Log, suspicions: Sequence[Suspicion]) -> None:
 
 
 def _refuse_rate(log: Log) -> None:
-    if not 1.0 / _FASTEST_HZ <= log.step_s <= _SUSPICIOUS_STEP_S:
+    if not 1.0 / _FASTEST_HZ <= log.step_s <= SLOWEST_S:
         raise LogError(
             f"{log.name}: its rows are {log.step_s:g} s apart; logs of 1 to 100 Hz can be used, check the unit of "
             "time_s or log at another rate."

@@ -12,7 +12,7 @@ from vehicle.kinds import Interval
 from vehicle.measured.mend.extension import Extension
 from vehicle.measured.mend.levels import driven_seconds, main_terms
 from vehicle.measured.replay.course import Course
-from vehicle.rest import BY_NAME, MOST
+from vehicle.rest import BY_NAME
 from vehicle.tractor import EffectSetting, Rest, Tractor
 
 DIGITS = 6  # significant ones of a value in a file: far below what any interval tells
@@ -64,10 +64,8 @@ def _short(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def _rest(course: Course, amounts: dict[str, float], spread: dict[str, Interval]) -> Rest | None:
-    """The rest, to be trusted where nearly all of the driving was; None where a file may not have such an amount."""
-    if not all(abs(one) < MOST for one in amounts.values()):
-        return None
+def _rest(course: Course, amounts: dict[str, float], spread: dict[str, Interval]) -> Rest:
+    """The rest, to be trusted where nearly all of the driving was."""
     speeds = np.concatenate([one.pace for one in course.stretches])
     angles = [one.wheel if one.wheel is not None else one.command for one in course.stretches]
     degrees = np.degrees(np.concatenate([one for one in angles if one is not None]))

@@ -20,7 +20,7 @@ import numpy as np
 
 from vehicle.effects import PATH, SPEED, STEERING, STEP_HZ, Fields, effect_fields
 from vehicle.instruments import late_rows, lever
-from vehicle.jit import compiled
+from vehicle.jit import compiled, inlined
 from vehicle.learnt import Settings
 from vehicle.measured.logs.record import Array
 from vehicle.measured.replay.course import Stretch
@@ -157,6 +157,20 @@ def fades(time: Array) -> Array:
     return kept
 
 
+@inlined
+def _corrected(gain, v0, v1, v2, e, n, h, soil, drift, drift_east, drift_north):  # type: ignore[no-untyped-def]
+    """The state after what was seen parts from it by `v0`, `v1` and `v2`."""
+    return (
+        e + (gain[0, 0] * v0 + gain[0, 1] * v1 + gain[0, 2] * v2),
+        n + (gain[1, 0] * v0 + gain[1, 1] * v1 + gain[1, 2] * v2),
+        h + (gain[2, 0] * v0 + gain[2, 1] * v1 + gain[2, 2] * v2),
+        soil + (gain[3, 0] * v0 + gain[3, 1] * v1 + gain[3, 2] * v2),
+        drift + (gain[4, 0] * v0 + gain[4, 1] * v1 + gain[4, 2] * v2),
+        drift_east + (gain[5, 0] * v0 + gain[5, 1] * v1 + gain[5, 2] * v2),
+        drift_north + (gain[6, 0] * v0 + gain[6, 1] * v1 + gain[6, 2] * v2),
+    )
+
+
 @compiled
 def innovations(  # type: ignore[no-untyped-def]
     kept, east, north, reference, ahead, aside, turned, lever_ahead, lever_aside, bias, gains, roots, out
@@ -186,13 +200,9 @@ def innovations(  # type: ignore[no-untyped-def]
         out[k, 2] = root[2, 0] * v0 + root[2, 1] * v1 + root[2, 2] * v2
         if k + 1 == rows:
             break
-        e += gain[0, 0] * v0 + gain[0, 1] * v1 + gain[0, 2] * v2
-        n += gain[1, 0] * v0 + gain[1, 1] * v1 + gain[1, 2] * v2
-        h += gain[2, 0] * v0 + gain[2, 1] * v1 + gain[2, 2] * v2
-        soil += gain[3, 0] * v0 + gain[3, 1] * v1 + gain[3, 2] * v2
-        drift += gain[4, 0] * v0 + gain[4, 1] * v1 + gain[4, 2] * v2
-        drift_east += gain[5, 0] * v0 + gain[5, 1] * v1 + gain[5, 2] * v2
-        drift_north += gain[6, 0] * v0 + gain[6, 1] * v1 + gain[6, 2] * v2
+        e, n, h, soil, drift, drift_east, drift_north = _corrected(
+            gain, v0, v1, v2, e, n, h, soil, drift, drift_east, drift_north
+        )
         f, r, slow = ahead[k], aside[k], kept[1, k]
         e += f * cosine + r * sine + (r * cosine - f * sine) * h
         n += f * sine - r * cosine + (f * cosine + r * sine) * h
@@ -238,13 +248,9 @@ def turn_responses(  # type: ignore[no-untyped-def]
                 out[k, 0, column] = root[0, 0] * v0
                 out[k, 1, column] = root[1, 0] * v0 + root[1, 1] * v1
                 out[k, 2, column] = root[2, 0] * v0 + root[2, 1] * v1 + root[2, 2] * v2
-                e += gain[0, 0] * v0 + gain[0, 1] * v1 + gain[0, 2] * v2
-                n += gain[1, 0] * v0 + gain[1, 1] * v1 + gain[1, 2] * v2
-                h += gain[2, 0] * v0 + gain[2, 1] * v1 + gain[2, 2] * v2
-                soil += gain[3, 0] * v0 + gain[3, 1] * v1 + gain[3, 2] * v2
-                drift += gain[4, 0] * v0 + gain[4, 1] * v1 + gain[4, 2] * v2
-                drift_east += gain[5, 0] * v0 + gain[5, 1] * v1 + gain[5, 2] * v2
-                drift_north += gain[6, 0] * v0 + gain[6, 1] * v1 + gain[6, 2] * v2
+                e, n, h, soil, drift, drift_east, drift_north = _corrected(
+                    gain, v0, v1, v2, e, n, h, soil, drift, drift_east, drift_north
+                )
             if k + 1 == rows:
                 break
             e += row[2] * h
